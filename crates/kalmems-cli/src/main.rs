@@ -1,0 +1,2 @@
+//! The `kalmems` command.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Recordings: sampled channels with units, and their diagnosis.
