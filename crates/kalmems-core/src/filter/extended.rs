@@ -1,0 +1,52 @@
+//! The extended Kalman filter.
+
+use super::{Filter, Gaussian, Innovation};
+use crate::{Covariance, FilterError, Measurement, Process, Scalar};
+
+/// The extended Kalman filter: models linearised at the current mean, the covariance in Joseph's form.
+///
+/// See the [crate's](crate) example.
+#[derive(Clone, Copy, Debug)]
+pub struct Ekf<T, const N: usize> {
+    state: Gaussian<T, N>,
+}
+
+impl<T: Scalar, const N: usize> Ekf<T, N> {
+    /// Starts from a mean and its covariance.
+    pub const fn new(mean: [T; N], covariance: Covariance<T, N>) -> Self {
+        Self { state: Gaussian { mean, covariance } }
+    }
+}
+
+impl<T: Scalar, const N: usize> Filter<T, N> for Ekf<T, N> {
+    /// The mean of the state.
+    #[inline(always)]
+    fn mean(&self) -> &[T; N] {
+        &self.state.mean
+    }
+
+    /// The covariance of the state.
+    #[inline(always)]
+    fn covariance(&self) -> &Covariance<T, N> {
+        &self.state.covariance
+    }
+
+    /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
+    #[inline(always)]
+    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
+        let (mean, f) = process.linearize(&self.state.mean, u);
+        self.state.propagate(mean, &f, process.noise())
+    }
+
+    /// Corrects the state with a measurement `y` of noise covariance `r`.
+    #[inline(always)]
+    fn update<H: Measurement<T, N, M>, const M: usize>(
+        &mut self,
+        measurement: &H,
+        y: &[T; M],
+        r: &Covariance<T, M>,
+    ) -> Result<Innovation<T, M>, FilterError> {
+        let (predicted, h) = measurement.linearize(&self.state.mean);
+        self.state.correct(y, &predicted, &h, r)
+    }
+}

@@ -1,0 +1,59 @@
+//! The square-root-free factorisation of an innovation covariance.
+
+use super::{Mat, sum};
+use crate::{Covariance, Mask, Scalar};
+
+/// S = L·D·Lᵀ with L unit lower triangular and D diagonal.
+///
+/// Without square roots: one measurement needs one reciprocal, and needs no special case.
+#[derive(Clone, Copy, Debug)]
+pub struct Ldl<T: Scalar, const M: usize> {
+    lower: Mat<T, M, M>,
+    diagonal: [T; M],
+    recip: [T; M],
+    /// Whether every entry of D was positive and finite; nothing else here means anything where not.
+    pub positive: T::Mask,
+}
+
+impl<T: Scalar, const M: usize> Ldl<T, M> {
+    /// Factors a covariance.
+    #[inline(always)]
+    pub fn of(covariance: &Covariance<T, M>) -> Self {
+        let mut l = Mat::<T, M, M>::identity();
+        let mut d = [T::of(1.0); M];
+        let mut recip = d;
+        let mut positive = T::of(0.0).is_finite();
+        for j in 0..M {
+            d[j] = covariance.get(j, j) - sum(j, |k| l.0[j][k].sq() * d[k]);
+            positive = positive.and(d[j].gt(T::of(0.0))).and(d[j].is_finite());
+            recip[j] = d[j].recip();
+            for i in (j + 1)..M {
+                l.0[i][j] = (covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k] * d[k])) * recip[j];
+            }
+        }
+        Self { lower: l, diagonal: d, recip, positive }
+    }
+
+    /// S⁻¹·v.
+    #[inline(always)]
+    #[must_use]
+    pub fn solve(&self, v: &[T; M]) -> [T; M] {
+        let mut x = *v;
+        for i in 0..M {
+            x[i] = x[i] - sum(i, |k| self.lower.0[i][k] * x[k]);
+        }
+        for i in 0..M {
+            x[i] = x[i] * self.recip[i];
+        }
+        for i in (0..M).rev() {
+            x[i] = x[i] - sum(M - i - 1, |k| self.lower.0[i + 1 + k][i] * x[i + 1 + k]);
+        }
+        x
+    }
+
+    /// ln det S.
+    #[inline(always)]
+    pub fn ln_det(&self) -> T {
+        sum(M, |i| self.diagonal[i].ln())
+    }
+}

@@ -1,0 +1,10 @@
+//! Small matrices of a fixed size, on the stack.
+
+mod cholesky;
+mod ldl;
+mod mat;
+
+pub use cholesky::Cholesky;
+pub use ldl::Ldl;
+pub use mat::Mat;
+pub(crate) use mat::sum;

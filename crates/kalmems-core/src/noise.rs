@@ -1,0 +1,119 @@
+//! Noise: a continuous density and a covariance are different quantities, and different types.
+
+use crate::linalg::sum;
+use crate::{Mat, Scalar};
+use core::array;
+
+/// A covariance matrix.
+///
+/// Only its lower triangle is computed and read, so that it is symmetric by construction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covariance<T, const N: usize>(Mat<T, N, N>);
+
+impl<T: Scalar, const N: usize> Covariance<T, N> {
+    /// Zeros: what is exactly known.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self(Mat::zero())
+    }
+
+    /// From the lower triangle of a matrix; what stands above the diagonal is not read.
+    #[inline(always)]
+    pub fn from_lower(matrix: Mat<T, N, N>) -> Self {
+        Self(matrix)
+    }
+
+    /// Uncorrelated components with these variances.
+    #[inline(always)]
+    pub fn from_variances(variances: [T; N]) -> Self {
+        Self(Mat::from_fn(|i, j| if i == j { variances[i] } else { T::of(0.0) }))
+    }
+
+    /// Uncorrelated components with these standard deviations.
+    #[inline(always)]
+    pub fn from_standard_deviations(deviations: [T; N]) -> Self {
+        Self::from_variances(deviations.map(Scalar::sq))
+    }
+
+    /// One entry.
+    #[inline(always)]
+    pub fn get(&self, i: usize, j: usize) -> T {
+        if i >= j { self.0.0[i][j] } else { self.0.0[j][i] }
+    }
+
+    /// The standard deviation of one component.
+    #[inline(always)]
+    pub fn standard_deviation(&self, i: usize) -> T {
+        self.get(i, i).sqrt()
+    }
+
+    /// The whole symmetric matrix.
+    #[inline(always)]
+    pub fn to_full(&self) -> Mat<T, N, N> {
+        Mat::from_fn(|i, j| self.get(i, j))
+    }
+
+    /// P + Q.
+    #[inline(always)]
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self::lower(|i, j| self.get(i, j) + other.get(i, j))
+    }
+
+    /// F·P·Fᵀ.
+    #[inline(always)]
+    #[must_use]
+    pub fn transformed<const R: usize>(&self, f: &Mat<T, R, N>) -> Covariance<T, R> {
+        let fp: Mat<T, R, N> = Mat::from_fn(|i, j| sum(N, |k| f.0[i][k] * self.get(k, j)));
+        Covariance::lower(|i, j| sum(N, |k| fp.0[i][k] * f.0[j][k]))
+    }
+
+    /// Computes `f(i, j)` for the lower triangle alone.
+    #[inline(always)]
+    pub(crate) fn lower(f: impl Fn(usize, usize) -> T) -> Self {
+        Self(Mat(array::from_fn(|i| array::from_fn(|j| if i >= j { f(i, j) } else { T::of(0.0) }))))
+    }
+
+    /// `yes` where the mask is set, `no` elsewhere.
+    #[inline(always)]
+    pub(crate) fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
+        Self::lower(|i, j| T::select(mask, yes.get(i, j), no.get(i, j)))
+    }
+
+    /// Whether every entry is finite.
+    #[inline(always)]
+    pub(crate) fn is_finite(&self) -> T::Mask {
+        self.0.is_finite()
+    }
+}
+
+/// The density of the white noise that drives a differential equation ẋ = f(x, u) + w.
+///
+/// E[w(t) w(t′)ᵀ] = density · δ(t − t′), so that an entry has the unit of state² per second. It becomes a
+/// [`Covariance`] only together with a time: see [`discretize`](crate::discretize::discretize). Two-sided, as
+/// every process noise density of a Kalman filter; a one-sided density per hertz is twice that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseDensity<T, const N: usize>(Covariance<T, N>);
+
+impl<T: Scalar, const N: usize> NoiseDensity<T, N> {
+    /// No noise.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self(Covariance::zero())
+    }
+
+    /// The same, with this density on the derivative of one state, in that state's unit² per second.
+    #[inline(always)]
+    #[must_use]
+    pub fn on<const STATE: usize>(mut self, density: T) -> Self {
+        const { assert!(STATE < N, "there is no such state") };
+        self.0.0.0[STATE][STATE] = density;
+        self
+    }
+
+    /// One entry.
+    #[inline(always)]
+    pub fn get(&self, i: usize, j: usize) -> T {
+        self.0.get(i, j)
+    }
+}

@@ -1,0 +1,90 @@
+//! How the state moves: in continuous time, and over one interval.
+
+mod augmented;
+mod linear;
+mod stepper;
+
+pub use augmented::{Augmented, ParametricDynamics};
+pub use linear::LinearProcess;
+pub use stepper::{Euler, Nodes, Rk4};
+
+use crate::{Covariance, Dual, Mat, Over, Scalar};
+use core::array;
+
+/// A differential equation ẋ = f(x, u) on `N` states.
+///
+/// ```
+/// use kalmems_core::{Dynamics, Over, Scalar};
+/// /// A driven, damped mass: x = [position, velocity], u = force.
+/// struct Mass<T> {
+///     damping: T,
+/// }
+/// impl<T: Scalar> Dynamics<T, 2> for Mass<T> {
+///     type Input = T;
+///     fn derivative<S: Over<T>>(&self, x: &[S; 2], force: &T) -> [S; 2] {
+///         [x[1], S::lift(*force) - x[1] * self.damping]
+///     }
+/// }
+/// assert_eq!(Mass { damping: 0.5 }.derivative(&[0.0, 2.0], &3.0), [2.0, 2.0]);
+/// ```
+pub trait Dynamics<T: Scalar, const N: usize> {
+    /// What drives it at one instant; known, without noise.
+    type Input: Copy;
+
+    /// f(x, u), in the states' units per second.
+    fn derivative<S: Over<T>>(&self, x: &[S; N], u: &Self::Input) -> [S; N];
+
+    /// ∂f/∂x at one point.
+    #[inline(always)]
+    fn jacobian(&self, x: &[T; N], u: &Self::Input) -> Mat<T, N, N> {
+        jacobian(x, |x| self.derivative(x, u)).1
+    }
+}
+
+/// One step x′ = f(x, u) + w over one interval, with the covariance of w.
+///
+/// The interval belongs to the process: where samples come irregularly, a process is made for each interval,
+/// noise included.
+///
+/// ```
+/// use kalmems_core::{Covariance, Over, Process, Scalar};
+/// /// A number that doubles.
+/// struct Doubling(Covariance<f64, 1>);
+/// impl Process<f64, 1> for Doubling {
+///     type Input = ();
+///     fn step<S: Over<f64>>(&self, x: &[S; 1], (): &()) -> [S; 1] {
+///         [x[0].twice()]
+///     }
+///     fn noise(&self) -> &Covariance<f64, 1> {
+///         &self.0
+///     }
+/// }
+/// let (x, f) = Doubling(Covariance::zero()).linearize(&[3.0], &());
+/// assert_eq!((x, f[(0, 0)]), ([6.0], 2.0));
+/// ```
+pub trait Process<T: Scalar, const N: usize> {
+    /// What drives it over the interval.
+    type Input: Copy;
+
+    /// f(x, u).
+    fn step<S: Over<T>>(&self, x: &[S; N], u: &Self::Input) -> [S; N];
+
+    /// The covariance of w.
+    fn noise(&self) -> &Covariance<T, N>;
+
+    /// f(x, u) and ∂f/∂x, by dual numbers unless a model has something better.
+    #[inline(always)]
+    fn linearize(&self, x: &[T; N], u: &Self::Input) -> ([T; N], Mat<T, N, N>) {
+        jacobian(x, |x| self.step(x, u))
+    }
+}
+
+/// The value and the Jacobian of a function at `x`, by dual numbers.
+#[inline(always)]
+pub fn jacobian<T: Scalar, const N: usize, const M: usize>(
+    x: &[T; N],
+    f: impl Fn(&[Dual<T, N>; N]) -> [Dual<T, N>; M],
+) -> ([T; M], Mat<T, M, N>) {
+    let y = f(&Dual::variables(x));
+    (y.map(Dual::value), Mat(array::from_fn(|i| y[i].gradient())))
+}

@@ -1,0 +1,146 @@
+//! Discretisation and integrators against closed forms and against Van Loan's block exponential.
+
+use approx::assert_relative_eq;
+use kalmems_core::discretize::{discretize, matrix_exponential};
+use kalmems_core::{
+    Covariance, Dynamics, LinearProcess, Mat, Nodes, NoiseDensity, Over, Process, Rk4, Scalar,
+};
+use proptest::prelude::*;
+
+/// The 15.5 kHz scanner's ω² and damping rate b/J.
+const STIFF: f64 = 1.10e-4 / 1.15e-14;
+const DAMPING: f64 = 5.95e-12 / 1.15e-14;
+
+#[test]
+fn resonator_transition_is_the_closed_form() {
+    let a = Mat([[0.0, 1.0], [-STIFF, -DAMPING]]);
+    let h = 1e-6;
+    let step = discretize(&a, &NoiseDensity::none(), h);
+    let decay = DAMPING / 2.0;
+    let damped = (STIFF - decay * decay).sqrt();
+    let (s, c) = (damped * h).sin_cos();
+    let e = (-decay * h).exp();
+    let expected = [
+        [e * (c + decay / damped * s), e * s / damped],
+        [-e * STIFF / damped * s, e * (c - decay / damped * s)],
+    ];
+    for i in 0..2 {
+        for j in 0..2 {
+            assert_relative_eq!(step.transition[(i, j)], expected[i][j], max_relative = 1e-13);
+        }
+    }
+}
+
+#[test]
+fn white_acceleration_is_the_closed_form() {
+    let (q, h) = (1e8, 1e-6_f64);
+    let step = discretize(&Mat([[0.0, 1.0], [0.0, 0.0]]), &NoiseDensity::none().on::<1>(q), h);
+    assert_relative_eq!(step.noise.get(0, 0), q * h.powi(3) / 3.0, max_relative = 1e-14);
+    assert_relative_eq!(step.noise.get(0, 1), q * h.powi(2) / 2.0, max_relative = 1e-14);
+    assert_relative_eq!(step.noise.get(1, 1), q * h, max_relative = 1e-14);
+}
+
+#[test]
+fn a_step_back_undoes_a_step() {
+    let a = Mat([[0.0, 1.0], [-STIFF, -DAMPING]]);
+    let there = discretize(&a, &NoiseDensity::none(), 3e-5).transition;
+    let back = discretize(&a, &NoiseDensity::none(), -3e-5).transition;
+    let both = there.times(&back);
+    for (i, j, one) in [(0, 0, 1.0), (1, 1, 1.0), (0, 1, 0.0), (1, 0, 0.0)] {
+        let scale = if i == j { 1.0 } else { a[(i, j)].abs().max(1.0) };
+        assert!((both[(i, j)] - one).abs() / scale < 1e-12, "{both:?}");
+    }
+}
+
+#[test]
+fn f32_keeps_its_digits() {
+    let a = Mat([[0.0_f32, 1.0], [f32::of(-STIFF), f32::of(-DAMPING)]]);
+    let step = discretize(&a, &NoiseDensity::none(), 1e-6_f32).transition;
+    let exact = discretize(&Mat([[0.0, 1.0], [-STIFF, -DAMPING]]), &NoiseDensity::none(), 1e-6).transition;
+    for i in 0..2 {
+        for j in 0..2 {
+            assert_relative_eq!(f64::from(step[(i, j)]), exact[(i, j)], max_relative = 1e-5);
+        }
+    }
+}
+
+#[test]
+fn infinite_and_missing_numbers_end() {
+    for bad in [f64::INFINITY, f64::NAN] {
+        let e = matrix_exponential(&Mat([[0.0, bad], [-1.0, 0.0]]));
+        assert!(!e.is_finite());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+    /// nalgebra's matrix exponential of Van Loan's block matrix, for random stable and unstable systems.
+    #[test]
+    fn agrees_with_van_loans_block(
+        entries in prop::array::uniform9(-3.0..3.0_f64),
+        densities in prop::array::uniform3(0.0..2.0_f64),
+        h in 0.01..1.0_f64,
+    ) {
+        let a = Mat::<f64, 3, 3>::from_fn(|i, j| entries[3 * i + j]);
+        let density =
+            NoiseDensity::none().on::<0>(densities[0]).on::<1>(densities[1]).on::<2>(densities[2]);
+        let ours = discretize(&a, &density, h);
+
+        let mut block = nalgebra::SMatrix::<f64, 6, 6>::zeros();
+        for i in 0..3 {
+            for j in 0..3 {
+                block[(i, j)] = -a[(i, j)] * h;
+                block[(i + 3, j + 3)] = a[(j, i)] * h;
+                block[(i, j + 3)] = if i == j { densities[i] * h } else { 0.0 };
+            }
+        }
+        let e = block.exp();
+        let phi = e.fixed_view::<3, 3>(3, 3).transpose();
+        let noise = phi * e.fixed_view::<3, 3>(0, 3);
+        for i in 0..3 {
+            for j in 0..3 {
+                prop_assert!((ours.transition[(i, j)] - phi[(i, j)]).abs() <= 1e-12 * phi.norm().max(1.0));
+                prop_assert!((ours.noise.get(i, j) - noise[(i, j)]).abs() <= 1e-12 * noise.norm().max(1.0));
+            }
+        }
+    }
+}
+
+struct Resonator;
+impl<T: Scalar> Dynamics<T, 2> for Resonator {
+    type Input = T;
+    fn derivative<S: Over<T>>(&self, x: &[S; 2], u: &T) -> [S; 2] {
+        [x[1], S::lift(*u) - x[0] * T::of(STIFF) - x[1] * T::of(DAMPING)]
+    }
+}
+
+#[test]
+fn rk4_converges_with_the_fourth_order() {
+    let exact = LinearProcess::exact(
+        &Mat([[0.0, 1.0], [-STIFF, -DAMPING]]),
+        &Mat([[0.0], [1.0]]),
+        &NoiseDensity::none(),
+        1e-4,
+    );
+    let want = exact.step(&[0.15, 0.0], &[1e8]);
+    let error = |steps: u32| {
+        let rk4 = Rk4::new(Resonator, 1e-4 / f64::from(steps), &NoiseDensity::none(), (&[0.0; 2], &0.0));
+        let mut x = [0.15, 0.0];
+        for _ in 0..steps {
+            x = rk4.step(&x, &Nodes::held(1e8));
+        }
+        (x[0] - want[0]).hypot((x[1] - want[1]) / STIFF.sqrt())
+    };
+    let order = (error(100) / error(200)).log2();
+    assert!((3.8..4.2).contains(&order), "order {order}");
+}
+
+#[test]
+fn rk4_noise_is_that_of_the_linearised_dynamics() {
+    let density = NoiseDensity::none().on::<1>(1e8);
+    let rk4 = Rk4::new(Resonator, 1e-6, &density, (&[0.1, 0.0], &0.0));
+    let exact = discretize(&Mat([[0.0, 1.0], [-STIFF, -DAMPING]]), &density, 1e-6).noise;
+    let _: &Covariance<f64, 2> = rk4.noise();
+    assert_relative_eq!(rk4.noise().get(1, 1), exact.get(1, 1), max_relative = 1e-12);
+    assert_relative_eq!(rk4.noise().get(0, 0), exact.get(0, 0), max_relative = 1e-12);
+}

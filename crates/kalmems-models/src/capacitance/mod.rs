@@ -1,0 +1,5 @@
+//! Capacitance as a function of motion.
+
+mod gaussian;
+
+pub use gaussian::GaussianComb;

@@ -1,0 +1,73 @@
+//! A scanner that is driven through the stiffness its own electrodes make.
+
+use super::{TorsionalResonator, torque};
+use crate::capacitance::GaussianComb;
+use kalmems_core::{Dynamics, Over, ParametricDynamics, Scalar};
+use kalmems_macros::model;
+
+/// J·θ̈ + b·θ̇ + k·θ = ½·C′(θ)·(V² + V_c²/2), states [θ, θ̇] in rad and rad/s, input V in V.
+///
+/// The torque of the comb vanishes at rest and pulls back towards it, so that the voltage modulates the
+/// stiffness: the motion starts by itself, at half the frequency of V², where the modulation overcomes the
+/// damping (Chen et al., shared electrodes, 2020, equations 8 and 9). With θ also −θ is a solution.
+///
+/// ```
+/// use kalmems_core::Dynamics;
+/// use kalmems_models::{capacitance::GaussianComb, dynamics::{ParametricScanner, TorsionalResonator}};
+/// let scanner = ParametricScanner {
+///     resonator: TorsionalResonator { inertia: 1.15e-14, damping: 5.95e-12, stiffness: 1.10e-4 },
+///     comb: GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 },
+///     carrier_mean_square: 18.0,
+/// };
+/// let there = scanner.derivative(&[0.1, 2.0], &60.0);
+/// let mirrored = scanner.derivative(&[-0.1, -2.0], &60.0);
+/// assert_eq!(there, mirrored.map(|d: f64| -d));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParametricScanner<P> {
+    /// The mechanics.
+    pub resonator: TorsionalResonator<P>,
+    /// The electrodes.
+    pub comb: GaussianComb<P>,
+    /// V_c²/2 in V²: the mean square of a carrier that the drive signal does not show.
+    pub carrier_mean_square: P,
+}
+
+#[model]
+impl<P: Scalar> ParametricScanner<P> {
+    /// θ̈ in rad/s² with V in V.
+    pub fn acceleration<S: Over<P>>(&self, angle: S, rate: S, voltage: P) -> S {
+        let pull = torque(self.comb.slope(angle), voltage.sq() + self.carrier_mean_square);
+        self.resonator.acceleration(angle, rate, pull)
+    }
+}
+
+#[model]
+impl<T: Scalar> Dynamics<T, 2> for ParametricScanner<T> {
+    type Input = T;
+
+    fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
+        [x[1], self.acceleration(x[0], x[1], *voltage)]
+    }
+}
+
+/// With the stiffness relative to its own as a parameter: 1 is what the description says.
+#[model]
+impl<T: Scalar> ParametricDynamics<T, 2, 1> for ParametricScanner<T> {
+    fn derivative_with<S: Over<T>>(&self, x: &[S; 2], p: &[S; 1], voltage: &T) -> [S; 2] {
+        let varied = ParametricScanner {
+            resonator: TorsionalResonator {
+                inertia: S::lift(self.resonator.inertia),
+                damping: S::lift(self.resonator.damping),
+                stiffness: p[0] * self.resonator.stiffness,
+            },
+            comb: GaussianComb {
+                nominal: S::lift(self.comb.nominal),
+                angular_width: S::lift(self.comb.angular_width),
+                bias: S::lift(self.comb.bias),
+            },
+            carrier_mean_square: S::lift(self.carrier_mean_square),
+        };
+        [x[1], varied.acceleration(x[0], x[1], S::lift(*voltage))]
+    }
+}

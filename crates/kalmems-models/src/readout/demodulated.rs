@@ -1,0 +1,48 @@
+//! A carrier through the capacitance, demodulated.
+
+use crate::capacitance::GaussianComb;
+use kalmems_core::{Mat, Measurement, Over, Scalar};
+use kalmems_macros::model;
+
+/// y = a·C(θ) + b in V, on states that begin with θ in rad.
+///
+/// What the demodulated signal of an amplitude-modulated carrier amounts to at frequencies well below the
+/// demodulator's poles (Chen et al., shared electrodes, 2020, equations 25 to 27). It is even in θ: the sign of
+/// the motion cannot be known from it.
+///
+/// ```
+/// use kalmems_core::Measurement;
+/// use kalmems_models::{capacitance::GaussianComb, readout::DemodulatedComb};
+/// let readout = DemodulatedComb {
+///     comb: GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 },
+///     gain: -0.3574e12,
+///     offset: 6.3945,
+/// };
+/// let [at_rest] = readout.predict(&[0.0_f64, 0.0]);
+/// assert!((at_rest - 0.8548).abs() < 1e-12);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DemodulatedComb<P> {
+    /// The electrodes.
+    pub comb: GaussianComb<P>,
+    /// a in V/F.
+    pub gain: P,
+    /// b in V.
+    pub offset: P,
+}
+
+#[model]
+impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DemodulatedComb<T> {
+    fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
+        const { assert!(N >= 1, "the first state is the angle") };
+        [self.comb.capacitance(x[0]) * self.gain + self.offset]
+    }
+
+    /// By hand: one derivative, where dual numbers would carry `N`.
+    fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
+        let slope = self.comb.slope(x[0]) * self.gain;
+        let mut jacobian = Mat::zero();
+        jacobian.0[0][0] = slope;
+        (self.predict(x), jacobian)
+    }
+}

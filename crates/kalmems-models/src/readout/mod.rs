@@ -1,0 +1,5 @@
+//! From capacitance to a recorded voltage.
+
+mod demodulated;
+
+pub use demodulated::DemodulatedComb;

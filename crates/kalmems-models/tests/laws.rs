@@ -1,0 +1,132 @@
+//! Each law against its derivative by dual numbers, by finite differences, and against closed forms.
+
+use approx::assert_relative_eq;
+use kalmems_core::{
+    Augmented, Covariance, Dual, Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Process, Rk4,
+    jacobian,
+};
+use kalmems_models::capacitance::GaussianComb;
+use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
+use kalmems_models::readout::DemodulatedComb;
+use proptest::prelude::*;
+
+const RESONATOR: TorsionalResonator<f64> =
+    TorsionalResonator { inertia: 1.15e-14, damping: 5.95e-12, stiffness: 1.10e-4 };
+const COMB: GaussianComb<f64> = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
+const SCANNER: ParametricScanner<f64> =
+    ParametricScanner { resonator: RESONATOR, comb: COMB, carrier_mean_square: 18.0 };
+const READOUT: DemodulatedComb<f64> = DemodulatedComb { comb: COMB, gain: -0.3574e12, offset: 6.3945 };
+
+proptest! {
+    #[test]
+    fn capacitance_and_its_derivatives(angle in -0.6..0.6_f64) {
+        let dual = Dual::<f64, 1>::variable(angle, 0);
+        let h = 1e-5;
+        let third = |f: &dyn Fn(f64) -> f64| (f(angle + h) - f(angle - h)) / (2.0 * h);
+        let scale = COMB.nominal / COMB.angular_width;
+        let slope = COMB.slope(angle);
+        prop_assert!((COMB.capacitance(dual).gradient()[0] - slope).abs() <= 1e-14 * scale);
+        prop_assert!((third(&|x| COMB.capacitance(x)) - slope).abs() <= 1e-7 * scale);
+        let curvature = COMB.curvature(angle);
+        let scale = scale / COMB.angular_width;
+        prop_assert!((COMB.slope(dual).gradient()[0] - curvature).abs() <= 1e-14 * scale);
+        prop_assert!((third(&|x| COMB.slope(x)) - curvature).abs() <= 1e-7 * scale);
+    }
+
+    #[test]
+    fn the_readout_jacobian_by_hand_is_the_dual_one(angle in -0.6..0.6_f64, rate in -2e4..2e4_f64) {
+        let x = [angle, rate];
+        let (y, by_hand) = READOUT.linearize(&x);
+        let (z, by_dual): ([f64; 1], Mat<f64, 1, 2>) = jacobian(&x, |x| READOUT.predict(x));
+        prop_assert_eq!(y, z);
+        prop_assert!((by_hand[(0, 0)] - by_dual[(0, 0)]).abs() <= 1e-13 * by_dual[(0, 0)].abs().max(1.0));
+        prop_assert_eq!(by_hand[(0, 1)], 0.0);
+    }
+
+    #[test]
+    fn a_step_of_the_scanner_and_its_jacobian(
+        angle in -0.3..0.3_f64, rate in -2e4..2e4_f64, voltage in 0.0..180.0_f64, softer in 0.98..1.02_f64,
+    ) {
+        let noise = NoiseDensity::none();
+        let process =
+            Rk4::<_, f64, 3>::new(Augmented::<_, 2, 1>::new(SCANNER), 1e-6, &noise, (&[0.0, 0.0, 1.0], &0.0));
+        let drive = Nodes { start: voltage, middle: voltage * 0.99, end: voltage * 0.97 };
+        let x = [angle, rate, softer];
+        let (there, f) = process.linearize(&x, &drive);
+        // Steps of each state that leave the differences well above rounding.
+        let steps = [1e-5, 1.0, 1e-4];
+        for j in 0..3 {
+            let (mut up, mut down) = (x, x);
+            up[j] += steps[j];
+            down[j] -= steps[j];
+            let (up, down) = (process.step(&up, &drive), process.step(&down, &drive));
+            for i in 0..3 {
+                let difference = (up[i] - down[i]) / (2.0 * steps[j]);
+                let scale = [1.0, 1e5, 1.0][i] / [1.0, 1e5, 1.0][j];
+                prop_assert!((difference - f[(i, j)]).abs() <= 1e-7 * scale, "{} {}: {} {}", i, j, difference, f[(i, j)]);
+            }
+        }
+        // θ → −θ is an exact symmetry.
+        let mirrored = process.step(&[-angle, -rate, softer], &drive);
+        prop_assert_eq!(mirrored, [-there[0], -there[1], there[2]]);
+    }
+}
+
+/// The free oscillation's amplitude after `duration`, against what the damping leaves of it.
+fn growth_rate(step: impl Fn(&[f64; 2]) -> [f64; 2], interval: f64, steps: u32) -> f64 {
+    let mut x = [0.15, 0.0];
+    let start = RESONATOR.energy(x[0], x[1]);
+    for _ in 0..steps {
+        x = step(&x);
+    }
+    (RESONATOR.energy(x[0], x[1]) / start).ln() / 2.0 / (interval * f64::from(steps))
+}
+
+/// Amplitudes grow or decay as e^{rate·t}; what the damping says is −b/2J.
+#[test]
+fn explicit_euler_gains_the_energy_that_exact_methods_keep() {
+    let truth = -RESONATOR.damping / (2.0 * RESONATOR.inertia);
+    let free = ParametricScanner { comb: GaussianComb { nominal: 0.0, ..COMB }, ..SCANNER };
+    let omega = RESONATOR.natural_rate();
+    for (rate_hz, sign) in [(1_000_000, 1.0), (10_000_000, 1.0), (18_500_000, 0.0), (40_000_000, -1.0)] {
+        let h = 1.0 / f64::from(rate_hz);
+        let steps = rate_hz / 1000;
+        let euler = Euler::new(free, h, Covariance::zero());
+        let exact = RESONATOR.exact(h, 0.0);
+        let rk4 = Rk4::new(free, h, &NoiseDensity::none(), (&[0.0; 2], &0.0));
+        let gained = growth_rate(|x| euler.step(x, &0.0), h, steps);
+        // ω²·T/2 − b/2J, to first order in T.
+        let predicted = omega * omega * h / 2.0 + truth;
+        assert!(
+            (gained - predicted).abs() < 0.01 * omega * omega * h / 2.0,
+            "{rate_hz}: {gained} {predicted}"
+        );
+        assert!(gained.abs() < 5.0 || gained.signum() == sign, "{rate_hz}: {gained}");
+        // The energy of a damped oscillation ripples within a cycle by about ζ; over 1 ms that is 4/s.
+        assert_relative_eq!(growth_rate(|x| exact.step(x, &[0.0]), h, steps), truth, epsilon = 5.0);
+        assert_relative_eq!(growth_rate(|x| rk4.step(x, &Nodes::held(0.0)), h, steps), truth, epsilon = 5.0);
+    }
+}
+
+#[test]
+fn without_damping_the_exact_step_keeps_energy_to_rounding() {
+    let ideal = TorsionalResonator { damping: 0.0, ..RESONATOR };
+    let exact = ideal.exact(1e-6, 0.0);
+    let mut x = [0.15, 0.0];
+    let start = ideal.energy(x[0], x[1]);
+    for _ in 0..1_000_000 {
+        x = exact.step(&x, &[0.0]);
+    }
+    assert_relative_eq!(ideal.energy(x[0], x[1]), start, max_relative = 1e-9);
+}
+
+#[test]
+fn the_scanner_at_rest_stays_and_softens() {
+    assert_eq!(SCANNER.derivative(&[0.0, 0.0], &90.0), [0.0, 0.0]);
+    // The torque acts as a stiffness C₀/θ₀²·(V² + V_c²/2) for small angles.
+    let x = [1e-6, 0.0];
+    let stiffness = -SCANNER.derivative(&x, &90.0)[1] / x[0] * RESONATOR.inertia;
+    let expected =
+        RESONATOR.stiffness + COMB.nominal / COMB.angular_width.powi(2) * (90.0_f64.powi(2) + 18.0);
+    assert_relative_eq!(stiffness, expected, max_relative = 1e-9);
+}
