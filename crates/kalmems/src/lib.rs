@@ -3,6 +3,7 @@
 //! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`.
 
 pub mod config;
+pub mod inspect;
 pub mod recording;
 pub mod report;
 pub mod units;

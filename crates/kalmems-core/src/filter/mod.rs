@@ -1,8 +1,8 @@
 //! The filters.
 //!
-//! Each holds a [`Gaussian`] and offers `predict` over one [`Process`](crate::Process) step and `update` with
-//! one [`Measurement`](crate::Measurement). A step that cannot be taken is refused with a
-//! [`FilterError`](crate::FilterError) and leaves the state as it was.
+//! Each holds a [`Gaussian`] and offers `predict` over one [`Process`] step and `update` with
+//! one [`Measurement`]. A step that cannot be taken is refused with a
+//! [`FilterError`] and leaves the state as it was.
 
 use crate::{Covariance, FilterError, Measurement, Process, Scalar};
 

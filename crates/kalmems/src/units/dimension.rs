@@ -28,6 +28,11 @@ impl Dimension {
         Self { halves }
     }
 
+    /// From exponents in halves, as a noise density has them.
+    pub const fn of_halves(halves: [i16; 6]) -> Self {
+        Self { halves }
+    }
+
     /// The dimension of a product.
     #[must_use]
     pub const fn times(self, other: Self) -> Self {
@@ -51,6 +56,31 @@ impl Dimension {
             *e = doubled / 2;
         }
         Some(result)
+    }
+
+    /// As the ending of a column name: `rad_per_s`, `kg_m2_per_s3`; `1` for a ratio.
+    pub(super) fn header(self) -> String {
+        let mut words = Vec::new();
+        for above in [true, false] {
+            for (halves, symbol) in
+                self.halves.iter().zip(SYMBOLS).filter(|(h, _)| (**h > 0) == above && **h != 0)
+            {
+                if !above {
+                    words.push("per".to_owned());
+                }
+                let halves = halves.unsigned_abs();
+                words.push(match (halves % 2, halves / 2) {
+                    (0, 1) => symbol.to_owned(),
+                    (0, whole) => format!("{symbol}{whole}"),
+                    (_, 0) => format!("rt{symbol}"),
+                    (_, whole) => format!("{symbol}{whole}_rt{symbol}"),
+                });
+            }
+            if above && words.is_empty() {
+                words.push("1".to_owned());
+            }
+        }
+        words.join("_")
     }
 
     /// The same without the angle: N·m and N·m/rad become one.

@@ -103,6 +103,30 @@ mod tests {
     }
 
     #[test]
+    fn si_endings_read_back() {
+        for (text, ending) in [
+            ("mV", "V"),
+            ("deg/s", "rad_per_s"),
+            ("Hz", "Hz"),
+            ("%", "1"),
+            ("mm/s^2", "m_per_s2"),
+            ("um", "m"),
+        ] {
+            let unit = Unit::parse(text).unwrap();
+            let found = unit.si_header();
+            assert_eq!(found, ending);
+            let back = Header::parse(&format!("x_{found}")).unit.unwrap();
+            assert_eq!((back.dimension(), back.factor()), (unit.dimension(), 1.0), "{text}: {found}");
+        }
+        // Without a name of their own: base units that read back.
+        for text in ["aF/sqrt(Hz)", "rad/s^2/V", "rad^2/s^3", "1/V"] {
+            let unit = Unit::parse(text).unwrap();
+            let back = Header::parse(&format!("x_{}", unit.si_header())).unit.unwrap();
+            assert_eq!(back.dimension(), unit.dimension(), "{text}: {}", unit.si_header());
+        }
+    }
+
+    #[test]
     fn what_is_no_unit_is_none() {
         for column in ["sample_index", "record", "direction", "m", "x_per_s", "x_V_per", "x_V_per_m_s2x", ""]
         {

@@ -120,6 +120,14 @@ impl Unit {
         self.dimension
     }
 
+    /// The SI unit of this dimension as column names have it: `V`, `rad_per_s`; base units where it has no name.
+    pub fn si_header(&self) -> String {
+        let named = TABLE.iter().find(|row| {
+            row.1 == 1.0 && row.2 == 0 && row.0.is_ascii() && Dimension::of(row.3) == self.dimension
+        });
+        named.map_or_else(|| self.dimension.header(), |row| row.0.to_owned())
+    }
+
     /// The SI value of a decimal number written in this unit; rounded once where the unit is a power of ten.
     pub(super) fn scale(&self, number: &str) -> f64 {
         let (digits, exponent) = match number.split_once(['e', 'E']) {

@@ -1,0 +1,164 @@
+//! Whole inspections of small files and of the independent recordings.
+
+use super::*;
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+fn inspected(text: &str) -> Result<Inspection, ReadError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, text).unwrap();
+    inspect(&path)
+}
+
+/// Two records of a tone of 2 V at 1300 Hz, sampled with 100 kHz.
+fn two_records() -> String {
+    let mut text = "record,time_us,cap_mV,drive_V,remark\n".to_owned();
+    for (label, rows) in [("first", 500), ("second", 1000)] {
+        for i in 0..rows {
+            let value = 2000.0 * (TAU * 0.013 * f64::from(i)).sin() + 100.0;
+            writeln!(text, "{label},{}0,{value:.3},0,ok{}", i, i % 3).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn a_file_of_two_records_as_text() {
+    insta::assert_snapshot!(inspected(&two_records()).unwrap().to_text());
+}
+
+#[test]
+fn a_file_of_two_records_as_json() {
+    let inspection = inspected(&two_records()).unwrap();
+    let mut json = serde_json::to_value(&inspection).unwrap();
+    assert_eq!(json["segments"][1]["label"], "second");
+    assert_eq!(json["channels"][0]["unit"], "mV");
+    assert_eq!(json["channels"][0]["si_unit"], "V");
+    let frequency = json["channels"][0]["spectrum"]["lines"][0]["frequency"].take();
+    approx::assert_relative_eq!(frequency.as_f64().unwrap(), 1300.0, max_relative = 1e-4);
+    let fields: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!(
+        fields.join(" "),
+        "source rows recognised time segment_column segments channels window frequency_unit diagnosis"
+    );
+}
+
+#[test]
+fn a_file_without_time_and_with_holes_as_text() {
+    let mut text = "sample_index,gyro_dps\n".to_owned();
+    for i in 0..200 {
+        match i {
+            50..60 => writeln!(text, "{i},"),
+            _ => writeln!(text, "{i},{}", i % 7),
+        }
+        .unwrap();
+    }
+    insta::assert_snapshot!(inspected(&text).unwrap().to_text());
+}
+
+#[test]
+fn a_file_that_is_no_recording_is_inspected_all_the_same() {
+    let text = "time_s,cap_V\n0,1\n1,2\n1,high\n3,4\n5\n2,6\n";
+    insta::assert_snapshot!(inspected(text).unwrap().to_text());
+}
+
+#[test]
+fn what_has_no_rows_is_an_error() {
+    for text in ["", "time_s,cap_V\n", "1,2\n3,4\n", "time_s;cap_V\n0;1\n"] {
+        assert!(matches!(inspected(text), Err(ReadError::Unusable { .. })), "{text:?}");
+    }
+}
+
+/// What is recognised in a file whose rows are `header` and then `row` of each index.
+fn recognised(header: &str, rows: usize, row: impl Fn(usize) -> String) -> String {
+    let mut text = format!("{header}\n");
+    for i in 0..rows {
+        writeln!(text, "{}", row(i)).unwrap();
+    }
+    inspected(&text).unwrap().recognised.join(" ")
+}
+
+#[test]
+fn what_is_recognised() {
+    let report = [
+        (
+            "text and time",
+            recognised("r,time_s,x_V", 60, |i| format!("{},{},{i}", ["a", "b"][i / 30], i % 30)),
+        ),
+        (
+            "a number with a unit",
+            recognised("f_Hz,time_s,x_V", 60, |i| format!("{},{},{i}", 1711 + i / 20, i % 20)),
+        ),
+        ("a flag in one record", recognised("flag,time_s,x_V", 60, |i| format!("{},{i},{i}", i / 30))),
+        ("a flag without time", recognised("flag,x_V", 60, |i| format!("{},{i}", i / 30))),
+        ("a flag that returns", recognised("flag,x_V", 60, |i| format!("{},{i}", i / 15 % 2))),
+        ("text without time", recognised("r,n,x_V", 60, |i| format!("{},{i},{i}", ["a", "b"][i / 30]))),
+        ("a word per row", recognised("r,time_s,x_V", 60, |i| format!("row{i},{i},{i}"))),
+        ("a time that starts again", recognised("time_s,x_V", 60, |i| format!("{},{i}", i % 30))),
+        ("a phase is no time", recognised("phase_s", 60, |i| i.to_string())),
+    ];
+    let report: Vec<String> = report.iter().map(|(name, sentences)| format!("{name}: {sentences}")).collect();
+    insta::assert_snapshot!(report.join("\n"));
+}
+
+#[test]
+fn a_series_for_a_figure() {
+    let inspection = inspected("time_ms,x_mV\n0,1\n1,5\n2,\n3,2\n").unwrap();
+    let segment = inspection.longest_segment().unwrap();
+    let series = inspection.series("x_mV", segment, 0..segment.rows.len(), 2).unwrap();
+    let expected = Series {
+        start: vec![0.0, 0.002],
+        minimum: vec![0.001, 0.002],
+        maximum: vec![0.005, 0.002],
+        missing: 1,
+    };
+    assert_eq!(series, expected);
+    assert!(inspection.series("y_V", segment, 0..segment.rows.len(), 2).is_err());
+}
+
+#[test]
+fn an_inspection_can_be_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, two_records()).unwrap();
+    let stopped = inspect_with(&path, &mut |_, _| ControlFlow::Break(()));
+    assert!(matches!(stopped, Err(ReadError::Interrupted { .. })));
+}
+
+fn reference(file: &str) -> Inspection {
+    let folder = std::env::var_os("KALMEMS_REFERENCE_DATA").expect("KALMEMS_REFERENCE_DATA names the folder");
+    inspect(&Path::new(&folder).join(file)).unwrap()
+}
+
+fn strongest(inspection: &Inspection, column: &str) -> Line {
+    let channel = inspection.channels.iter().find(|c| c.column == column).unwrap();
+    channel.spectrum.as_ref().unwrap().lines[0]
+}
+
+#[test]
+#[ignore = "needs KALMEMS_REFERENCE_DATA"]
+fn reference_recordings_show_their_lines() {
+    for (file, column, frequency) in [
+        ("recordings/shared-scanner/recording.csv", "drive_V", 31.35e3),
+        ("recordings/shared-scanner/recording.csv", "cap_V", 31.35e3),
+        ("recordings/stage-room/bias_on.csv", "drive_V", 1700.0),
+        ("recordings/stage-room/bias_on.csv", "ldv_V", 1700.0),
+        ("recordings/stage-sweep/recording.csv", "drive_V", 1711.0),
+        ("recordings/accel-open-loop-1g/recording.csv", "output_V", 10.0),
+    ] {
+        let inspection = reference(file);
+        let line = strongest(&inspection, column);
+        let bin = inspection.channels[0].spectrum.as_ref().map_or(f64::NAN, |s| s.resolution);
+        assert!(
+            (line.frequency - frequency).abs() < 0.02 * bin,
+            "{file} {column}: {line:?}, one bin is {bin}"
+        );
+    }
+    // Without time, in cycles per sample; the gyroscope samples with 3 kHz.
+    let gyro = reference("recordings/stage-room/gyro.csv");
+    assert_eq!((gyro.segments.len(), gyro.frequency_unit), (4, "1/sample"));
+    // The drive is 90 V and 90 V of amplitude.
+    let drive = strongest(&reference("recordings/shared-scanner/recording.csv"), "drive_V");
+    approx::assert_relative_eq!(drive.amplitude, 90.0, max_relative = 1e-3);
+}

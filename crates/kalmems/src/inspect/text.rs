@@ -1,0 +1,209 @@
+//! An inspection as text for a terminal.
+
+use super::plot::plot;
+use super::quantity::{quantity, si_unit};
+use super::{Inspection, WINDOW};
+use crate::recording::{Column, Segment, Severity};
+use std::fmt::Write as _;
+use std::ops::Range;
+
+/// Segments that are listed; the others are counted.
+const LISTED: usize = 20;
+
+/// The width of everything but the sentences, and the height of a plot, in characters.
+const WIDTH: usize = 72;
+const HEIGHT: usize = 8;
+
+/// The width of the labels beside a plot.
+const LABEL: usize = 14;
+
+// Writing to a string cannot fail, so the results of `write!` are passed over here.
+pub(super) fn render(inspection: &Inspection) -> String {
+    let mut text = String::new();
+    let source = &inspection.source;
+    let _ = writeln!(text, "{}: {} rows, {} bytes", source.file, inspection.rows, source.bytes);
+    let _ = writeln!(text, "SHA-256 {}", source.sha256);
+    for sentence in &inspection.recognised {
+        let _ = writeln!(text, "{sentence}");
+    }
+    segments(&mut text, inspection);
+    channels(&mut text, inspection);
+    lines(&mut text, inspection);
+    diagnosis(&mut text, inspection);
+    plots(&mut text, inspection);
+    text
+}
+
+fn segments(text: &mut String, inspection: &Inspection) {
+    let mut rows = vec![["segment", "rows", "start", "duration", "rate"].map(str::to_owned).to_vec()];
+    let optional = |value: Option<f64>, unit| value.map_or_else(|| "-".to_owned(), |v| quantity(v, unit));
+    for segment in inspection.segments.iter().take(LISTED) {
+        rows.push(vec![
+            if segment.label.is_empty() { "-".to_owned() } else { segment.label.clone() },
+            segment.rows.to_string(),
+            optional(segment.start_s, "s"),
+            optional(segment.duration_s, "s"),
+            match (segment.rate_hz, segment.uniform) {
+                (Some(rate), false) => format!("{}, not uniform", quantity(rate, "Hz")),
+                (rate, _) => optional(rate, "Hz"),
+            },
+        ]);
+    }
+    table(text, &rows, 1);
+    if let Some(more) = inspection.segments.len().checked_sub(LISTED).filter(|more| *more > 0) {
+        let _ = writeln!(text, "  and {more} more");
+    }
+}
+
+fn channels(text: &mut String, inspection: &Inspection) {
+    let head = ["channel", "unit", "values", "missing", "minimum", "maximum", "mean", "deviation"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    for channel in &inspection.channels {
+        let of = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| quantity(v, &channel.si_unit));
+        let figures = &channel.statistics;
+        rows.push(vec![
+            channel.column.clone(),
+            if channel.unit.is_empty() { "-".to_owned() } else { channel.unit.clone() },
+            figures.count.to_string(),
+            figures.missing.to_string(),
+            of(figures.minimum),
+            of(figures.maximum),
+            of(figures.mean),
+            of(figures.standard_deviation),
+        ]);
+    }
+    table(text, &rows, 2);
+}
+
+fn lines(text: &mut String, inspection: &Inspection) {
+    let mut rows = vec![["line", "frequency", "amplitude"].map(str::to_owned).to_vec()];
+    let mut reasons = Vec::new();
+    let mut resolution = None;
+    for channel in &inspection.channels {
+        let Some(spectrum) = &channel.spectrum else {
+            let reason = channel.no_spectrum.as_deref().unwrap_or_default();
+            reasons.push(format!("`{}` has no spectrum: {reason}.", channel.column));
+            continue;
+        };
+        resolution = Some(spectrum.resolution);
+        if spectrum.lines.is_empty() {
+            reasons.push(format!("`{}` has no line 20 dB above its floor.", channel.column));
+        }
+        for line in &spectrum.lines {
+            rows.push(vec![
+                channel.column.clone(),
+                quantity(line.frequency, inspection.frequency_unit),
+                quantity(line.amplitude, &channel.si_unit),
+            ]);
+        }
+    }
+    if rows.len() > 1 {
+        table(text, &rows, 1);
+    } else {
+        text.push('\n');
+    }
+    if let Some(resolution) = resolution {
+        let resolution = quantity(resolution, inspection.frequency_unit);
+        let _ = writeln!(text, "Window: {WINDOW}; one bin is {resolution}.");
+    }
+    for reason in reasons {
+        let _ = writeln!(text, "{reason}");
+    }
+}
+
+fn diagnosis(text: &mut String, inspection: &Inspection) {
+    let fatal = inspection.diagnosis.iter().any(|f| f.severity() == Severity::Fatal);
+    text.push_str(match (fatal, inspection.diagnosis.is_empty()) {
+        (true, _) => "\nThe file cannot be used as a recording like this:\n",
+        (false, false) => "\nFound and kept as it is:\n",
+        (false, true) => "\nNothing is missing, irregular, saturated or constant.\n",
+    });
+    for finding in &inspection.diagnosis {
+        let note = if fatal && finding.severity() == Severity::Note { "note: " } else { "" };
+        let _ = writeln!(text, "  {note}{finding}");
+    }
+}
+
+/// The whole of the longest segment, lower where a close-up of its cycles follows.
+fn plots(text: &mut String, inspection: &Inspection) {
+    let Some(segment) = inspection.longest_segment() else { return };
+    let whole = 0..segment.rows.len();
+    let close_up = inspection.close_up(segment);
+    for column in inspection.recording.columns() {
+        let name = &column.header.column;
+        let of = if segment.label.is_empty() { String::new() } else { format!(" of `{}`", segment.label) };
+        let title = format!("{name}{of}");
+        let height = if close_up.is_some() { HEIGHT / 2 } else { HEIGHT };
+        one_plot(text, inspection, (segment, column), (&whole, height), &title);
+        if let Some(rows) = &close_up {
+            one_plot(
+                text,
+                inspection,
+                (segment, column),
+                (rows, HEIGHT),
+                &format!("{title}, its last cycles"),
+            );
+        }
+    }
+}
+
+fn one_plot(
+    text: &mut String,
+    inspection: &Inspection,
+    (segment, column): (&Segment, &Column),
+    (rows, height): (&Range<usize>, usize),
+    title: &str,
+) {
+    let values = column.of(segment).get(rows.clone()).unwrap_or_default();
+    let numbers = || values.iter().copied().filter(|v| v.is_finite());
+    let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else { return };
+    let unit = si_unit(&column.header);
+    let (low_label, high_label) = (quantity(low, &unit), quantity(high, &unit));
+    if low >= high {
+        let _ = writeln!(text, "\n{title} is always {low_label}.");
+        return;
+    }
+    let _ = writeln!(text, "\n{title}");
+    for (row, line) in plot(values, WIDTH - LABEL - 1, height).iter().enumerate() {
+        let label = match row {
+            0 => high_label.as_str(),
+            r if r + 1 == height => low_label.as_str(),
+            _ => "",
+        };
+        let _ = writeln!(text, "{label:>LABEL$} {line}");
+    }
+    let (start, end) = time_labels(inspection, segment, rows);
+    let space = (WIDTH - LABEL - 1).saturating_sub(start.chars().count());
+    let _ = writeln!(text, "{:LABEL$} {start}{end:>space$}", "");
+}
+
+/// Where a plot of some rows of a segment begins and ends.
+fn time_labels(inspection: &Inspection, segment: &Segment, rows: &Range<usize>) -> (String, String) {
+    let last = rows.end.saturating_sub(1);
+    if inspection.time.is_some() {
+        (quantity(segment.time.at(rows.start), "s"), quantity(segment.time.at(last), "s"))
+    } else {
+        (format!("sample {}", rows.start), format!("sample {last}"))
+    }
+}
+
+/// Aligned columns, the first `left` of them at their left edge.
+fn table(text: &mut String, rows: &[Vec<String>], left: usize) {
+    let columns = rows.first().map_or(0, Vec::len);
+    let width = |column: usize| rows.iter().filter_map(|r| r.get(column)).map(|c| c.chars().count()).max();
+    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
+    text.push('\n');
+    for row in rows {
+        let cells: Vec<String> = row
+            .iter()
+            .zip(&widths)
+            .enumerate()
+            .map(
+                |(i, (cell, width))| {
+                    if i < left { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                },
+            )
+            .collect();
+        let _ = writeln!(text, "{}", cells.join("  ").trim_end());
+    }
+}

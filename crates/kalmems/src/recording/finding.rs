@@ -1,0 +1,203 @@
+//! What the diagnosis of a recording can find, and how it says so.
+
+use serde::Serialize;
+use std::fmt;
+
+/// Whether a recording can be used in spite of a finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// It cannot.
+    Fatal,
+    /// It can; the finding is kept and counted.
+    Note,
+}
+
+/// The kinds of finding. Nothing of it is ever repaired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FindingKind {
+    /// No header and no row.
+    Empty,
+    /// The first line holds numbers, no names.
+    NoHeader,
+    /// The names are separated by something else than commas.
+    Separator,
+    /// A header and no row.
+    HeaderOnly,
+    /// A column that is needed is not there.
+    NoSuchColumn,
+    /// Several columns have one name.
+    DuplicateColumn,
+    /// The name of a needed column ends with no unit.
+    UnknownUnit,
+    /// The unit of the time column is no unit of time.
+    TimeUnit,
+    /// A row with more or fewer cells than the header.
+    WrongColumnCount,
+    /// A cell that holds something, and no number.
+    NonNumeric,
+    /// A row without a finite time.
+    NoTime,
+    /// A time that is the one before.
+    RepeatedTime,
+    /// A time before the one before.
+    DecreasingTime,
+    /// A row without a segment's label.
+    NoLabel,
+    /// A segment's label that was there already, with others between.
+    SegmentReturns,
+    /// The name of a column that nobody named ends with no unit.
+    NoUnit,
+    /// Lines without cells between the rows.
+    BlankLine,
+    /// An empty cell.
+    Missing,
+    /// A cell that says it is no number.
+    Nan,
+    /// A cell that is infinite or beyond the range of numbers.
+    Infinite,
+    /// Whole sampling intervals without rows.
+    Gap,
+    /// Intervals that differ from the median.
+    IrregularTime,
+    /// The signal stays at its highest or lowest value.
+    Saturation,
+    /// The same value in every row.
+    Constant,
+}
+
+impl FindingKind {
+    /// Whether a recording with such a finding can be used.
+    pub const fn severity(self) -> Severity {
+        match self {
+            Self::Empty
+            | Self::NoHeader
+            | Self::Separator
+            | Self::HeaderOnly
+            | Self::NoSuchColumn
+            | Self::DuplicateColumn
+            | Self::UnknownUnit
+            | Self::TimeUnit
+            | Self::WrongColumnCount
+            | Self::NonNumeric
+            | Self::NoTime
+            | Self::RepeatedTime
+            | Self::DecreasingTime
+            | Self::NoLabel
+            | Self::SegmentReturns => Severity::Fatal,
+            Self::NoUnit
+            | Self::BlankLine
+            | Self::Missing
+            | Self::Nan
+            | Self::Infinite
+            | Self::Gap
+            | Self::IrregularTime
+            | Self::Saturation
+            | Self::Constant => Severity::Note,
+        }
+    }
+
+    /// What is counted, for one and for several; empty where a count says nothing.
+    const fn counted(self) -> (&'static str, &'static str) {
+        match self {
+            Self::WrongColumnCount | Self::NoTime | Self::NoLabel => ("row", "rows"),
+            Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite => ("cell", "cells"),
+            Self::RepeatedTime | Self::DecreasingTime => ("time", "times"),
+            Self::BlankLine => ("line", "lines"),
+            Self::Gap => ("gap", "gaps"),
+            Self::IrregularTime => ("interval", "intervals"),
+            Self::Saturation => ("sample", "samples"),
+            _ => ("", ""),
+        }
+    }
+
+    /// What was expected, and what happens or what to do.
+    const fn consequence(self) -> &'static str {
+        match self {
+            Self::Empty | Self::HeaderOnly => {
+                "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
+            }
+            Self::NoHeader => {
+                "expected the names of the columns: put a line such as `time_s,cap_V` before it, without `#`"
+            }
+            Self::Separator => "expected commas between cells and a point in numbers",
+            Self::NoSuchColumn => "name a column that the file has",
+            Self::DuplicateColumn => "expected each name once: rename the others",
+            Self::UnknownUnit => {
+                "expected a name that ends with a unit, such as `cap_V`, or with `_1` where there is none"
+            }
+            Self::TimeUnit => "expected a unit of time, such as `time_s` or `time_us`",
+            Self::WrongColumnCount => "expected as many cells as names in the header: complete the row",
+            Self::NonNumeric => {
+                "expected a number such as `-1.5e-3`: correct the cell, or leave it empty where nothing was \
+                 measured"
+            }
+            Self::NoTime => "expected a finite time in every row: write it, or remove the row",
+            Self::RepeatedTime | Self::DecreasingTime => {
+                "expected times that increase: sort the rows, or, where the file holds several records, name \
+                 the column that tells them apart"
+            }
+            Self::NoLabel => "expected a label in every row, as the column tells the records apart",
+            Self::SegmentReturns => {
+                "expected the rows of a record in one piece: give each record a label of its own"
+            }
+            Self::NoUnit => "its numbers are kept as they stand",
+            Self::BlankLine => "they are passed over",
+            Self::Missing | Self::Nan | Self::Infinite => {
+                "no value is made up: an estimate there is a prediction without update"
+            }
+            Self::Gap => "nothing is put in: an estimate predicts over the gap",
+            Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
+            Self::Saturation => {
+                "the samples are kept as they stand: check the range of the instrument, if this is a \
+                 measured signal"
+            }
+            Self::Constant => "it is kept: check the connection, if this is a measured signal",
+        }
+    }
+}
+
+/// One finding: a kind, where it is first seen and how often.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// What kind it is.
+    pub kind: FindingKind,
+    /// The column, where it concerns one.
+    pub column: Option<String>,
+    /// The segment, where it concerns one and the file has several.
+    pub segment: Option<String>,
+    /// The line in the file where it is first seen, counted from 1 as an editor does.
+    pub first_row: usize,
+    /// How often it is seen.
+    pub count: usize,
+    /// What was found, in words.
+    pub detail: String,
+}
+
+impl Finding {
+    /// Whether the recording can be used in spite of it.
+    pub const fn severity(&self) -> Severity {
+        self.kind.severity()
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}", self.first_row)?;
+        if let Some(column) = &self.column {
+            write!(f, ", column `{column}`")?;
+        }
+        if let Some(segment) = &self.segment {
+            write!(f, ", segment `{segment}`")?;
+        }
+        write!(f, ": {}", self.detail)?;
+        let (one, several) = self.kind.counted();
+        match self.count {
+            _ if one.is_empty() => {}
+            1 => write!(f, " (1 {one})")?,
+            count => write!(f, " (the first of {count} {several})")?,
+        }
+        write!(f, "; {}", self.kind.consequence())
+    }
+}

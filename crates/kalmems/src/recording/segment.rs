@@ -1,0 +1,104 @@
+//! Segments of a recording and their time.
+
+use serde::Serialize;
+use std::ops::Range;
+
+/// A run of rows that belong to one record; the time may start again with each.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Segment {
+    /// Its label as it first stands in the segment column; empty where there is no such column.
+    pub label: String,
+    /// Its rows, counted from 0 over the whole recording.
+    pub rows: Range<usize>,
+    /// The times of its rows.
+    pub time: TimeBase,
+}
+
+/// The times of a segment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TimeBase {
+    #[serde(skip)]
+    pub(super) times: Times,
+    pub(super) interval_s: Option<f64>,
+    pub(super) uniform: bool,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Times {
+    /// As the file has them.
+    Column(Vec<f64>),
+    /// From a clock that the file does not hold.
+    Rate { rate_hz: f64, start_s: f64, len: usize },
+}
+
+impl TimeBase {
+    /// The time of the first row.
+    pub fn start_s(&self) -> f64 {
+        self.at(0)
+    }
+
+    /// The time of the segment's row `i`, counted from 0: the file's own value, not start and interval put
+    /// together again. NaN past the end.
+    pub fn at(&self, i: usize) -> f64 {
+        match &self.times {
+            Times::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
+            Times::Rate { rate_hz, start_s, len } if i < *len => start_s + i as f64 / rate_hz,
+            Times::Rate { .. } => f64::NAN,
+        }
+    }
+
+    /// The times of all rows.
+    pub fn to_vec(&self) -> Vec<f64> {
+        (0..self.len()).map(|i| self.at(i)).collect()
+    }
+
+    /// The median interval between rows; `None` where one row, or none that follows another in time, has
+    /// no interval.
+    pub const fn interval_s(&self) -> Option<f64> {
+        self.interval_s
+    }
+
+    /// Whether every interval is the median one, within [`TIME_TOLERANCE`](super::TIME_TOLERANCE).
+    pub const fn is_uniform(&self) -> bool {
+        self.uniform
+    }
+
+    /// The number of rows.
+    pub fn len(&self) -> usize {
+        match &self.times {
+            Times::Column(times) => times.len(),
+            Times::Rate { len, .. } => *len,
+        }
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Which line of the file a row stands on: one entry per break in the numbering.
+#[derive(Debug, Default)]
+pub(super) struct Lines {
+    breaks: Vec<(usize, usize)>,
+    rows: usize,
+}
+
+impl Lines {
+    /// The next row stands on this line.
+    pub(super) fn push(&mut self, line: usize) {
+        if self.of(self.rows) != line {
+            self.breaks.push((self.rows, line));
+        }
+        self.rows += 1;
+    }
+
+    pub(super) fn of(&self, row: usize) -> usize {
+        let after = self.breaks.partition_point(|(first, _)| *first <= row);
+        after.checked_sub(1).and_then(|i| self.breaks.get(i)).map_or(0, |(first, line)| line + row - first)
+    }
+
+    pub(super) const fn rows(&self) -> usize {
+        self.rows
+    }
+}
