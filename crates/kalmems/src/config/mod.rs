@@ -1,1 +1,44 @@
-//! The experiment file.
+//! The experiment file: a device and its recordings, described once, in TOML.
+//!
+//! Every value is text with a unit, checked for its dimension and its sign. An unknown key or word is refused
+//! with the nearest known one. A message names the file, the line, the key, what was found, what was
+//! expected, and what to write:
+//!
+//! ```
+//! use kalmems::config::Experiment;
+//! let error = Experiment::parse("nmae = \"scan\"", "experiment.toml".as_ref()).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
+//!      known keys: name, description, device, recording, estimate"
+//! );
+//! ```
+
+mod device;
+mod error;
+mod estimate;
+mod experiment;
+mod key;
+pub mod kinds;
+mod name;
+mod quantity;
+mod reader;
+mod recording;
+mod schema;
+mod sign;
+mod source;
+#[cfg(test)]
+mod tests;
+mod values;
+
+pub use device::*;
+pub use error::{ConfigError, Fault, Place, Position};
+pub use estimate::{Ekf, Estimate, ModelAlone, Peak, Ukf};
+pub use experiment::Experiment;
+pub use key::Key;
+pub use name::Name;
+pub use quantity::Quantity;
+pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
+pub use schema::schema;
+pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
+pub use values::{AnyValue, Entry, Values};

@@ -1,0 +1,91 @@
+//! The force-rebalance accelerometer.
+
+use crate::config::kinds::{
+    Acceleration, Area, Capacitance, Damping, Frequency, IntegralGain, Length, Mass, Ratio, SpringConstant,
+    Temperature, Voltage, VoltageVariance,
+};
+use crate::config::quantity::Quantity;
+use crate::config::sign::{NotNegative, Positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A proof mass between two plates that sense it, and push it back where the loop is closed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Accelerometer {
+    /// The mass on its springs.
+    pub proof_mass: ProofMass,
+    /// The two capacitors.
+    pub plates: ParallelPlates,
+    /// From displacement to voltage.
+    pub readout: SwitchedReadout,
+    /// The feedback; left out for an open loop.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feedback: Option<ForceFeedback>,
+    /// What is known of the acceleration beforehand.
+    pub acceleration: AccelerationPrior,
+}
+
+/// A mass on a spring, moved by the molecules around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProofMass {
+    /// Its mass.
+    pub mass: Quantity<Mass, Positive>,
+    /// The force per displacement of its springs.
+    pub spring: Quantity<SpringConstant, Positive>,
+    /// The force per velocity at rest.
+    pub damping: Quantity<Damping, NotNegative>,
+    /// The temperature, which sets the Brownian force.
+    pub temperature: Quantity<Temperature, NotNegative>,
+}
+
+/// Two parallel-plate capacitors, one on each side of the mass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ParallelPlates {
+    /// The area of each.
+    pub area: Quantity<Area, Positive>,
+    /// The gap of each at rest.
+    pub gap: Quantity<Length, Positive>,
+    /// The permittivity in the gap, relative to vacuum.
+    pub relative_permittivity: Quantity<Ratio, Positive>,
+}
+
+/// A charge amplifier with a carrier on the plates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SwitchedReadout {
+    /// The amplitude of the carrier.
+    pub carrier_amplitude: Quantity<Voltage, Positive>,
+    /// The mean square of the carrier over the square of its amplitude: 0.5 for a sine, 1 for a square wave.
+    pub carrier_mean_square: Quantity<Ratio, Positive>,
+    /// The capacitance that turns charge into voltage.
+    pub feedback_capacitance: Quantity<Capacitance, Positive>,
+    /// The variance of one sample.
+    pub noise_variance: Quantity<VoltageVariance, Positive>,
+}
+
+/// A proportional and integral controller that pushes the mass back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ForceFeedback {
+    /// The bias of the plates, which makes the force linear in the feedback voltage.
+    pub bias: Quantity<Voltage, Positive>,
+    /// The feedback voltage per output voltage.
+    pub proportional_gain: Quantity<Ratio>,
+    /// The rate of change of the feedback voltage per output voltage.
+    pub integral_gain: Quantity<IntegralGain>,
+}
+
+/// An acceleration that varies like noise through a second-order low-pass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerationPrior {
+    /// Its root mean square.
+    pub rms: Quantity<Acceleration, Positive>,
+    /// The natural frequency of the low-pass.
+    pub bandwidth: Quantity<Frequency, Positive>,
+    /// The damping ratio of the low-pass.
+    pub damping_ratio: Quantity<Ratio, Positive>,
+}

@@ -1,0 +1,74 @@
+//! The shared-electrode scanner: one comb drives and senses.
+
+use crate::config::kinds::{
+    Angle, Capacitance, Frequency, Inertia, Stiffness, TorsionalDamping, Voltage, VoltagePerCapacitance,
+    VoltageVariance,
+};
+use crate::config::quantity::Quantity;
+use crate::config::sign::{NotNegative, NotZero, Positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A resonant scanner that one comb drives by its charge and senses by a carrier.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SharedScanner {
+    /// The mirror on its torsion bars.
+    pub resonator: Resonator,
+    /// The comb's capacitance over the angle.
+    pub comb: GaussianComb,
+    /// From capacitance to voltage.
+    pub readout: DemodulatedReadout,
+    /// The carrier that senses the capacitance.
+    pub carrier: Carrier,
+}
+
+/// A rotating mass on a torsional spring.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Resonator {
+    /// The moment of inertia about the axis.
+    pub inertia: Quantity<Inertia, Positive>,
+    /// The torque per angle of the torsion bars.
+    pub stiffness: Quantity<Stiffness, Positive>,
+    /// The torque per rate.
+    pub damping: Quantity<TorsionalDamping, NotNegative>,
+}
+
+/// A capacitance that falls with the angle as a Gaussian: `C0 exp(-(angle/theta0)^2) + Cb`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GaussianComb {
+    /// How much the capacitance varies at most, C0.
+    pub nominal_capacitance: Quantity<Capacitance, Positive>,
+    /// The angle at which it has fallen to 1/e, theta0.
+    pub angular_width: Quantity<Angle, Positive>,
+    /// The part that does not vary, Cb.
+    pub bias_capacitance: Quantity<Capacitance, NotNegative>,
+}
+
+/// A demodulated carrier: a voltage affine in the capacitance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DemodulatedReadout {
+    /// Volts per farad.
+    pub gain: Quantity<VoltagePerCapacitance, NotZero>,
+    /// The voltage at no capacitance.
+    pub offset: Quantity<Voltage>,
+    /// The variance of one sample.
+    pub noise_variance: Quantity<VoltageVariance, Positive>,
+}
+
+/// The carrier that senses the capacitance. Its mean square drives the device as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Carrier {
+    /// Its amplitude.
+    pub amplitude: Quantity<Voltage, NotNegative>,
+    /// Its frequency; the estimate does not need it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frequency: Option<Quantity<Frequency, Positive>>,
+    /// Whether the recorded drive voltage contains the carrier already.
+    #[schemars(example = false)]
+    pub included_in_drive: bool,
+}

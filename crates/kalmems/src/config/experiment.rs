@@ -1,0 +1,194 @@
+//! The whole file.
+
+use super::reader::{self, Failure};
+use super::schema::remedy;
+use super::source::Source;
+use super::values::{self, Entry, Values};
+use super::{
+    Channels, Clock, ConfigError, Device, Estimate, Fault, Key, Name, Quantity, Recording, Reference,
+    Segments,
+};
+use crate::recording::{self, Layout};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A device and its recordings, as one TOML file describes them.
+///
+/// Two experiments are equal if they say the same, whatever file they came from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// A name; results go to a folder of this name unless another is given.
+    pub name: Name,
+    /// What the experiment is about, in free text.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// The device: exactly one table, such as `[device.shared_scanner]`.
+    pub device: Device,
+    /// The recordings, at least one.
+    #[serde(rename = "recording")]
+    #[schemars(length(min = 1))]
+    pub recordings: Vec<Recording>,
+    /// The estimate that is wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<Estimate>,
+    #[serde(skip)]
+    source: Source,
+}
+
+impl Experiment {
+    /// Reads an experiment file.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::from_source(Source::load(path)?)
+    }
+
+    /// Reads the text of an experiment file; `path` is where it stands, or would stand.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        Self::from_source(Source::of(text, path)?)
+    }
+
+    fn from_source(source: Source) -> Result<Self, ConfigError> {
+        let document = source.document()?;
+        let read = reader::read::<Self>(document.get_ref());
+        drop(document);
+        let mut experiment = read.map_err(|Failure { mut fault, key, byte }| {
+            if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+                *what = remedy(&key);
+            }
+            source.error(key, byte, fault)
+        })?;
+        experiment.source = source;
+        experiment.check()?;
+        Ok(experiment)
+    }
+
+    /// What no single key can be blamed for.
+    fn check(&self) -> Result<(), ConfigError> {
+        self.device.check().map_err(|(key, why)| self.error(key, Fault::Value { why }))?;
+        if self.recordings.is_empty() {
+            let why = "found no recording; expected at least one `[[recording]]`".to_owned();
+            return Err(self.error("recording", Fault::Value { why }));
+        }
+        self.check_names()?;
+        if let Some(Estimate { model: None, ekf: None, ukf: None, .. }) = self.estimate {
+            let why = "found no filter; add at least one of `[estimate.model]`, `[estimate.ekf]` and `[estimate.ukf]`";
+            return Err(self.error("estimate", Fault::Value { why: why.to_owned() }));
+        }
+        Ok(())
+    }
+
+    fn check_names(&self) -> Result<(), ConfigError> {
+        let mut seen: BTreeMap<&Name, Key> = BTreeMap::new();
+        for (index, recording) in self.recordings.iter().enumerate() {
+            let key = Key::from("recording").index(index);
+            let Some(name) = &recording.name else {
+                if self.recordings.len() == 1 {
+                    continue;
+                }
+                let remedy =
+                    "with several recordings each needs a name, such as `name = \"test-1\"`".to_owned();
+                return Err(self.error(key.child("name"), Fault::MissingKey { remedy }));
+            };
+            if let Some(first) = seen.get(name) {
+                let fault = Fault::DuplicateName { name: name.to_string(), first: first.to_string() };
+                return Err(self.error(key.child("name"), fault));
+            }
+            seen.insert(name, key);
+        }
+        Ok(())
+    }
+
+    /// The file it came from.
+    pub fn path(&self) -> &Path {
+        &self.source.path
+    }
+
+    /// A file that the experiment names: relative to the folder of the experiment file.
+    pub fn resolve(&self, file: &Path) -> PathBuf {
+        self.source.path.parent().unwrap_or(Path::new("")).join(file)
+    }
+
+    /// The same experiment as TOML, with every default written out where it has a value.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
+
+    /// An error at a key, with its line; for what only a rig can check.
+    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+        self.source.error_at(key.into(), fault)
+    }
+
+    /// The SI values of a table whose keys and kinds a rig knows, in the order of `expected`. All of them
+    /// must be there, and no others.
+    ///
+    /// `key` says where the table stands, such as `estimate.ekf.start`.
+    pub fn values<const N: usize>(
+        &self,
+        key: impl Into<Key>,
+        values: &Values,
+        expected: [Entry; N],
+    ) -> Result<[f64; N], ConfigError> {
+        values::read(values, expected)
+            .map_err(|(name, fault)| self.error(key.into().child(name.last()), fault))
+    }
+
+    /// The columns of a recording by the meanings that a rig knows, in the order of `meanings`. All of them
+    /// must be there, and no others.
+    ///
+    /// `key` says where the channels stand, such as `recording[0].channels`.
+    pub fn columns<'a, const N: usize>(
+        &self,
+        key: impl Into<Key>,
+        channels: &'a Channels,
+        meanings: [&str; N],
+    ) -> Result<[&'a str; N], ConfigError> {
+        let key = key.into();
+        if let Some((name, _)) = channels.iter().find(|(name, _)| !meanings.contains(name)) {
+            return Err(self.error(key.child(name), Fault::unknown_key(name, meanings)));
+        }
+        let mut columns = [""; N];
+        for (slot, meaning) in columns.iter_mut().zip(meanings) {
+            *slot = channels.column(meaning).ok_or_else(|| {
+                let remedy = format!("name the column, such as `{meaning} = \"{meaning}_V\"`");
+                self.error(key.clone().child(meaning), Fault::MissingKey { remedy })
+            })?;
+        }
+        Ok(columns)
+    }
+
+    /// A recording by its place in the file, counted from 0.
+    pub fn recording(&self, index: usize) -> Result<&Recording, ConfigError> {
+        self.recordings.get(index).ok_or_else(|| {
+            let why = format!("there is no recording {index}; there are {}", self.recordings.len());
+            self.error("recording", Fault::Value { why })
+        })
+    }
+}
+
+impl Recording {
+    /// How to read these columns of its file.
+    pub fn layout(&self, columns: &[&str]) -> Layout {
+        layout(&self.clock, self.segments.as_ref(), columns)
+    }
+
+    /// How to read these columns of its reference's file.
+    pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> Layout {
+        layout(reference.clock(self), reference.segments(self), columns)
+    }
+}
+
+fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str]) -> Layout {
+    Layout {
+        clock: match clock {
+            Clock::Column { column } => recording::Clock::Column(column.clone()),
+            Clock::Rate { rate, start } => recording::Clock::Rate {
+                rate_hz: rate.si(),
+                start_s: start.as_ref().map_or(0.0, Quantity::si),
+            },
+        },
+        segment_column: segments.map(|segments| segments.column.clone()),
+        columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
+    }
+}

@@ -1,0 +1,94 @@
+//! Where in an experiment file something stands: `device.shared_scanner.resonator.stiffness`.
+
+use std::fmt;
+
+/// The way from the top of the file to a key, such as `recording[0].channels.drive`; lists count from 0.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Key {
+    steps: Vec<Step>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    Name(String),
+    Index(usize),
+}
+
+impl Key {
+    /// The same, one name further down.
+    #[must_use]
+    pub fn child(mut self, name: &str) -> Self {
+        self.steps.push(Step::Name(name.to_owned()));
+        self
+    }
+
+    /// The same, one entry of a list further down.
+    #[must_use]
+    pub fn index(mut self, index: usize) -> Self {
+        self.steps.push(Step::Index(index));
+        self
+    }
+
+    /// Puts a step before the others; a reader learns the way from its end.
+    pub(super) fn prepend(&mut self, step: Step) {
+        self.steps.insert(0, step);
+    }
+
+    pub(super) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The name that it ends with; empty where it ends with an index, or is empty.
+    pub(super) fn last(&self) -> &str {
+        match self.steps.last() {
+            Some(Step::Name(name)) => name,
+            _ => "",
+        }
+    }
+
+    /// As the header of a table: the same without the indices.
+    pub(super) fn header(&self) -> Self {
+        let names = self.steps.iter().filter(|step| matches!(step, Step::Name(_)));
+        Self { steps: names.cloned().collect() }
+    }
+}
+
+impl From<&str> for Key {
+    /// From names joined by dots: `estimate.ekf.start`.
+    fn from(dotted: &str) -> Self {
+        Self { steps: dotted.split('.').map(|name| Step::Name(name.to_owned())).collect() }
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.steps.iter().enumerate() {
+            match step {
+                Step::Index(index) => write!(f, "[{index}]")?,
+                Step::Name(name) => {
+                    let dot = if i == 0 { "" } else { "." };
+                    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+                    if !name.is_empty() && name.chars().all(plain) {
+                        write!(f, "{dot}{}", super::error::shown(name))?;
+                    } else {
+                        write!(f, "{dot}\"{}\"", super::error::shown(name))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn is_written_as_in_the_file() {
+        let key = Key::from("recording").index(2).child("channels").child("drive");
+        assert_eq!(key.to_string(), "recording[2].channels.drive");
+        assert_eq!(key.header().to_string(), "recording.channels.drive");
+        assert_eq!(Key::from("estimate.ekf").child("a b").to_string(), "estimate.ekf.\"a b\"");
+    }
+}

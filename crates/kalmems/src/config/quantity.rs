@@ -1,0 +1,120 @@
+//! Values of a kind that the key demands.
+
+use super::error::shown;
+use super::kinds::KindOf;
+use super::sign::{Any, SignOf};
+use crate::units::{UnitError, Value};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
+use std::fmt;
+use std::marker::PhantomData;
+
+/// A value of one kind, such as a stiffness, and with the sign that physics demands.
+///
+/// In the file it is text with a unit; a ratio may also be a plain number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantity<K, S = Any> {
+    value: Value,
+    marker: PhantomData<(K, S)>,
+}
+
+impl<K: KindOf, S: SignOf> Quantity<K, S> {
+    /// The value in SI units.
+    pub const fn si(&self) -> f64 {
+        self.value.si()
+    }
+
+    /// The text as written.
+    pub fn text(&self) -> &str {
+        self.value.text()
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let value = parse(text, &Self::expectation(), K::kind().example)?;
+        S::SIGN.check(&value, K::kind())?;
+        Ok(Self { value, marker: PhantomData })
+    }
+
+    fn expectation() -> String {
+        let kind = K::kind();
+        format!("{}{} ({})", kind.name, S::SIGN.suffix(), kind.dimension)
+    }
+}
+
+impl<K, S> Serialize for Quantity<K, S> {
+    fn serialize<W: Serializer>(&self, serializer: W) -> Result<W::Ok, W::Error> {
+        serializer.serialize_str(self.value.text())
+    }
+}
+
+impl<'de, K: KindOf, S: SignOf> Deserialize<'de> for Quantity<K, S> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text<K, S>(PhantomData<(K, S)>);
+        impl<K: KindOf, S: SignOf> Visitor<'_> for Text<K, S> {
+            type Value = Quantity<K, S>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "{} as text in quotes", Quantity::<K, S>::expectation())
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+                Quantity::parse(text).map_err(E::custom)
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
+                self.visit_str(&number.to_string())
+            }
+
+            fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
+                // The shortest text that reads back as the same number.
+                self.visit_str(&format!("{number:?}"))
+            }
+        }
+        deserializer.deserialize_any(Text(PhantomData))
+    }
+}
+
+impl<K: KindOf, S: SignOf> JsonSchema for Quantity<K, S> {
+    fn schema_name() -> Cow<'static, str> {
+        Self::expectation().into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let kind = K::kind();
+        let ratio = kind.dimension == crate::units::Dimension::NONE;
+        let kinds = if ratio { serde_json::json!(["string", "number"]) } else { "string".into() };
+        json_schema!({
+            "type": kinds,
+            "title": Self::expectation(),
+            "pattern": NUMBER_FIRST,
+            "examples": [kind.example],
+        })
+    }
+}
+
+/// What every value starts with; the rest of the grammar is checked when it is read.
+pub(super) const NUMBER_FIRST: &str = r"^\s*[+-]?(\d|\.\d)";
+
+/// Reads a value; what is wrong comes back in words, with `expected` and an example.
+pub(super) fn parse(text: &str, expected: &str, example: &str) -> Result<Value, String> {
+    // A value is a few words; anything else would make the messages unreadable.
+    const LONGEST: usize = 100;
+    let wrong = if text.chars().count() > LONGEST || text.chars().any(char::is_control) {
+        format!("`{}` is not a number and a unit on one line", shown(text))
+    } else {
+        match Value::parse(text) {
+            Ok(value) => return Ok(value),
+            // Its own example is of another kind.
+            Err(UnitError::Number { found }) => format!("`{found}` does not start with a finite number"),
+            Err(other) => other.to_string(),
+        }
+    };
+    let joint = if wrong.ends_with('?') { " " } else { "; " };
+    Err(format!("{wrong}{joint}expected {expected}, such as `{example}`"))
+}

@@ -1,0 +1,203 @@
+//! What an experiment file says about its recordings.
+
+use super::Name;
+use super::kinds::{Frequency, Time};
+use super::quantity::Quantity;
+use super::sign::Positive;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::json;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// One recording: a file, what it was taken for, and what its columns mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Recording {
+    /// A name, unique in the experiment; may be left out where there is only one recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<Name>,
+    /// What it was taken for.
+    #[schemars(example = &"test")]
+    pub role: Role,
+    /// The file with the samples, relative to the folder of the experiment file.
+    #[schemars(example = &"recording.csv")]
+    pub file: PathBuf,
+    /// Where one file holds several records: the column that tells them apart. Time may restart with each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When the samples were taken.
+    pub clock: Clock,
+    /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`.
+    pub channels: Channels,
+    /// An independent measurement of the motion. Only the evaluation of an estimate, or an identification,
+    /// reads it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
+}
+
+/// What a recording was taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// An estimate is wanted, and judged where there is a reference.
+    Test,
+    /// Parameters are identified from it.
+    Training,
+    /// Motion of constant amplitude.
+    SteadyState,
+    /// Free decay after the drive was cut off.
+    RingDown,
+    /// The drive's frequency passes the resonance.
+    Sweep,
+    /// Driven, with the bias of the sensing electrodes on.
+    BiasOn,
+    /// Driven, with that bias off: what is left is feedthrough.
+    BiasOff,
+    /// No drive: what is left is noise.
+    ZeroDrive,
+    /// The output of a gyroscope on the device.
+    Gyro,
+}
+
+/// How several records in one file are told apart.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Segments {
+    /// The column whose value, text or number, changes from one record to the next.
+    pub column: String,
+}
+
+/// When samples were taken: a time column, or a rate where there is none.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+#[schemars(example = Clock::Column { column: "time_s".to_owned() })]
+pub enum Clock {
+    /// The file has a column of times.
+    Column {
+        /// Its name.
+        column: String,
+    },
+    /// The samples are equidistant.
+    Rate {
+        /// Samples per second.
+        rate: Quantity<Frequency, Positive>,
+        /// The time of the first sample, of each segment where there are several; 0 s if left out.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        start: Option<Quantity<Time>>,
+    },
+}
+
+impl<'de> Deserialize<'de> for Clock {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Keys {
+            column: Option<String>,
+            rate: Option<Quantity<Frequency, Positive>>,
+            start: Option<Quantity<Time>>,
+        }
+        const EXPECTED: &str = "expected either `column = \"time_s\"` or `rate = \"8 kHz\"`";
+        match Keys::deserialize(deserializer)? {
+            Keys { column: Some(column), rate: None, start: None } => Ok(Self::Column { column }),
+            Keys { column: None, rate: Some(rate), start } => Ok(Self::Rate { rate, start }),
+            Keys { column: Some(_), rate: Some(_), .. } => {
+                Err(D::Error::custom(format!("found both `column` and `rate`; {EXPECTED}")))
+            }
+            Keys { column: Some(_), rate: None, start: Some(_) } => Err(D::Error::custom(
+                "found `start` with `column`; a time column says itself when it starts, so remove `start`",
+            )),
+            Keys { column: None, rate: None, .. } => {
+                Err(D::Error::custom(format!("found neither `column` nor `rate`; {EXPECTED}")))
+            }
+        }
+    }
+}
+
+/// Columns by their meaning. The rig knows the meanings; there is at least one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "BTreeMap<String, String>")]
+pub struct Channels(BTreeMap<String, String>);
+
+impl Channels {
+    /// The column with this meaning.
+    pub fn column(&self, meaning: &str) -> Option<&str> {
+        self.0.get(meaning).map(String::as_str)
+    }
+
+    /// Meanings and columns, sorted by meaning.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(meaning, column)| (meaning.as_str(), column.as_str()))
+    }
+}
+
+impl TryFrom<BTreeMap<String, String>> for Channels {
+    type Error = &'static str;
+
+    fn try_from(columns: BTreeMap<String, String>) -> Result<Self, Self::Error> {
+        if columns.is_empty() {
+            Err(
+                "found no channel; expected at least one meaning with its column, such as `signal = \"cap_V\"`",
+            )
+        } else {
+            Ok(Self(columns))
+        }
+    }
+}
+
+impl JsonSchema for Channels {
+    fn schema_name() -> Cow<'static, str> {
+        "Channels".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = <BTreeMap<String, String>>::json_schema(generator);
+        schema.insert("minProperties".to_owned(), 1.into());
+        schema.insert("examples".to_owned(), json!([{ "drive": "drive_V", "signal": "cap_V" }]));
+        schema
+    }
+}
+
+/// An independent measurement of the motion. What is left out is as in the recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Its file, relative to the folder of the experiment file; the recording's file if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<PathBuf>,
+    /// The column that tells records apart; as in the recording if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    segments: Option<Segments>,
+    /// When its samples were taken; as in the recording if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock: Option<Clock>,
+    /// The columns by their meaning, such as `{ angle = "angle_rad" }`.
+    pub channels: Channels,
+    /// How much later than the motion the instrument shows it; 0 s if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delay: Option<Quantity<Time>>,
+}
+
+impl Reference {
+    /// Its file, relative to the folder of the experiment file.
+    pub fn file<'a>(&'a self, recording: &'a Recording) -> &'a Path {
+        self.file.as_deref().unwrap_or(&recording.file)
+    }
+
+    /// The column that tells records apart.
+    pub fn segments<'a>(&'a self, recording: &'a Recording) -> Option<&'a Segments> {
+        self.segments.as_ref().or(recording.segments.as_ref())
+    }
+
+    /// When its samples were taken.
+    pub fn clock<'a>(&'a self, recording: &'a Recording) -> &'a Clock {
+        self.clock.as_ref().unwrap_or(&recording.clock)
+    }
+
+    /// How much later than the motion the instrument shows it, in s.
+    pub fn delay_s(&self) -> f64 {
+        self.delay.as_ref().map_or(0.0, Quantity::si)
+    }
+}

@@ -1,0 +1,189 @@
+//! Experiment files: those of the reference recordings, and broken ones with their messages.
+
+use kalmems::config::{Clock, Experiment, Recording, schema};
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+const SETS: [&str; 6] = [
+    "accel-open-loop-1g",
+    "piston-nominal",
+    "shared-scanner",
+    "stage-room",
+    "stage-sweep",
+    "threshold-nominal",
+];
+
+fn file(set: &str) -> PathBuf {
+    Path::new("tests/experiments").join(set).with_extension("toml")
+}
+
+fn load(set: &str) -> Experiment {
+    Experiment::load(&file(set)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn broken() -> BTreeSet<PathBuf> {
+    let entries = fs::read_dir("tests/experiments/broken").unwrap();
+    entries.map(|e| e.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "toml")).collect()
+}
+
+#[test]
+fn every_reference_set_can_be_described() {
+    for set in SETS {
+        assert_eq!(load(set).name.as_str(), set);
+    }
+}
+
+#[test]
+fn written_out_and_read_again_is_the_same() {
+    for set in SETS {
+        let experiment = load(set);
+        let text = experiment.to_toml().unwrap();
+        let again = Experiment::parse(&text, &file(set)).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        assert_eq!(again, experiment);
+        assert_eq!(again.to_toml().unwrap(), text);
+    }
+}
+
+#[test]
+fn the_written_form_keeps_the_words_of_the_file() {
+    insta::assert_snapshot!(load("shared-scanner").to_toml().unwrap());
+}
+
+#[test]
+fn every_broken_file_says_what_is_wrong() {
+    let mut settings = insta::Settings::clone_current();
+    settings.set_snapshot_path("experiments/broken/messages");
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.bind(|| {
+        for path in broken() {
+            let message = match Experiment::load(&path) {
+                Ok(_) => panic!("{} was accepted", path.display()),
+                Err(e) => e.to_string(),
+            };
+            assert!(message.starts_with(&path.display().to_string()), "{message}");
+            insta::assert_snapshot!(path.file_stem().unwrap().to_str().unwrap(), message);
+        }
+    });
+}
+
+#[test]
+fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
+    let mut schemas = boon::Schemas::new();
+    let mut compiler = boon::Compiler::new();
+    compiler.add_resource("experiment.json", schema()).unwrap();
+    let compiled = compiler.compile("experiment.json", &mut schemas).unwrap();
+    let json = |path: &Path| {
+        let table: toml::Table = toml::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+        serde_json::to_value(table).unwrap()
+    };
+    for set in SETS {
+        schemas.validate(&json(&file(set)), compiled).unwrap_or_else(|e| panic!("{set}: {e:#}"));
+    }
+    // What a schema can know: keys, words, types and counts. Dimensions are checked when the file is read.
+    for name in [
+        "unknown_key_top",
+        "unknown_key_resonator",
+        "unknown_key_clock",
+        "unknown_device",
+        "unknown_role",
+        "two_devices",
+        "missing_key",
+        "missing_file",
+        "quantity_not_text",
+        "plain_number",
+        "nan_value",
+        "empty_recordings",
+        "empty_channels",
+        "clock_with_both",
+        "clock_with_neither",
+        "bad_name",
+        "constant_capacitance",
+    ] {
+        let broken = json(&file(&format!("broken/{name}")));
+        assert!(schemas.validate(&broken, compiled).is_err(), "{name} passes the schema");
+    }
+}
+
+#[test]
+fn every_example_in_the_schema_is_accepted_by_the_schema() {
+    fn visit(value: &serde_json::Value, check: &mut impl FnMut(&serde_json::Value)) {
+        check(value);
+        match value {
+            serde_json::Value::Object(map) => map.values().for_each(|v| visit(v, check)),
+            serde_json::Value::Array(items) => items.iter().for_each(|v| visit(v, check)),
+            _ => {}
+        }
+    }
+    let whole = schema();
+    let mut count = 0;
+    visit(&whole, &mut |part| {
+        let Some(examples) = part.get("examples").and_then(|e| e.as_array()) else { return };
+        let mut part = part.clone();
+        part["$defs"] = whole["$defs"].clone();
+        let mut schemas = boon::Schemas::new();
+        let mut compiler = boon::Compiler::new();
+        compiler.add_resource("part.json", part.clone()).unwrap();
+        let compiled = compiler.compile("part.json", &mut schemas).unwrap();
+        for example in examples {
+            assert!(schemas.validate(example, compiled).is_ok(), "{example} in {part:#}");
+            count += 1;
+        }
+    });
+    assert!(count > 50, "{count} examples");
+}
+
+#[test]
+#[ignore = "needs KALMEMS_REFERENCE_DATA"]
+fn every_named_file_and_column_is_there() {
+    let data = std::env::var_os("KALMEMS_REFERENCE_DATA")
+        .expect("KALMEMS_REFERENCE_DATA is not set; it names the folder that contains `recordings/`");
+    let folder = Path::new(&data).join("recordings");
+    for set in SETS {
+        // As if the experiment file stood among the recordings.
+        let text = fs::read_to_string(file(set)).unwrap();
+        let experiment = Experiment::parse(&text, &folder.join("experiment.toml")).unwrap();
+        for recording in &experiment.recordings {
+            for (file, column) in named_columns(recording) {
+                let path = experiment.resolve(&file);
+                let csv = fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+                let mut header = String::new();
+                BufReader::new(csv).read_line(&mut header).unwrap();
+                assert!(
+                    header.trim().split(',').any(|name| name == column),
+                    "{set}: `{column}` is not in {}: {header}",
+                    path.display()
+                );
+            }
+        }
+    }
+}
+
+fn named_columns(recording: &Recording) -> Vec<(PathBuf, String)> {
+    fn collect(
+        file: &Path,
+        segments: Option<&kalmems::config::Segments>,
+        clock: &Clock,
+        channels: &kalmems::config::Channels,
+    ) -> Vec<(PathBuf, String)> {
+        let mut names: Vec<String> = channels.iter().map(|(_, column)| column.to_owned()).collect();
+        names.extend(segments.map(|s| s.column.clone()));
+        if let Clock::Column { column } = clock {
+            names.push(column.clone());
+        }
+        names.into_iter().map(|name| (file.to_owned(), name)).collect()
+    }
+    let mut all =
+        collect(&recording.file, recording.segments.as_ref(), &recording.clock, &recording.channels);
+    if let Some(reference) = &recording.reference {
+        all.extend(collect(
+            reference.file(recording),
+            reference.segments(recording),
+            reference.clock(recording),
+            &reference.channels,
+        ));
+    }
+    all
+}
