@@ -1,0 +1,257 @@
+//! What a figure shows, as plain data: panels, axes and series.
+
+use super::decimate::{Decimated, Thinning, decimate, decimate_band};
+use super::draw;
+use super::error::ReportError;
+use super::{png, svg};
+
+/// Pixel columns of a figure, and so the columns to which a series is reduced.
+const COLUMNS: usize = 800;
+
+/// A figure: one panel or several below each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// A short name for files and references, such as `phase-error`.
+    pub id: String,
+    /// The line above the panels; empty for none.
+    pub title: String,
+    /// What the page prints below the picture.
+    pub caption: String,
+    /// From top to bottom.
+    pub panels: Vec<Panel>,
+}
+
+impl Figure {
+    /// A figure without panels yet.
+    pub fn new(id: impl Into<String>, title: impl Into<String>, caption: impl Into<String>) -> Self {
+        Self { id: id.into(), title: title.into(), caption: caption.into(), panels: Vec::new() }
+    }
+
+    /// Adds a panel below the others.
+    #[must_use]
+    pub fn with(mut self, panel: Panel) -> Self {
+        self.panels.push(panel);
+        self
+    }
+
+    /// The picture as SVG, 900 units wide. The same figure gives the same bytes.
+    pub fn to_svg(&self) -> String {
+        svg::write(&draw::scene(self))
+    }
+
+    /// The same picture as PNG, 1800 pixels wide.
+    pub fn to_png(&self) -> Result<Vec<u8>, ReportError> {
+        png::encode(&draw::scene(self), &self.id)
+    }
+}
+
+/// One coordinate system with its series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Whether it has the same x axis as the panel above it: one range, labelled below the lowest of them.
+    pub shares_x: bool,
+    /// What is drawn, in the order of the legend.
+    pub series: Vec<Series>,
+}
+
+impl Panel {
+    /// A panel without series yet.
+    pub fn new(x: Axis, y: Axis) -> Self {
+        Self { x, y, shares_x: false, series: Vec::new() }
+    }
+
+    /// Takes the x axis of the panel above.
+    #[must_use]
+    pub fn sharing_x(mut self) -> Self {
+        self.shares_x = true;
+        self
+    }
+
+    /// Adds a series.
+    #[must_use]
+    pub fn with(mut self, series: Series) -> Self {
+        self.series.push(series);
+        self
+    }
+}
+
+/// How values are placed along an axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scale {
+    /// In proportion.
+    #[default]
+    Linear,
+    /// By their logarithm; what is not positive lies below the axis.
+    Log,
+}
+
+/// A quantity along one side of a panel. Its data are in `unit`; the tick labels take an SI prefix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// The quantity, such as `phase error`.
+    pub label: String,
+    /// The unit of the data without prefix, such as `s`, `V^2/Hz` or `deg`; empty or `1` for a ratio.
+    pub unit: String,
+    /// Linear or logarithmic.
+    pub scale: Scale,
+    /// From and to; taken from the data where there is none.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Axis {
+    /// A linear axis over all of the data.
+    pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { label: label.into(), unit: unit.into(), scale: Scale::Linear, range: None }
+    }
+
+    /// Makes it logarithmic.
+    #[must_use]
+    pub fn log(mut self) -> Self {
+        self.scale = Scale::Log;
+        self
+    }
+
+    /// Shows this range only; the figure notes every series that leaves it.
+    #[must_use]
+    pub fn between(mut self, from: f64, to: f64) -> Self {
+        self.range = Some([from, to]);
+        self
+    }
+}
+
+/// What a series stands for. It decides colour and width, the same throughout a report.
+///
+/// Measured and reference lines are wide and light, what is computed is thin and dark and lies above: where
+/// the two agree, both can be seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// What the sensor gave.
+    Measured,
+    /// What a model predicts for it.
+    Model,
+    /// What a filter says.
+    Estimate,
+    /// An independent measurement of the truth.
+    Reference,
+    /// What drives the device.
+    Input,
+    /// A bound, a limit or an interval that a test allows.
+    Bound,
+    /// Anything else: the next colour that is free.
+    Other,
+}
+
+/// What is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A line through the points of each run.
+    Line(Vec<Vec<[f64; 2]>>),
+    /// Separate points.
+    Points(Vec<[f64; 2]>),
+    /// The area between a lower and an upper line: x, lower, upper.
+    Band(Vec<Vec<[f64; 3]>>),
+    /// A horizontal line across the panel.
+    Level(f64),
+}
+
+/// A labelled signal, reduced to what a picture can show when it is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    label: String,
+    role: Role,
+    shape: Shape,
+    source_samples: usize,
+    gaps: usize,
+    not_positive: usize,
+    thinning: Thinning,
+}
+
+impl Series {
+    /// A line through `(x, y)`. A value that is not finite breaks it.
+    pub fn line<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    where
+        P: IntoIterator<Item = (f64, f64)>,
+        P::IntoIter: Clone,
+    {
+        Self::reduced(label.into(), role, decimate(points, COLUMNS), Shape::Line)
+    }
+
+    /// Separate points at `(x, y)`.
+    pub fn points<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    where
+        P: IntoIterator<Item = (f64, f64)>,
+        P::IntoIter: Clone,
+    {
+        Self::reduced(label.into(), role, decimate(points, COLUMNS), |runs| Shape::Points(runs.concat()))
+    }
+
+    /// The area between `lower` and `upper` of `(x, lower, upper)`.
+    pub fn band<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    where
+        P: IntoIterator<Item = (f64, f64, f64)>,
+        P::IntoIter: Clone,
+    {
+        Self::reduced(label.into(), role, decimate_band(points, COLUMNS), Shape::Band)
+    }
+
+    /// A horizontal line at `y`. One that is not finite is noted and not drawn.
+    pub fn level(label: impl Into<String>, role: Role, y: f64) -> Self {
+        let single = decimate([(0.0, y)], 1);
+        Self::reduced(label.into(), role, single, |_| Shape::Level(y))
+    }
+
+    fn reduced<T>(
+        label: String,
+        role: Role,
+        data: Decimated<T>,
+        shape: impl FnOnce(Vec<Vec<T>>) -> Shape,
+    ) -> Self {
+        Self {
+            label,
+            role,
+            source_samples: data.samples,
+            gaps: data.missing,
+            not_positive: data.not_positive,
+            thinning: data.thinning,
+            shape: shape(data.runs),
+        }
+    }
+
+    /// Its text in the legend; a series without one has no entry there.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// What it stands for.
+    pub fn role(&self) -> Role {
+        self.role
+    }
+
+    /// What is left to draw.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// How many samples it was made from.
+    pub fn source_samples(&self) -> usize {
+        self.source_samples
+    }
+
+    /// How many of them are missing: not finite, or beyond 1e300.
+    pub fn gaps(&self) -> usize {
+        self.gaps
+    }
+
+    /// How many of the others are not positive.
+    pub(super) fn not_positive(&self) -> usize {
+        self.not_positive
+    }
+
+    pub(super) fn thinning(&self) -> Thinning {
+        self.thinning
+    }
+}

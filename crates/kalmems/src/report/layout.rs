@@ -1,0 +1,228 @@
+//! Where the panels of a figure lie, what their axes show, and where the legends stand.
+
+use super::axis::{Range, Ticks};
+use super::figure::{Axis, Figure, Panel, Series, Shape};
+use super::scene::Rect;
+use super::text::Ruler;
+
+pub(super) const WIDTH: f64 = 900.0;
+pub(super) const EDGE: f64 = 12.0;
+pub(super) const TITLE_SIZE: f64 = 14.0;
+pub(super) const TITLE_LINE: f64 = 19.0;
+pub(super) const AXIS_SIZE: f64 = 12.0;
+pub(super) const AXIS_LINE: f64 = 15.0;
+pub(super) const TICK_SIZE: f64 = 11.0;
+pub(super) const LEGEND_SIZE: f64 = 11.5;
+pub(super) const LEGEND_LINE: f64 = 18.0;
+/// The sample of a line in a legend, and the room after it.
+pub(super) const SWATCH: f64 = 24.0;
+const SWATCH_ROOM: f64 = 6.0;
+const ENTRY_ROOM: f64 = 22.0;
+/// Between the title of the y axis, its labels and the frame.
+const LABEL_ROOM: f64 = 13.0;
+/// Right of the frame, for half of the last label of the x axis.
+const RIGHT: f64 = 28.0;
+
+/// One panel in its place.
+pub(super) struct Place<'a> {
+    pub(super) panel: &'a Panel,
+    pub(super) frame: Rect,
+    /// None where there is nothing to show.
+    pub(super) x: Option<Range>,
+    pub(super) y: Option<Range>,
+    pub(super) x_ticks: Ticks,
+    pub(super) y_ticks: Ticks,
+    pub(super) y_title: Vec<String>,
+    /// The right side of the y title, left of all labels.
+    pub(super) y_title_right: f64,
+    /// Whether the labels of the x axis stand below this panel.
+    pub(super) labels_x: bool,
+    pub(super) legend: Vec<Entry>,
+}
+
+/// A series in the legend.
+pub(super) struct Entry {
+    /// Which series of the panel.
+    pub(super) series: usize,
+    pub(super) text: String,
+    /// The left end of the sample, and the middle of the line.
+    pub(super) at: [f64; 2],
+}
+
+impl Entry {
+    pub(super) fn text_at(&self) -> [f64; 2] {
+        [self.at[0] + SWATCH + SWATCH_ROOM, self.at[1] + 0.36 * LEGEND_SIZE]
+    }
+}
+
+/// The panels of a figure in their places.
+pub(super) struct Layout<'a> {
+    pub(super) title: Vec<String>,
+    pub(super) places: Vec<Place<'a>>,
+    pub(super) bottom: f64,
+}
+
+impl<'a> Layout<'a> {
+    pub(super) fn of(figure: &'a Figure, ruler: &Ruler) -> Self {
+        let height = match figure.panels.len() {
+            0 | 1 => 320.0,
+            2 => 220.0,
+            _ => 180.0,
+        };
+        let title = ruler.wrap(&figure.title, TITLE_SIZE, WIDTH - 2.0 * EDGE);
+        let axes: Vec<Axes> = shared(&figure.panels).into_iter().flat_map(|g| axes_of(g, height)).collect();
+
+        let labels = axes.iter().flat_map(|a| &a.y_ticks.major).map(|t| ruler.width(&t.label, TICK_SIZE));
+        let labels = labels.fold(0.0, f64::max);
+        let y_titles: Vec<Vec<String>> =
+            axes.iter().map(|a| title_lines(ruler, &a.y_ticks.title, height)).collect();
+        let lines = y_titles.iter().map(Vec::len).max().unwrap_or(0);
+        let left = (EDGE + lines as f64 * AXIS_LINE + labels + LABEL_ROOM).ceil();
+        let width = (WIDTH - left - RIGHT).max(100.0);
+
+        let mut top = EDGE + title.len() as f64 * TITLE_LINE;
+        let mut places = Vec::new();
+        for ((panel, axes), y_title) in figure.panels.iter().zip(axes).zip(y_titles) {
+            let (legend, rows) = legend(ruler, panel, [left, top], width);
+            top = (top + if rows > 0 { rows as f64 * LEGEND_LINE + 5.0 } else { 10.0 }).ceil();
+            let frame = Rect { left, top, width, height };
+            let x_ticks =
+                axes.x.map_or_else(|| Ticks::none(axes.x_axis), |x| x_ticks(ruler, axes.x_axis, x, width));
+            top += height + if axes.labels_x { 24.0 + AXIS_LINE + 8.0 } else { 8.0 };
+            places.push(Place {
+                panel,
+                frame,
+                x: axes.x,
+                y: axes.y,
+                x_ticks,
+                y_ticks: axes.y_ticks,
+                y_title,
+                y_title_right: left - labels - LABEL_ROOM,
+                labels_x: axes.labels_x,
+                legend,
+            });
+        }
+        Self { title, places, bottom: top }
+    }
+}
+
+/// What the axes of a panel show, before it has a place.
+struct Axes<'a> {
+    x_axis: &'a Axis,
+    x: Option<Range>,
+    y: Option<Range>,
+    y_ticks: Ticks,
+    labels_x: bool,
+}
+
+/// Panels that follow each other and have one x axis.
+fn shared(panels: &[Panel]) -> Vec<&[Panel]> {
+    panels.chunk_by(|_, below| below.shares_x).collect()
+}
+
+fn axes_of(group: &[Panel], height: f64) -> Vec<Axes<'_>> {
+    let Some(last) = group.len().checked_sub(1) else { return Vec::new() };
+    let Some(x_axis) = group.first().map(|panel| &panel.x) else { return Vec::new() };
+    let x = x_range(group, x_axis);
+    group
+        .iter()
+        .enumerate()
+        .map(|(i, panel)| {
+            let y = y_range(panel, x);
+            Axes {
+                x_axis,
+                x,
+                y,
+                y_ticks: y.map_or_else(
+                    || Ticks::none(&panel.y),
+                    |y| Ticks::new(&panel.y, y, (height / 28.0).floor()),
+                ),
+                labels_x: i == last,
+            }
+        })
+        .collect()
+}
+
+fn x_range(group: &[Panel], axis: &Axis) -> Option<Range> {
+    if let Some(range) = Range::fixed(axis) {
+        return Some(range);
+    }
+    let series = || group.iter().flat_map(|panel| &panel.series);
+    // A point on the frame would be drawn half outside.
+    let margin = if series().any(|s| matches!(s.shape(), Shape::Points(_))) { 0.015 } else { 0.0 };
+    Range::around(axis.scale, series().flat_map(extent).map(|[x, _, _]| x), margin)
+}
+
+fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
+    if let Some(range) = Range::fixed(&panel.y) {
+        return Some(range);
+    }
+    let shown = |px: f64| x.is_some_and(|x| (0.0..=1.0).contains(&x.position(px)));
+    let levels = panel.series.iter().filter_map(|s| match s.shape() {
+        Shape::Level(y) => Some(*y),
+        _ => None,
+    });
+    let values = panel.series.iter().flat_map(extent).filter(|p| shown(p[0])).flat_map(|p| [p[1], p[2]]);
+    Range::around(panel.y.scale, values.chain(levels), 0.06)
+}
+
+/// All points as x, lowest and highest value; a level has no x and so none.
+pub(super) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_> {
+    match series.shape() {
+        Shape::Line(runs) => Box::new(runs.iter().flatten().map(|p| [p[0], p[1], p[1]])),
+        Shape::Points(points) => Box::new(points.iter().map(|p| [p[0], p[1], p[1]])),
+        Shape::Band(runs) => Box::new(runs.iter().flatten().copied()),
+        Shape::Level(_) => Box::new(std::iter::empty()),
+    }
+}
+
+/// As many marks as their labels leave room for.
+fn x_ticks(ruler: &Ruler, axis: &Axis, range: Range, width: f64) -> Ticks {
+    let mut count = (width / 75.0).floor();
+    loop {
+        let ticks = Ticks::new(axis, range, count);
+        let widest = ticks.major.iter().map(|t| ruler.width(&t.label, TICK_SIZE)).fold(0.0, f64::max);
+        let fits = ticks.major.windows(2).all(|pair| match pair {
+            [a, b] => (range.position(b.at) - range.position(a.at)) * width >= widest + 14.0,
+            _ => true,
+        });
+        if fits || count <= 2.0 {
+            return ticks;
+        }
+        count -= 1.0;
+    }
+}
+
+/// A title along the y axis, broken so that it is no longer than the panel is high.
+fn title_lines(ruler: &Ruler, title: &str, limit: f64) -> Vec<String> {
+    // More lines would leave no room for the data.
+    const MOST: usize = 6;
+    let mut lines = ruler.wrap(title, AXIS_SIZE, limit);
+    if lines.len() > MOST {
+        let rest = lines.split_off(MOST - 1).join(" ");
+        lines.push(ruler.cut(&rest, AXIS_SIZE, limit));
+    }
+    lines
+}
+
+/// The entries in rows from `corner`, and the number of rows.
+fn legend(ruler: &Ruler, panel: &Panel, corner: [f64; 2], width: f64) -> (Vec<Entry>, usize) {
+    let mut entries = Vec::new();
+    let mut rows = 0_usize;
+    let mut x = f64::INFINITY;
+    for (series, s) in panel.series.iter().enumerate() {
+        if s.label().trim().is_empty() {
+            continue;
+        }
+        let text = ruler.cut(s.label().trim(), LEGEND_SIZE, width - SWATCH - SWATCH_ROOM);
+        let needed = SWATCH + SWATCH_ROOM + ruler.width(&text, LEGEND_SIZE);
+        if x + needed > width {
+            rows += 1;
+            x = 0.0;
+        }
+        let y = corner[1] + (rows as f64 - 0.5) * LEGEND_LINE;
+        entries.push(Entry { series, text, at: [corner[0] + x, y] });
+        x += needed + ENTRY_ROOM;
+    }
+    (entries, rows)
+}

@@ -1,0 +1,113 @@
+//! SI prefixes for the labels of an axis.
+
+use super::text::{power_of_ten, unit_sign};
+
+/// Units that take a prefix when they stand first, as in V, V/√Hz and rad/s.
+const TAKE_PREFIX: [&str; 20] = [
+    "s", "m", "g", "A", "K", "V", "F", "C", "W", "J", "N", "Pa", "T", "H", "S", "Hz", "rad", "ohm", "Ohm",
+    "Ω",
+];
+
+/// From 10⁻²⁴ to 10²⁴ in steps of 10³.
+const PREFIXES: [&str; 17] =
+    ["y", "z", "a", "f", "p", "n", "µ", "m", "", "k", "M", "G", "T", "P", "E", "Z", "Y"];
+
+/// A unit in which values of some size are short to write.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Prefixed {
+    /// As printed: `µs`, or `10⁻⁶ V²` where no prefix can stand.
+    pub(super) unit: String,
+    /// The power of ten by which values are divided.
+    pub(super) exponent: i32,
+    /// Whether the power stands there as a number.
+    pub(super) is_power: bool,
+}
+
+impl Prefixed {
+    /// The unit times the power of ten of the first digit of a value.
+    pub(super) fn power(unit: &str, value: f64) -> Self {
+        #[allow(clippy::cast_possible_truncation)] // a cast saturates, and exponents lie within ±400
+        let exponent = (value.abs().log10() + 1e-9).floor() as i32;
+        Self { unit: times_ten_to(exponent, &unit_sign(unit)), exponent, is_power: true }
+    }
+
+    /// What stands between a number and the unit.
+    pub(super) fn joint(&self) -> &'static str {
+        if self.is_power { " · " } else { " " }
+    }
+}
+
+/// The unit for values up to `largest`.
+pub(super) fn prefixed(unit: &str, largest: f64) -> Prefixed {
+    let sign = unit_sign(unit);
+    let plain = Prefixed { unit: sign.clone(), exponent: 0, is_power: false };
+    let decade = largest.abs().log10();
+    if !decade.is_finite() {
+        return plain;
+    }
+    #[allow(clippy::cast_possible_truncation)] // within ±400
+    // The small amount holds 10⁻⁶ where its logarithm is rounded down.
+    let thousands = ((decade + 1e-9) / 3.0).floor() as i32;
+    let exponent = 3 * thousands;
+    if exponent == 0 {
+        return plain;
+    }
+    let symbol = usize::try_from(thousands + 8).ok().and_then(|i| PREFIXES.get(i));
+    if let Some(symbol) = symbol.filter(|_| takes_prefix(unit)) {
+        // Seconds and radians do not become kiloseconds.
+        if exponent > 0 && matches!(unit.trim(), "s" | "rad") {
+            return plain;
+        }
+        return Prefixed { unit: format!("{symbol}{sign}"), exponent, is_power: false };
+    }
+    // Without a prefix, numbers may be somewhat longer before a power of ten has to explain them.
+    if (-2.0..5.0).contains(&decade) {
+        return plain;
+    }
+    Prefixed { unit: times_ten_to(exponent, &sign), exponent, is_power: true }
+}
+
+fn times_ten_to(exponent: i32, sign: &str) -> String {
+    let power = power_of_ten(exponent);
+    if sign.is_empty() { power } else { format!("{power} {sign}") }
+}
+
+/// Whether the first symbol of a unit may have a prefix: yes for V/√Hz, no for V², whose prefix is squared.
+fn takes_prefix(unit: &str) -> bool {
+    let unit = unit.trim();
+    let end = unit.find(|c: char| !c.is_alphabetic()).unwrap_or(unit.len());
+    let (symbol, rest) = unit.split_at(end);
+    TAKE_PREFIX.contains(&symbol) && rest.chars().next().is_none_or(|c| matches!(c, '/' | ' ' | '*' | '·'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_fits_the_size() {
+        for (unit, largest, printed, exponent) in [
+            ("s", 22.3e-3, "ms", -3),
+            ("s", 1e-6, "µs", -6),
+            ("s", 5e3, "s", 0),
+            ("Hz", 15.7e3, "kHz", 3),
+            ("F", 5.7e-12, "pF", -12),
+            ("V", 1.0, "V", 0),
+            ("V", 999.0, "V", 0),
+            ("deg", 0.05, "deg", 0),
+            ("deg", 12_000.0, "deg", 0),
+            ("deg", 0.005, "10⁻³ deg", -3),
+            ("%", 3.0, "%", 0),
+            ("V^2", 3e-6, "10⁻⁶ V²", -6),
+            ("V²", 3e-6, "10⁻⁶ V²", -6),
+            ("kg m^2", 1e-14, "10⁻¹⁵ kg·m²", -15),
+            ("N m", 1e-4, "µN·m", -6),
+            ("1", 1e-9, "10⁻⁹", -9),
+            ("V", 1e-30, "10⁻³⁰ V", -30),
+            ("V", 0.0, "V", 0),
+        ] {
+            let got = prefixed(unit, largest);
+            assert_eq!((got.unit.as_str(), got.exponent), (printed, exponent), "{unit} {largest}");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Colours and line widths. The colours are those of Okabe and Ito, which the colour-blind can tell apart.
+
+use super::figure::{Role, Series, Shape};
+use super::scene::{Colour, Stroke};
+
+pub(super) const INK: Colour = Colour(0x22, 0x22, 0x22);
+pub(super) const FAINT_INK: Colour = Colour(0x66, 0x66, 0x66);
+pub(super) const FRAME: Stroke = Stroke { colour: Colour(0x77, 0x77, 0x77), width: 0.8, dashed: false };
+pub(super) const GRID: Stroke = Stroke { colour: Colour(0xe4, 0xe4, 0xe4), width: 0.7, dashed: false };
+pub(super) const BAND_OPACITY: f64 = 0.22;
+
+const BLACK: Colour = Colour(0x00, 0x00, 0x00);
+const ORANGE: Colour = Colour(0xe6, 0x9f, 0x00);
+const SKY: Colour = Colour(0x56, 0xb4, 0xe9);
+const GREEN: Colour = Colour(0x00, 0x9e, 0x73);
+const BLUE: Colour = Colour(0x00, 0x72, 0xb2);
+const VERMILION: Colour = Colour(0xd5, 0x5e, 0x00);
+const PURPLE: Colour = Colour(0xcc, 0x79, 0xa7);
+const GREY: Colour = Colour(0x99, 0x99, 0x99);
+
+/// For series whose role has no colour left, in this order. Yellow is missing: it cannot be seen on white.
+const FREE: [Colour; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
+
+fn colour_of(role: Role) -> Option<Colour> {
+    match role {
+        Role::Measured => Some(GREY),
+        Role::Model => Some(VERMILION),
+        Role::Estimate => Some(BLUE),
+        Role::Reference => Some(ORANGE),
+        Role::Input => Some(GREEN),
+        Role::Bound => Some(PURPLE),
+        Role::Other => None,
+    }
+}
+
+/// A colour for each series of a panel.
+///
+/// The first line of a role has its colour and each further one the next that is free. A band has the colour
+/// of the line of the same role that it belongs to: the first band that of the first line. A series without a
+/// label goes with the one of its role before it.
+pub(super) fn colours(series: &[Series]) -> Vec<Colour> {
+    let mut used: Vec<Colour> = series.iter().filter_map(|s| colour_of(s.role())).collect();
+    let mut assigned: Vec<(Role, Vec<Colour>)> = Vec::new();
+    let mut counts: Vec<(Role, bool, usize)> = Vec::new();
+    series
+        .iter()
+        .map(|s| {
+            let is_band = matches!(s.shape(), Shape::Band(_));
+            let nth = nth(&mut counts, s.role(), is_band, s.label().trim().is_empty());
+            let place = assigned.iter().position(|(role, _)| *role == s.role()).unwrap_or_else(|| {
+                assigned.push((s.role(), Vec::new()));
+                assigned.len() - 1
+            });
+            let Some((_, of_role)) = assigned.get_mut(place) else { return BLACK };
+            while of_role.len() <= nth {
+                let colour = colour_of(s.role())
+                    .filter(|_| of_role.is_empty())
+                    .or_else(|| FREE.iter().find(|c| !used.contains(c)).copied())
+                    // More series than colours: start again.
+                    .unwrap_or(FREE[used.len() % FREE.len()]);
+                used.push(colour);
+                of_role.push(colour);
+            }
+            of_role.get(nth).copied().unwrap_or(BLACK)
+        })
+        .collect()
+}
+
+/// Which line, or which band, of its role a series is.
+fn nth(counts: &mut Vec<(Role, bool, usize)>, role: Role, is_band: bool, continues: bool) -> usize {
+    if let Some((_, _, nth)) = counts.iter_mut().find(|(r, b, _)| (*r, *b) == (role, is_band)) {
+        *nth += usize::from(!continues);
+        return *nth;
+    }
+    counts.push((role, is_band, 0));
+    0
+}
+
+/// How a line of this role is drawn.
+pub(super) fn stroke(role: Role, colour: Colour) -> Stroke {
+    match role {
+        Role::Measured | Role::Reference => Stroke { colour, width: 3.2, dashed: false },
+        Role::Bound => Stroke { colour, width: 1.4, dashed: true },
+        _ => Stroke { colour, width: 1.4, dashed: false },
+    }
+}
+
+/// The edge of a band over dense data: darker than any line.
+pub(super) fn band_edge(colour: Colour) -> Stroke {
+    let darker = |part: u8| part / 2;
+    Stroke { colour: Colour(darker(colour.0), darker(colour.1), darker(colour.2)), width: 0.9, dashed: false }
+}
+
+/// What is drawn first lies below: bands, then wide lines, then thin ones, then points.
+pub(super) fn layer(series: &Series) -> u8 {
+    match (series.shape(), series.role()) {
+        (Shape::Band(_), Role::Bound) => 0,
+        (Shape::Band(_), _) => 1,
+        (Shape::Points(_), Role::Measured | Role::Reference) => 2,
+        (Shape::Line(_) | Shape::Level(_), Role::Measured | Role::Reference) => 3,
+        (Shape::Line(_), Role::Bound) | (Shape::Level(_), _) => 4,
+        (Shape::Line(_), _) => 5,
+        (Shape::Points(_), _) => 6,
+    }
+}
+
+/// Many points are drawn smaller.
+pub(super) fn radius(points: usize) -> f64 {
+    match points {
+        0..=150 => 2.4,
+        151..=600 => 1.7,
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(role: Role) -> Series {
+        Series::line("line", role, [(0.0, 0.0)])
+    }
+
+    fn band(role: Role) -> Series {
+        Series::band("band", role, [(0.0, 0.0, 1.0)])
+    }
+
+    #[test]
+    fn roles_keep_their_colour_and_repeated_ones_get_another() {
+        use Role::{Estimate, Model, Other};
+        let series =
+            [line(Other), band(Estimate), line(Estimate), line(Estimate), band(Estimate), line(Model)];
+        let got = colours(&series);
+        assert_eq!(got, [GREEN, BLUE, BLUE, PURPLE, PURPLE, VERMILION]);
+        let unnamed = Series::level("", Role::Bound, 1.0);
+        let pair = colours(&[line(Role::Bound), unnamed]);
+        assert_eq!(pair[0], pair[1]);
+        let many = colours(&vec![line(Other); 20]);
+        assert_eq!(many.len(), 20);
+        assert!(many.windows(2).all(|pair| pair[0] != pair[1]));
+    }
+}

@@ -1,0 +1,155 @@
+//! Tables, for the page and for the terminal.
+
+use super::text::{printable, with_unit};
+
+/// The head of a column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// What stands in it.
+    pub label: String,
+    /// Its unit, such as `deg`; empty for none.
+    pub unit: String,
+    /// Whether it holds numbers, which are aligned on the right.
+    pub numeric: bool,
+}
+
+impl Column {
+    /// A column of words.
+    pub fn text(label: impl Into<String>) -> Self {
+        Self { label: label.into(), unit: String::new(), numeric: false }
+    }
+
+    /// A column of numbers.
+    pub fn number(label: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { label: label.into(), unit: unit.into(), numeric: true }
+    }
+
+    /// Label and unit as printed: `rms error (deg)`.
+    pub fn head(&self) -> String {
+        with_unit(&self.label, &self.unit)
+    }
+}
+
+/// Columns and rows of text; numbers are formatted by whoever knows their precision.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Table {
+    /// A line above it; empty for none.
+    pub caption: String,
+    /// From left to right.
+    pub columns: Vec<Column>,
+    /// From top to bottom. A cell that is missing is empty; one beyond the columns stands there all the same.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table without rows yet.
+    pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = Column>) -> Self {
+        Self { caption: caption.into(), columns: columns.into_iter().collect(), rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    pub fn push<C: Into<String>>(&mut self, cells: impl IntoIterator<Item = C>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+
+    /// Adds a row.
+    #[must_use]
+    pub fn row<C: Into<String>>(mut self, cells: impl IntoIterator<Item = C>) -> Self {
+        self.push(cells);
+        self
+    }
+
+    /// How many columns there are, counting the longest row.
+    pub(super) fn width(&self) -> usize {
+        self.rows.iter().map(Vec::len).chain([self.columns.len()]).max().unwrap_or(0)
+    }
+
+    pub(super) fn is_numeric(&self, column: usize) -> bool {
+        self.columns.get(column).is_some_and(|c| c.numeric)
+    }
+
+    pub(super) fn head(&self, column: usize) -> String {
+        self.columns.get(column).map(Column::head).unwrap_or_default()
+    }
+
+    /// Aligned with spaces, with a rule below the head, and a line break at the end.
+    pub fn to_text(&self) -> String {
+        let heads: Vec<String> = (0..self.width()).map(|c| plain(&self.head(c))).collect();
+        let rows: Vec<Vec<String>> = self
+            .rows
+            .iter()
+            .map(|row| (0..heads.len()).map(|c| row.get(c).map_or_else(String::new, |t| plain(t))).collect())
+            .collect();
+        let widths: Vec<usize> = (0..heads.len())
+            .map(|c| {
+                rows.iter().chain([&heads]).filter_map(|r| r.get(c)).map(|t| length(t)).max().unwrap_or(0)
+            })
+            .collect();
+        let line = |cells: &[String]| {
+            let padded: Vec<String> = cells
+                .iter()
+                .zip(&widths)
+                .enumerate()
+                .map(|(c, (text, width))| {
+                    let room = " ".repeat(width.saturating_sub(length(text)));
+                    if self.is_numeric(c) { room + text } else { text.clone() + &room }
+                })
+                .collect();
+            format!("{}\n", padded.join("  ").trim_end())
+        };
+        let rule: Vec<String> = widths.iter().map(|w| "─".repeat(*w)).collect();
+        let mut out = String::new();
+        if !self.caption.is_empty() {
+            out.push_str(&plain(&self.caption));
+            out.push('\n');
+        }
+        if !heads.is_empty() {
+            out.push_str(&line(&heads));
+            out.push_str(&line(&rule));
+        }
+        for row in &rows {
+            out.push_str(&line(row));
+        }
+        out
+    }
+}
+
+/// One line, without anything that a terminal would obey.
+fn plain(text: &str) -> String {
+    text.chars().map(|c| if c == '\n' || c == '\t' { ' ' } else { printable(c) }).collect()
+}
+
+fn length(text: &str) -> usize {
+    text.chars().count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned() {
+        let table = Table::new(
+            "Errors against the reference",
+            [Column::text("filter"), Column::number("rms error", "deg"), Column::number("χ²", "")],
+        )
+        .row(["extended", "0.0123", "1.02"])
+        .row(["steady state", "12.1"])
+        .row(["µ\u{1b}[2J", "−0.5", "1", "beyond"]);
+        insta::assert_snapshot!(table.to_text(), @r"
+        Errors against the reference
+        filter        rms error (deg)    χ²
+        ────────────  ───────────────  ────  ──────
+        extended               0.0123  1.02
+        steady state             12.1
+        µ�[2J                    −0.5     1  beyond
+        ");
+    }
+
+    #[test]
+    fn an_empty_table_is_its_caption() {
+        assert_eq!(Table::new("nothing", []).to_text(), "nothing\n");
+        assert_eq!(Table::default().to_text(), "");
+        assert_eq!(Table::new("", [Column::text("a")]).to_text(), "a\n─\n");
+    }
+}
