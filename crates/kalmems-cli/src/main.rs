@@ -1,2 +1,53 @@
-//! The `kalmems` command.
-fn main() {}
+//! The `kalmems` command: arguments, progress and exit codes. What it does is in the library `kalmems`.
+//!
+//! Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; 3 under `--strict`, an estimate
+//! failed its consistency test; 130 interrupted.
+
+mod args;
+mod commands;
+mod interrupt;
+mod progress;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use std::process::ExitCode;
+
+/// How a command ended, other than well.
+enum Ending {
+    /// Something is wrong; in words.
+    Wrong(String),
+    /// Stopped by the user.
+    Interrupted,
+    /// An estimate failed its consistency test, and the user wanted to know.
+    NotConsistent(String),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    interrupt::listen();
+    let ending = match &arguments.command {
+        Command::Estimate(arguments) => commands::estimate::run(arguments),
+        Command::Inspect(arguments) => commands::inspect::run(arguments),
+        Command::Schema => commands::schema::run(),
+    };
+    let (message, code) = match ending {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Ending::Wrong(message)) => (message, 1),
+        Err(Ending::NotConsistent(message)) => (message, 3),
+        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), 130),
+    };
+    eprintln!("error: {message}");
+    ExitCode::from(code)
+}
+
+/// Prints to standard output. A reader that closes the pipe early has what it wanted.
+fn print(text: &str) -> Result<(), Ending> {
+    use std::io::{ErrorKind, Write};
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(Ending::Wrong(format!("cannot write to standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
+}

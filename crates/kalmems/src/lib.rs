@@ -1,9 +1,41 @@
 //! The workbench of kalmems: from a recording of a MEMS device's capacitive signal to its motion.
 //!
-//! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`.
+//! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`. [`workflow::estimate`] takes all
+//! steps in order; each can be taken by itself:
+//!
+//! ```
+//! use kalmems::{config::Experiment, estimate::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
+//! use std::{ops::ControlFlow, path::Path};
+//!
+//! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+//! let experiment = Experiment::load(&root.join("examples/shared_scanner/experiment.toml"))?;
+//! let rig = rigs::of(&experiment)?;
+//! for index in rig.wanted(&experiment)? {
+//!     let file = experiment.resolve(&experiment.recording(index)?.file);
+//!     let recording = Recording::read(&file, &rig.layout(&experiment, index)?)?;
+//!     for estimate in rig.estimate(&experiment, index, &recording, &Silent)? {
+//!         let ekf = estimate.trajectories.iter().find(|t| t.key == "ekf").ok_or("no EKF")?;
+//!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
+//!
+//!         // Only now is the reference opened.
+//!         let reference = ReferenceRecording::read(&experiment, index, &mut |_, _| ControlFlow::Continue(()))?;
+//!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
+//!         for errors in rig.evaluate(&estimate, &reference.ok_or("no such segment")?) {
+//!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));
+//!         }
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod config;
+pub mod estimate;
+pub mod evaluate;
 pub mod inspect;
 pub mod recording;
 pub mod report;
+pub mod results;
+pub mod rigs;
+pub mod signal;
 pub mod units;
+pub mod workflow;

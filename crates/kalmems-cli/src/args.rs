@@ -1,0 +1,52 @@
+//! What can be asked for.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Motion estimation for MEMS devices with capacitive sensors.
+#[derive(Parser)]
+#[command(name = "kalmems", version, about, max_term_width = 100)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Estimate a device's motion from its recordings, and compare it with the reference.
+    Estimate(EstimateArguments),
+    /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
+    Inspect(InspectArguments),
+    /// Print the JSON schema of experiment files, for editors.
+    Schema,
+}
+
+#[derive(Args)]
+pub struct EstimateArguments {
+    /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
+    pub experiment: PathBuf,
+    /// The folder for the results [default: out/<name of the experiment>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a result of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the figures as JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+    /// End with exit code 3 if a filter failed its consistency test.
+    #[arg(long)]
+    pub strict: bool,
+}
+
+#[derive(Args)]
+pub struct InspectArguments {
+    /// The recording.
+    pub recording: PathBuf,
+    /// Draw each channel to this PNG file as well.
+    #[arg(long, value_name = "FILE")]
+    pub png: Option<PathBuf>,
+    /// Print JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,5 @@
+//! The commands, one file each.
+
+pub mod estimate;
+pub mod inspect;
+pub mod schema;

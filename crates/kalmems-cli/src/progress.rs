@@ -1,0 +1,48 @@
+//! A bar on a terminal, for work that takes long.
+
+use crate::interrupt;
+use indicatif::{ProgressBar, ProgressStyle};
+use kalmems::estimate::Progress;
+use std::cell::RefCell;
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+
+/// Work below this many units is over before a bar could be read.
+const LONG: u64 = 2_000_000;
+
+/// Shows a bar on standard error if that is a terminal, and passes interruptions on.
+#[derive(Default)]
+pub struct Bar {
+    bar: RefCell<Option<ProgressBar>>,
+}
+
+impl Progress for Bar {
+    fn begin(&self, what: &str, total: u64) {
+        let mut bar = self.bar.borrow_mut();
+        if let Some(old) = bar.take() {
+            old.finish_and_clear();
+        }
+        if total >= LONG && std::io::stderr().is_terminal() {
+            let new = ProgressBar::new(total).with_message(what.to_owned());
+            if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
+                new.set_style(style);
+            }
+            *bar = Some(new);
+        }
+    }
+
+    fn reached(&self, done: u64) -> ControlFlow<()> {
+        if let Some(bar) = &*self.bar.borrow() {
+            bar.set_position(done);
+        }
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        if let Some(bar) = self.bar.get_mut().take() {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! The program as a user meets it: exit codes, messages, files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn kalmems() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kalmems"));
+    command.current_dir(root());
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    kalmems().args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+const EXAMPLE: &str = "examples/shared_scanner/experiment.toml";
+const TRUE: &str = "examples/shared_scanner/true_stiffness.toml";
+
+/// Every file below a folder, by its name there.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_str().unwrap().to_owned();
+                found.insert(name, std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn the_same_command_twice_writes_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let results = ["a", "b"].map(|name| {
+        let out = folder.path().join(name);
+        let output = run(&["estimate", EXAMPLE, "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let mut files = files(&out);
+        // Dates and durations are in one table of one file.
+        let run = text(&files["run.toml"]);
+        let start = run.find("[timing]").unwrap();
+        let end = run.find("[[input]]").unwrap();
+        files.insert("run.toml".to_owned(), format!("{}{}", &run[..start], &run[end..]).into_bytes());
+        files
+    });
+    let names: Vec<&String> = results[0].keys().collect();
+    assert!(names.iter().any(|name| *name == "report.html") && names.len() == 14, "{names:?}");
+    assert_eq!(results[0].keys().collect::<Vec<_>>(), results[1].keys().collect::<Vec<_>>());
+    for (name, bytes) in &results[0] {
+        assert!(bytes == &results[1][name], "{name} differs");
+    }
+}
+
+#[test]
+fn the_readme_shows_what_the_command_prints() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let output = run(&["estimate", EXAMPLE, "--out", out.to_str().unwrap()]);
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    // All but the last column, the time per step.
+    let printed = text(&output.stdout);
+    for line in printed.lines().take_while(|line| !line.is_empty()) {
+        let (kept, _) = line.trim_end().rsplit_once("  ").unwrap();
+        assert!(readme.contains(kept.trim_end()), "not in README.md: {kept}");
+    }
+}
+
+#[test]
+fn a_filter_that_is_not_consistent_is_told_by_strict() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    let output = run(&["estimate", EXAMPLE, "--strict", "--out", out]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(text(&output.stderr).contains("failed the consistency test: EKF, UKF"));
+    // With the true stiffness and as much process noise as there is, which is none.
+    let toml = std::fs::read_to_string(root().join(TRUE)).unwrap().replace("1e8 rad^2/s^3", "1e4 rad^2/s^3");
+    let path = folder.path().join("experiment.toml");
+    let toml =
+        toml.replace("file = \"", &format!("file = \"{}/", root().join("examples/shared_scanner").display()));
+    std::fs::write(&path, toml).unwrap();
+    let fine = folder.path().join("fine");
+    let output = run(&["estimate", path.to_str().unwrap(), "--strict", "--out", fine.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+#[test]
+fn json_is_what_the_metrics_file_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let output = run(&["estimate", EXAMPLE, "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.stdout, std::fs::read(out.join("metrics.json")).unwrap());
+    let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(metrics["recordings"][0]["segments"][0]["estimators"][1]["key"], "ekf");
+}
+
+#[test]
+fn usage_is_2_and_help_is_0() {
+    assert_eq!(run(&["estimate"]).status.code(), Some(2));
+    assert_eq!(run(&["guess"]).status.code(), Some(2));
+    assert_eq!(run(&["--help"]).status.code(), Some(0));
+    assert_eq!(run(&["--version"]).status.code(), Some(0));
+}
+
+#[test]
+fn the_schema_is_json() {
+    let output = run(&["schema"]);
+    let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(schema["properties"]["device"].is_object() || schema["$defs"].is_object());
+}
+
+/// The example with its text changed, in a folder of its own; the message and what is left there.
+fn broken(change: impl Fn(&mut String, &mut String)) -> (Option<i32>, String, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let source = root().join("examples/shared_scanner");
+    let mut toml = std::fs::read_to_string(source.join("experiment.toml")).unwrap();
+    let mut csv: String = std::fs::read_to_string(source.join("recording.csv")).unwrap();
+    change(&mut toml, &mut csv);
+    std::fs::write(folder.path().join("experiment.toml"), toml).unwrap();
+    std::fs::write(folder.path().join("recording.csv"), csv).unwrap();
+    std::fs::copy(source.join("reference.csv"), folder.path().join("reference.csv")).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_kalmems"))
+        .current_dir(folder.path())
+        .args(["estimate", "experiment.toml", "--out", "results"])
+        .output()
+        .unwrap();
+    assert!(output.stdout.is_empty() || output.status.success(), "{}", text(&output.stdout));
+    let mut left: Vec<String> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .filter(|name| !["experiment.toml", "recording.csv", "reference.csv"].contains(&name.as_str()))
+        .collect();
+    left.sort();
+    (output.status.code(), text(&output.stderr), left)
+}
+
+/// Replaces the cell in a column of a row, counted from 1 below the header.
+fn cell(csv: &mut String, row: usize, column: usize, value: &str) {
+    let mut lines: Vec<String> = csv.lines().map(str::to_owned).collect();
+    let mut cells: Vec<&str> = lines[row].split(',').collect();
+    cells[column] = value;
+    lines[row] = cells.join(",");
+    *csv = lines.join("\n") + "\n";
+}
+
+#[test]
+fn bad_input_is_named_and_leaves_nothing() {
+    type Change = fn(&mut String, &mut String);
+    let cases: [(&str, Change); 15] = [
+        ("an unknown key", |toml, _| *toml = toml.replace("stiffness =", "stifness =")),
+        ("a wrong dimension", |toml, _| *toml = toml.replace("5.71 pF", "5.71 pV")),
+        ("a start at zero", |toml, _| *toml = toml.replace("0.05 rad\"", "0 rad\"")),
+        ("an unknown state", |toml, _| *toml = toml.replace("start_sd = { angle", "start_sd = { angel")),
+        ("a missing recording", |toml, _| *toml = toml.replace("\"recording.csv\"", "\"recordin.csv\"")),
+        ("a missing reference", |toml, _| *toml = toml.replace("\"reference.csv\"", "\"referenc.csv\"")),
+        ("a missing column", |toml, _| *toml = toml.replace("\"cap_V\"", "\"cap_v\"")),
+        ("a device without a rig", |toml, _| {
+            let start = toml.find("[device").unwrap();
+            let end = toml.find("[[recording]]").unwrap();
+            let other = "[device.piston_mirror]\n";
+            *toml = format!("{}{other}{}", &toml[..start], &toml[end..]);
+        }),
+        ("a time for a voltage", |toml, _| *toml = toml.replace("\"drive_V\"", "\"time_s\"")),
+        ("a rate for an angle", |toml, _| *toml = toml.replace("\"angle_rad\"", "\"rate_rad_per_s\"")),
+        ("text for a number", |_, csv| cell(csv, 9000, 2, "overload")),
+        ("time that stands still", |_, csv| cell(csv, 9000, 0, "0.008998")),
+        ("a row too short", |_, csv| *csv = csv.replacen("0.000007,", "", 1)),
+        ("an empty file", |_, csv| csv.clear()),
+        ("a header alone", |_, csv| *csv = "time_s,drive_V,cap_V\n".to_owned()),
+    ];
+    let mut report = String::new();
+    for (name, change) in cases {
+        let (code, message, left) = broken(change);
+        assert_eq!((code, left.as_slice()), (Some(1), &[][..]), "{name}: {message}");
+        report += &format!("## {name}\n{message}\n");
+    }
+    insta::assert_snapshot!(report);
+}
+
+#[test]
+fn every_broken_experiment_file_ends_with_1_and_writes_nothing() {
+    let folder = root().join("crates/kalmems/tests/experiments/broken");
+    let mut count = 0;
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let work = tempfile::tempdir().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_kalmems"))
+            .current_dir(work.path())
+            .arg("estimate")
+            .arg(&path)
+            .output()
+            .unwrap();
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{}: {message}", path.display());
+        assert!(message.starts_with(&format!("error: {}", path.display())), "{message}");
+        assert_eq!(std::fs::read_dir(work.path()).unwrap().count(), 0);
+        count += 1;
+    }
+    assert!(count >= 20, "{count}");
+}
+
+#[test]
+fn a_result_of_another_input_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    assert_eq!(run(&["estimate", EXAMPLE, "--out", out]).status.code(), Some(0));
+    assert_eq!(run(&["estimate", EXAMPLE, "--out", out]).status.code(), Some(0));
+    let output = run(&["estimate", TRUE, "--out", out]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("--force"), "{}", text(&output.stderr));
+    assert_eq!(run(&["estimate", TRUE, "--out", out, "--force"]).status.code(), Some(0));
+    let output = run(&["estimate", TRUE, "--out", folder.path().to_str().unwrap(), "--force"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("not a result of kalmems"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn inspect_says_what_a_file_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let png = folder.path().join("channels.png");
+    let recording = "examples/shared_scanner/recording.csv";
+    let output = run(&["inspect", recording, "--png", png.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    insta::assert_snapshot!(text(&output.stdout));
+    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+    let output = run(&["inspect", recording, "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["rows"], 24_001);
+    let output = run(&["inspect", "nowhere.csv"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("nowhere.csv"));
+}
+
+/// A recording long enough to be interrupted while it is worked on.
+#[cfg(unix)]
+#[test]
+fn an_interruption_leaves_nothing_behind() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let source = root().join("examples/shared_scanner");
+    let toml = std::fs::read_to_string(source.join("experiment.toml")).unwrap();
+    let start = toml.find("[recording.reference]").unwrap();
+    let end = toml.find("[estimate]").unwrap();
+    let toml = format!("{}{}", &toml[..start], &toml[end..]);
+    let toml = toml.replace("clock = {", "segments = { column = \"record\" }\nclock = {");
+    std::fs::write(folder.path().join("experiment.toml"), toml).unwrap();
+    let rows = std::fs::read_to_string(source.join("recording.csv")).unwrap();
+    let mut file =
+        std::io::BufWriter::new(std::fs::File::create(folder.path().join("recording.csv")).unwrap());
+    writeln!(file, "record,time_s,drive_V,cap_V").unwrap();
+    for record in 0..80 {
+        for line in rows.lines().skip(1) {
+            writeln!(file, "{record},{line}").unwrap();
+        }
+    }
+    file.flush().unwrap();
+    for wait_ms in [300, 1500] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_kalmems"))
+            .current_dir(folder.path())
+            .args(["estimate", "experiment.toml", "--out", "results"])
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait_ms));
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(sent.success(), "it had ended before it was interrupted");
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), Some(130));
+        let mut left: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["experiment.toml", "recording.csv"]);
+    }
+}

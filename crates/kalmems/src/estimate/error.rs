@@ -1,0 +1,54 @@
+//! Why a recording cannot be estimated.
+
+use crate::config::ConfigError;
+use crate::recording::ReadError;
+
+/// What keeps an estimate from being made.
+#[derive(Debug, thiserror::Error)]
+pub enum EstimateError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A column is not in the recording.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// There is not enough of a segment.
+    #[error(
+        "{place}: {found_s} s of samples; expected more than the settling time of {skip_s} s (`estimate.skip`) and \
+         ten cycles of the motion; shorten it or record for longer"
+    )]
+    TooShort {
+        /// The recording and its segment.
+        place: String,
+        /// How long the segment is.
+        found_s: f64,
+        /// The settling time.
+        skip_s: f64,
+    },
+    /// The signal holds no finite sample.
+    #[error("{place}: the signal `{column}` has no finite sample; there is nothing to estimate from")]
+    NoSignal {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+    },
+    /// The drive is missing in places, and does not follow a sine that would say what it was there.
+    #[error(
+        "{place}: the drive `{column}` is not known at {count} samples, the first at {first_s} s, and it is not a \
+         steady sine that would tell; split the recording there with a segment column"
+    )]
+    DriveUnknown {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Samples without a drive, those that a gap leaves out included.
+        count: usize,
+        /// The time of the first.
+        first_s: f64,
+    },
+    /// Stopped from outside.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}

@@ -1,0 +1,49 @@
+//! The model without its sensor.
+
+use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement, Process};
+
+/// The actuator model alone (the published papers' ACM): it predicts, and takes no notice of what is measured.
+///
+/// Its innovation is what the measurement would have said. It claims no uncertainty, so its covariance is zero
+/// and its NIS weighs the innovation with the measurement noise alone.
+#[derive(Clone, Copy, Debug)]
+pub struct ModelAlone<const N: usize> {
+    mean: [f64; N],
+    covariance: Covariance<f64, N>,
+}
+
+impl<const N: usize> ModelAlone<N> {
+    /// Starts from a state.
+    pub fn new(mean: [f64; N]) -> Self {
+        Self { mean, covariance: Covariance::zero() }
+    }
+}
+
+impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
+    fn mean(&self) -> &[f64; N] {
+        &self.mean
+    }
+
+    fn covariance(&self) -> &Covariance<f64, N> {
+        &self.covariance
+    }
+
+    fn predict<P: Process<f64, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
+        let next = process.step(&self.mean, u);
+        if !next.iter().all(|x| x.is_finite()) {
+            return Err(FilterError::NonFiniteState);
+        }
+        self.mean = next;
+        Ok(())
+    }
+
+    fn update<H: Measurement<f64, N, M>, const M: usize>(
+        &mut self,
+        measurement: &H,
+        y: &[f64; M],
+        r: &Covariance<f64, M>,
+    ) -> Result<Innovation<f64, M>, FilterError> {
+        // A filter that knows its state exactly takes nothing from a measurement.
+        kalmems_core::Ekf::new(self.mean, self.covariance).update(measurement, y, r)
+    }
+}

@@ -1,0 +1,24 @@
+//! What long work tells, and how it is stopped.
+
+use std::ops::ControlFlow;
+
+/// Hears how far a piece of work has come, and may stop it.
+pub trait Progress {
+    /// A new piece of work of this many units begins.
+    fn begin(&self, what: &str, total: u64);
+
+    /// So much of it is done. `Break` stops the work; nothing of it is kept.
+    fn reached(&self, done: u64) -> ControlFlow<()>;
+}
+
+/// Says nothing and stops nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}

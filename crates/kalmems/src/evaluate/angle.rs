@@ -1,0 +1,351 @@
+//! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
+
+use super::Reference;
+use crate::estimate::Trajectory;
+use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// What is compared: from when on, and how fast the motion goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent<'a> {
+    /// The end of the settling time in s; what comes before is not scored.
+    pub from_s: f64,
+    /// The frequency of the motion in Hz.
+    pub motion_hz: f64,
+    /// The drive, where it is a steady sine.
+    pub drive: Option<&'a Sine>,
+}
+
+/// All errors of one trajectory.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MotionErrors {
+    /// The angle, sample by sample.
+    pub angle: AngleErrors,
+    /// The root mean square error of the phase shift, in degrees of the motion's cycle: the timing of each
+    /// angle peak against the drive peak before it, between estimate and reference.
+    pub peak_phase_rmse_deg: Option<f64>,
+    /// The mean phase shift from a drive peak to the angle peak after it, in the reference.
+    pub phase_shift_reference_deg: Option<f64>,
+    /// The same in the estimate.
+    pub phase_shift_estimate_deg: Option<f64>,
+    /// Angle peaks of the reference that were compared.
+    pub peaks: usize,
+    /// Angle peaks of the reference without a peak of the same sign within half a cycle in the estimate.
+    pub peaks_without_partner: usize,
+    /// The root mean square error of the phase of a sine fitted to each cycle, in degrees of the cycle.
+    pub cycle_phase_rmse_deg: Option<f64>,
+    /// The root mean square error of the amplitude of that sine, in degrees.
+    pub amplitude_rmse_deg: Option<f64>,
+    /// The mean amplitude of the reference, in degrees.
+    pub amplitude_reference_deg: Option<f64>,
+    /// Whether the mirrored estimate would fit much better: the sign that the experiment states is then wrong.
+    pub sign_disagrees: bool,
+    /// The error of the angle over time, for plots.
+    #[serde(skip)]
+    pub error: ErrorSeries,
+    /// The phase error of each peak, for plots.
+    #[serde(skip)]
+    pub phase: Vec<PhasePoint>,
+}
+
+/// The error of the angle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AngleErrors {
+    /// Its root mean square in degrees.
+    pub rmse_deg: f64,
+    /// The same in percent of the reference's peak-to-peak angle.
+    pub rmse_percent_of_peak_to_peak: f64,
+    /// The largest, in degrees.
+    pub largest_deg: f64,
+    /// Samples compared.
+    pub samples: usize,
+    /// The share of them within three standard deviations; `None` for a model that claims none.
+    pub within_three_sigma: Option<f64>,
+}
+
+/// Estimate minus reference at the reference's times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ErrorSeries {
+    /// In s.
+    pub time_s: Vec<f64>,
+    /// In rad.
+    pub error: Vec<f64>,
+    /// The estimate's standard deviation in rad; empty for a model that claims none.
+    pub sd: Vec<f64>,
+}
+
+/// The error of one peak's timing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhasePoint {
+    /// The time of the reference's peak in s.
+    pub time_s: f64,
+    /// Estimate minus reference, in degrees of the motion's cycle.
+    pub error_deg: f64,
+}
+
+/// Compares a trajectory with the reference. `None` where not one sample can be compared.
+pub fn evaluate_motion(
+    trajectory: &Trajectory,
+    reference: &Reference,
+    extent: Extent,
+) -> Option<MotionErrors> {
+    let (estimated, sd) = reference.estimate_at(trajectory);
+    let from = reference.time_s.partition_point(|t| *t < extent.from_s);
+    let time_s = &reference.time_s[from..];
+    let (truth, estimated) = (&reference.angle[from..], &estimated[from..]);
+    let sd = sd.get(from..).unwrap_or_default();
+    let error: Vec<f64> = estimated.iter().zip(truth).map(|(e, r)| e - r).collect();
+    let angle = angle_errors(&error, truth, sd)?;
+
+    let mirrored = rms(estimated.iter().zip(truth).map(|(e, r)| -e - r))?;
+    let sign_disagrees = mirrored < 0.5 * angle.rmse_deg.to_radians();
+
+    let (ours, theirs) = extremes(trajectory, reference, extent);
+    let phase = phase_errors(&ours, &theirs, extent.motion_hz);
+    let shift = |extremes: &[Extreme]| mean_shift(extremes, extent);
+
+    let cycles = paired_cycles(time_s, estimated, truth, extent.motion_hz);
+    Some(MotionErrors {
+        angle,
+        peak_phase_rmse_deg: rms(phase.iter().map(|p| p.error_deg)),
+        phase_shift_reference_deg: shift(&theirs),
+        phase_shift_estimate_deg: shift(&ours),
+        peaks: phase.len(),
+        peaks_without_partner: theirs.len() - phase.len(),
+        cycle_phase_rmse_deg: rms(cycles.iter().map(|c| c.phase)).map(f64::to_degrees),
+        amplitude_rmse_deg: rms(cycles.iter().map(|c| c.amplitude)).map(f64::to_degrees),
+        amplitude_reference_deg: mean(cycles.iter().map(|c| c.reference)).map(f64::to_degrees),
+        sign_disagrees,
+        error: ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() },
+        phase,
+    })
+}
+
+fn angle_errors(error: &[f64], truth: &[f64], sd: &[f64]) -> Option<AngleErrors> {
+    let finite = || error.iter().copied().filter(|e| e.is_finite());
+    let rmse = rms(finite())?;
+    let range =
+        |f: fn(f64, f64) -> f64, start| truth.iter().copied().filter(|a| a.is_finite()).fold(start, f);
+    let peak_to_peak = range(f64::max, f64::NEG_INFINITY) - range(f64::min, f64::INFINITY);
+    let judged = || error.iter().zip(sd).filter(|(e, s)| e.is_finite() && s.is_finite());
+    Some(AngleErrors {
+        rmse_deg: rmse.to_degrees(),
+        rmse_percent_of_peak_to_peak: 100.0 * rmse / peak_to_peak,
+        largest_deg: finite().map(f64::abs).fold(0.0, f64::max).to_degrees(),
+        samples: finite().count(),
+        within_three_sigma: mean(judged().map(|(e, s)| f64::from(u8::from(e.abs() <= 3.0 * s)))),
+    })
+}
+
+/// The turning points of both, found in the same way: by the rates where the reference has one, else by angles.
+fn extremes(trajectory: &Trajectory, reference: &Reference, extent: Extent) -> (Vec<Extreme>, Vec<Extreme>) {
+    let both = trajectory.state("angle").zip(trajectory.state("rate")).map(|(angle, rate)| {
+        reference.rate.as_ref().map_or_else(
+            || {
+                (
+                    extremes_of_angle(&trajectory.time_s, &angle.mean, extent.motion_hz),
+                    extremes_of_angle(&reference.time_s, &reference.angle, extent.motion_hz),
+                )
+            },
+            |known| {
+                (extremes_of_rate(&trajectory.time_s, &rate.mean), extremes_of_rate(&reference.time_s, known))
+            },
+        )
+    });
+    let (mut ours, mut theirs) = both.unwrap_or_default();
+    // Half a cycle more of the estimate, so that a peak just before the end of the settling time has a partner.
+    ours.retain(|e| e.time_s >= extent.from_s - 0.5 / extent.motion_hz);
+    // A peak in a gap of the estimate, or after its end, is not compared.
+    let longest = GAP * usual_interval(&trajectory.time_s);
+    let covered = |time: f64| {
+        let next = trajectory.time_s.partition_point(|t| *t < time);
+        let ends = (next > 0).then(|| (trajectory.time_s[next - 1], trajectory.time_s.get(next)));
+        ends.is_some_and(|(before, after)| after.is_some_and(|after| after - before <= longest))
+    };
+    theirs.retain(|e| e.time_s >= extent.from_s && covered(e.time_s));
+    (ours, theirs)
+}
+
+/// Pairs each peak of the reference with the nearest one of the same sign, and takes the difference in phase.
+fn phase_errors(ours: &[Extreme], theirs: &[Extreme], motion_hz: f64) -> Vec<PhasePoint> {
+    theirs
+        .iter()
+        .filter_map(|reference| {
+            let near = ours.partition_point(|e| e.time_s < reference.time_s);
+            // Peaks of one sign are a cycle apart: the nearest is within two places on each side.
+            let candidates = ours.get(near.saturating_sub(2)..(near + 2).min(ours.len()))?;
+            let difference = candidates
+                .iter()
+                .filter(|e| e.maximum == reference.maximum)
+                .map(|e| e.time_s - reference.time_s)
+                .min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+            let error_deg = difference * motion_hz * 360.0;
+            (error_deg.abs() <= 180.0).then_some(PhasePoint { time_s: reference.time_s, error_deg })
+        })
+        .collect()
+}
+
+/// The mean of the phase from the drive peak before each angle peak, in degrees of the motion's cycle, averaged
+/// on the circle of the drive's cycle.
+fn mean_shift(extremes: &[Extreme], extent: Extent) -> Option<f64> {
+    let drive = extent.drive?;
+    let (mut c, mut s) = (0.0, 0.0);
+    for extreme in extremes.iter().filter(|e| e.time_s >= extent.from_s) {
+        let phase = TAU * drive.frequency_hz * extreme.time_s + drive.phase_rad;
+        c += phase.cos();
+        s += phase.sin();
+    }
+    let turns = s.atan2(c) / TAU;
+    (!extremes.is_empty()).then(|| (turns - turns.floor()) / drive.frequency_hz * extent.motion_hz * 360.0)
+}
+
+/// Differences between the sines of one cycle.
+struct CycleError {
+    phase: f64,
+    amplitude: f64,
+    reference: f64,
+}
+
+fn paired_cycles(time_s: &[f64], estimated: &[f64], truth: &[f64], motion_hz: f64) -> Vec<CycleError> {
+    let Some(start) = time_s.first() else { return Vec::new() };
+    let ours = fit_cycles(time_s, estimated, motion_hz, *start);
+    let theirs = fit_cycles(time_s, truth, motion_hz, *start);
+    let mut ours = ours.iter().peekable();
+    theirs
+        .iter()
+        .filter_map(|reference| {
+            while ours.next_if(|c| c.start_s < reference.start_s).is_some() {}
+            let cycle = ours.next_if(|c| c.start_s == reference.start_s)?;
+            let phase = cycle.phase_rad - reference.phase_rad;
+            Some(CycleError {
+                phase: phase - TAU * (phase / TAU).round(),
+                amplitude: cycle.amplitude - reference.amplitude,
+                reference: reference.amplitude,
+            })
+        })
+        .collect()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, sum) = values.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
+    (count > 0).then(|| sum / count as f64)
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    mean(values.filter(|v| v.is_finite()).map(|v| v * v)).map(f64::sqrt)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::{Counts, Lock, StateSeries};
+    use crate::units::kind;
+    use approx::assert_abs_diff_eq;
+
+    const MOTION_HZ: f64 = 15_675.0;
+
+    fn motion(n: u32, amplitude: f64, lag_deg: f64, delay_s: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let time: Vec<f64> = (0..n).map(|i| f64::from(i) * 1e-6).collect();
+        let phase = |t: f64| TAU * MOTION_HZ * (t + delay_s) - 1.1 - lag_deg.to_radians();
+        let angle = time.iter().map(|t| amplitude * phase(*t).cos()).collect();
+        let rate = time.iter().map(|t| -TAU * MOTION_HZ * amplitude * phase(*t).sin()).collect();
+        (time, angle, rate)
+    }
+
+    fn trajectory(amplitude: f64, lag_deg: f64) -> Trajectory {
+        let (time_s, angle, rate) = motion(6000, amplitude, lag_deg, 0.0);
+        let n = time_s.len();
+        let state = |name, unit, kind, mean| StateSeries { name, unit, kind, mean, sd: vec![1e-3; n] };
+        Trajectory {
+            key: "ekf",
+            name: "EKF",
+            states: vec![
+                state("angle", "rad", &kind::ANGLE, angle),
+                state("rate", "rad_per_s", &kind::ANGULAR_RATE, rate),
+            ],
+            innovation: vec![0.0; n],
+            innovation_sd: vec![1.0; n],
+            nis: vec![0.0; n],
+            log_likelihood: vec![0.0; n],
+            counts: Counts::default(),
+            lock: Lock::default(),
+            mirrored: false,
+            failure: None,
+            seconds_per_step: 0.0,
+            time_s,
+        }
+    }
+
+    fn drive() -> Sine {
+        Sine {
+            offset: 90.0,
+            amplitude: 90.0,
+            frequency_hz: 2.0 * MOTION_HZ,
+            phase_rad: 0.4,
+            residual_rms: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_known_lag_and_amplitude_are_found() {
+        let drive = drive();
+        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: Some(&drive) };
+        for with_rate in [true, false] {
+            let (time_s, angle, rate) = motion(6000, 0.15, 0.0, 0.0);
+            let reference = Reference { time_s, angle, rate: with_rate.then_some(rate) };
+            let errors = evaluate_motion(&trajectory(0.151, 2.0), &reference, extent).unwrap();
+            assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 2.0, epsilon = 2e-3);
+            assert_abs_diff_eq!(errors.cycle_phase_rmse_deg.unwrap(), 2.0, epsilon = 1e-6);
+            assert_abs_diff_eq!(errors.amplitude_rmse_deg.unwrap(), 1e-3_f64.to_degrees(), epsilon = 1e-9);
+            // √½ of the chord between two phasors of 0.151 and 0.15 rad, 2° apart.
+            let chord = (1e-3_f64.powi(2) + 4.0 * 0.151 * 0.15 * 1_f64.to_radians().sin().powi(2)).sqrt();
+            assert_abs_diff_eq!(errors.angle.rmse_deg, (chord / 2_f64.sqrt()).to_degrees(), epsilon = 2e-3);
+            assert_abs_diff_eq!(
+                errors.angle.rmse_percent_of_peak_to_peak,
+                errors.angle.rmse_deg / 0.3_f64.to_degrees() * 100.0,
+                epsilon = 1e-3
+            );
+            assert!(errors.peaks > 150 && errors.peaks_without_partner == 0 && !errors.sign_disagrees);
+            // The angle's peak is at 1.1 rad of the motion; the drive's at −0.4 rad of the drive, half of that in motion.
+            let expected = (1.1_f64 + 0.2).to_degrees();
+            assert_abs_diff_eq!(errors.phase_shift_reference_deg.unwrap(), expected, epsilon = 1e-3);
+            assert_abs_diff_eq!(errors.phase_shift_estimate_deg.unwrap(), expected + 2.0, epsilon = 1e-2);
+        }
+    }
+
+    #[test]
+    fn a_reference_between_the_samples_and_late_is_met_by_a_cubic() {
+        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
+        let (time_s, angle, rate) = motion(5000, 0.15, 0.0, 0.37e-6);
+        let time_s = time_s.iter().map(|t| t + 0.37e-6).collect();
+        let errors =
+            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: Some(rate) }, extent)
+                .unwrap();
+        // The cubic's error is h⁴·ω⁴·A/384, 4e-8 rad.
+        assert!(errors.angle.rmse_deg < 5e-6, "{errors:?}");
+        assert_eq!(errors.angle.within_three_sigma, Some(1.0));
+        assert_eq!(errors.phase_shift_reference_deg, None);
+    }
+
+    #[test]
+    fn the_wrong_sign_is_told() {
+        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
+        let (time_s, angle, rate) = motion(6000, 0.15, 180.0, 0.0);
+        let errors =
+            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: Some(rate) }, extent)
+                .unwrap();
+        assert!(errors.sign_disagrees);
+        assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 180.0, epsilon = 0.1);
+    }
+
+    #[test]
+    fn nothing_to_compare_is_none() {
+        let extent = Extent { from_s: 1.0, motion_hz: MOTION_HZ, drive: None };
+        let (time_s, angle, _) = motion(6000, 0.15, 0.0, 0.0);
+        assert!(
+            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: None }, extent)
+                .is_none()
+        );
+    }
+}

@@ -1,0 +1,167 @@
+//! What is known of the motion independently.
+
+use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::estimate::Trajectory;
+use crate::recording::{ReadError, Recording};
+use crate::signal::{GAP, usual_interval};
+use crate::units::kind;
+use std::ops::ControlFlow;
+
+/// An angle measured, or known, independently of the signal.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// When the instrument said so, less its delay, in s.
+    pub time_s: Vec<f64>,
+    /// The angle in rad; not a number where it is missing.
+    pub angle: Vec<f64>,
+    /// The rate in rad/s, where the reference has one.
+    pub rate: Option<Vec<f64>>,
+}
+
+/// The recording of a reference, with the columns that are meant.
+#[derive(Clone, Debug)]
+pub struct ReferenceRecording {
+    recording: Recording,
+    angle: String,
+    rate: Option<String>,
+    delay_s: f64,
+}
+
+/// Why a reference cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReferenceError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The file is.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+}
+
+impl ReferenceRecording {
+    /// Reads the reference of a recording, if the experiment names one: an `angle`, and a `rate` where there is
+    /// one.
+    pub fn read(
+        experiment: &Experiment,
+        index: usize,
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<Option<Self>, ReferenceError> {
+        let described = experiment.recording(index)?;
+        let Some(reference) = &described.reference else { return Ok(None) };
+        let key = || Key::from("recording").index(index).child("reference").child("channels");
+        let angle = reference.channels.column("angle").ok_or_else(|| {
+            let remedy = "name its column, such as `angle = \"angle_rad\"`".to_owned();
+            experiment.error(key().child("angle"), Fault::MissingKey { remedy })
+        })?;
+        let rate = reference.channels.column("rate");
+        if let Some((other, _)) =
+            reference.channels.iter().find(|(name, _)| !matches!(*name, "angle" | "rate"))
+        {
+            let why = format!("`{other}` is not a channel of this reference; known are `angle` and `rate`");
+            return Err(experiment.error(key().child(other), Fault::Value { why }).into());
+        }
+        let columns: Vec<&str> = [Some(angle), rate].into_iter().flatten().collect();
+        let layout = described.reference_layout(reference, &columns);
+        let file = experiment.resolve(reference.file(described));
+        Ok(Some(Self {
+            recording: Recording::read_with(&file, &layout, progress)?,
+            angle: angle.to_owned(),
+            rate: rate.map(str::to_owned),
+            delay_s: reference.delay_s(),
+        }))
+    }
+
+    /// The recording as read.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// The segment with this label, its delay taken off its times. `None` where there is no such segment.
+    pub fn segment(&self, label: &str) -> Result<Option<Reference>, ReadError> {
+        let angle = self.recording.column_of(&self.angle, &kind::ANGLE)?;
+        let rate = self.rate.as_ref().map(|name| self.recording.column_of(name, &kind::ANGULAR_RATE));
+        let rate = rate.transpose()?;
+        let segment = self.recording.segments().iter().find(|segment| segment.label == label);
+        Ok(segment.map(|segment| Reference {
+            time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
+            angle: angle.of(segment).to_vec(),
+            rate: rate.map(|rate| rate.of(segment).to_vec()),
+        }))
+    }
+}
+
+impl Reference {
+    /// The estimated angle and its standard deviation at each of the reference's times.
+    ///
+    /// Where the reference was not sampled with the signal, the estimate between two samples is the cubic
+    /// through both angles and rates; outside the recording, in its gaps, and where the filter had stopped, it
+    /// is not a number.
+    pub fn estimate_at(&self, trajectory: &Trajectory) -> (Vec<f64>, Vec<f64>) {
+        let nothing = || (vec![f64::NAN; self.time_s.len()], Vec::new());
+        let (Some(angle), Some(rate)) = (trajectory.state("angle"), trajectory.state("rate")) else {
+            return nothing();
+        };
+        let times = &trajectory.time_s;
+        let usual = usual_interval(times);
+        let at = |time: f64| {
+            let next = times.partition_point(|t| *t < time);
+            // A time written with another number of digits is the same time.
+            let nearest = if next > 0 && (next == times.len() || time - times[next - 1] < times[next] - time)
+            {
+                next - 1
+            } else {
+                next
+            };
+            let spacing = times.get(next).zip(times.get(next.wrapping_sub(1))).map(|(a, b)| a - b);
+            let same = times.get(nearest).is_some_and(|t| (t - time).abs() <= 1e-6 * usual);
+            if same || times.get(nearest).is_some_and(|t| *t == time) {
+                return (angle.mean[nearest], angle.sd.get(nearest).copied());
+            }
+            match spacing {
+                // A cubic over several missing samples would say nothing of the motion in between.
+                Some(h) if h <= GAP * usual => {
+                    let k = next - 1;
+                    let s = (time - times[k]) / h;
+                    let mean =
+                        hermite((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]), h, s);
+                    (mean, angle.sd.get(k).zip(angle.sd.get(next)).map(|(a, b)| a.max(*b)))
+                }
+                _ => (f64::NAN, None),
+            }
+        };
+        let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self.time_s.iter().map(|t| at(*t)).unzip();
+        if angle.sd.is_empty() {
+            return (means, Vec::new());
+        }
+        (means, sds.into_iter().map(|sd| sd.unwrap_or(f64::NAN)).collect())
+    }
+}
+
+/// The cubic with these values and slopes at both ends of an interval of length `h`, at the fraction `s` of it.
+fn hermite(start: (f64, f64), end: (f64, f64), h: f64, s: f64) -> f64 {
+    let (s2, s3) = (s * s, s * s * s);
+    start.0 * (2.0 * s3 - 3.0 * s2 + 1.0)
+        + start.1 * h * (s3 - 2.0 * s2 + s)
+        + end.0 * (3.0 * s2 - 2.0 * s3)
+        + end.1 * h * (s3 - s2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hermite;
+
+    #[test]
+    fn a_cubic_is_kept() {
+        let f = |t: f64| 2.0 - t + 3.0 * t * t - 0.5 * t * t * t;
+        let d = |t: f64| -1.0 + 6.0 * t - 1.5 * t * t;
+        let h = 0.7;
+        for s in [0.0, 0.2, 0.5, 1.0] {
+            let t = 1.0 + s * h;
+            approx::assert_relative_eq!(
+                hermite((f(1.0), d(1.0)), (f(1.7), d(1.7)), h, s),
+                f(t),
+                max_relative = 1e-14
+            );
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! The pictures of an estimate.
+
+use super::Verdict;
+use super::metrics::verdict;
+use crate::estimate::Trajectory;
+use crate::recording::Recording;
+use crate::report::{Axis, Figure, Panel, Role, Series};
+use crate::workflow::{RecordingOutcome, SegmentOutcome};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Cycles of the motion that the close-up shows.
+const CYCLES: f64 = 4.0;
+
+/// All pictures of one segment; `prefix` keeps the names of several segments apart.
+pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Vec<Figure> {
+    let mut figures = vec![motion(recording, segment, prefix)];
+    if segment.errors.iter().any(Option::is_some) {
+        figures.push(angle_error(segment, prefix));
+        figures.push(phase_error(segment, prefix));
+    }
+    figures.push(nis(segment, prefix));
+    figures
+}
+
+fn time_axis() -> Axis {
+    Axis::new("time", "s")
+}
+
+/// Stacks panels over one time axis.
+fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
+    for (i, panel) in panels.into_iter().enumerate() {
+        figure = figure.with(if i == 0 { panel } else { panel.sharing_x() });
+    }
+    figure
+}
+
+/// The filter that a close-up shows: the first that takes notice of the signal.
+fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
+    let trajectories = &segment.estimate.trajectories;
+    trajectories.iter().find(|t| t.key != "model").or(trajectories.first())
+}
+
+/// Drive, signal and angle over the last cycles.
+fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let estimate = &segment.estimate;
+    let end = estimate.segment.time.at(estimate.segment.time.len().saturating_sub(1));
+    let start = end - CYCLES / estimate.motion.frequency_hz;
+    let caption = "The last cycles of the recording. Top: the recorded drive. Middle: the recorded signal and what \
+                   the filter predicted for each sample before it saw it. Bottom: the angle with three standard \
+                   deviations on each side, often too narrow to be seen here, and the reference.";
+    let mut panels = Vec::new();
+    let column = |name: &str| channel(&recording.recording, name, segment);
+    let Some(trajectory) = shown(segment) else { return Figure::new(prefix, "", "") };
+    let from = trajectory.time_s.partition_point(|t| *t < start);
+    let time = &trajectory.time_s[from..];
+    let zip = |values: &[f64]| -> Vec<(f64, f64)> {
+        time.iter().copied().zip(values.get(from..).unwrap_or_default().iter().copied()).collect()
+    };
+
+    let drive = zip(&column(&estimate.drive_column));
+    panels.push(Panel::new(time_axis(), Axis::new("drive", "V")).with(Series::line(
+        "drive",
+        Role::Input,
+        drive,
+    )));
+
+    let signal = column(&estimate.signal_column);
+    let predicted: Vec<f64> = signal.iter().zip(&trajectory.innovation).map(|(y, r)| y - r).collect();
+    panels.push(
+        Panel::new(time_axis(), Axis::new("signal", "V"))
+            .with(Series::points("measured", Role::Measured, zip(&signal)))
+            .with(Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, zip(&predicted))),
+    );
+
+    if let Some(angle) = trajectory.state("angle") {
+        let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
+        let mut panel = Panel::new(time_axis(), Axis::new("angle", "deg"));
+        if let Some(reference) = reference_window(recording, segment, start, end) {
+            panel = panel.with(Series::line("reference", Role::Reference, reference));
+        }
+        if !angle.sd.is_empty() {
+            let band: Vec<(f64, f64, f64)> = (from..trajectory.time_s.len())
+                .map(|k| {
+                    let (mean, sd) = (degrees[k], 3.0 * angle.sd[k].to_degrees());
+                    (trajectory.time_s[k], mean - sd, mean + sd)
+                })
+                .collect();
+            panel = panel.with(Series::band("±3σ", Role::Estimate, band));
+        }
+        panel = panel.with(Series::line(trajectory.name, Role::Estimate, zip(&degrees)));
+        if let Some(model) = segment.estimate.trajectories.iter().find(|t| t.key == "model")
+            && model.key != trajectory.key
+            && let Some(angle) = model.state("angle")
+        {
+            let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
+            panel = panel.with(Series::line(model.name, Role::Model, zip(&degrees)));
+        }
+        panels.push(panel);
+    }
+    stacked(Figure::new(format!("{prefix}motion"), "Drive, signal and angle", caption), panels)
+}
+
+fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
+    recording.column(name).map(|column| column.of(&segment.estimate.segment).to_vec()).unwrap_or_default()
+}
+
+/// The reference's angle between two times, in s and degrees.
+fn reference_window(
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+    start: f64,
+    end: f64,
+) -> Option<Vec<(f64, f64)>> {
+    let reference = recording.reference.as_ref()?.segment(&segment.estimate.segment.label).ok()??;
+    let samples = reference.time_s.iter().zip(&reference.angle);
+    Some(samples.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, a)| (*t, a.to_degrees())).collect())
+}
+
+/// The error of the angle after the settling time, filter by filter.
+fn angle_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let caption = "Estimate minus reference after the settling time, with three of the filter's own standard \
+                   deviations on each side. Each panel has its own scale.";
+    let panels = with_errors(segment).map(|(trajectory, errors)| {
+        let series = &errors.error;
+        let mut panel = Panel::new(time_axis(), Axis::new("angle error", "deg"));
+        let error = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e.to_degrees()));
+        panel = panel.with(Series::line(label(trajectory, segment), role(trajectory), error));
+        if !series.sd.is_empty() {
+            let band = series.time_s.iter().zip(&series.sd).map(|(t, sd)| {
+                let sd = 3.0 * sd.to_degrees();
+                (*t, -sd, sd)
+            });
+            panel = panel.with(Series::band("±3σ", Role::Bound, band));
+        }
+        panel
+    });
+    stacked(Figure::new(format!("{prefix}angle_error"), "Error of the angle", caption), panels.collect())
+}
+
+/// The error of each peak's timing, filter by filter.
+fn phase_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let caption = "The error of the phase shift at each angle peak, in degrees of the motion's cycle: when the \
+                   estimated angle turns round, against when the reference does. Each panel has its own scale.";
+    let panels = with_errors(segment).map(|(trajectory, errors)| {
+        let points = errors.phase.iter().map(|p| (p.time_s, p.error_deg));
+        Panel::new(time_axis(), Axis::new("phase error", "deg"))
+            .with(Series::points(label(trajectory, segment), role(trajectory), points))
+            .with(Series::level("", Role::Bound, 0.0))
+    });
+    stacked(
+        Figure::new(format!("{prefix}phase_error"), "Error of the phase shift", caption),
+        panels.collect(),
+    )
+}
+
+fn with_errors(
+    segment: &SegmentOutcome,
+) -> impl Iterator<Item = (&Trajectory, &crate::evaluate::MotionErrors)> {
+    segment.estimate.trajectories.iter().zip(&segment.errors).filter_map(|(t, e)| Some((t, e.as_ref()?)))
+}
+
+/// The NIS averaged over each cycle of the motion, with the interval that it should keep to.
+fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let estimate = &segment.estimate;
+    let interval = estimate.segment.time.interval_s().unwrap_or(1.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
+    let window = (1.0 / (estimate.motion.frequency_hz * interval)).round().max(1.0) as usize;
+    let caption = format!(
+        "The normalised innovation squared over the whole recording, averaged over each cycle of the motion \
+         ({window} samples), and the interval that holds 95 % of such averages if the filter is right. Above it \
+         the filter claims to know more than it does; below it, less."
+    );
+    let filters = estimate.trajectories.iter().filter(|t| t.claims());
+    let panels = filters.map(|trajectory| {
+        let mut panel = Panel::new(time_axis(), Axis::new("mean NIS", "1").log());
+        if let Ok(chi) = ChiSquared::new(window as f64) {
+            let bound = |p: f64| chi.inverse_cdf(p) / window as f64;
+            let ends = [trajectory.time_s.first(), trajectory.time_s.last()];
+            let band = ends.into_iter().flatten().map(|t| (*t, bound(0.025), bound(0.975)));
+            panel = panel.with(Series::band("95 % of χ²", Role::Bound, band));
+        }
+        let means = windowed(&trajectory.time_s, &trajectory.nis, window);
+        panel.with(Series::line(label(trajectory, segment), role(trajectory), means))
+    });
+    stacked(Figure::new(format!("{prefix}nis"), "Consistency", caption), panels.collect())
+}
+
+/// The means of each window of samples at the time of its middle; without a number where a window has none.
+fn windowed(time_s: &[f64], values: &[f64], window: usize) -> Vec<(f64, f64)> {
+    let chunks = time_s.chunks_exact(window).zip(values.chunks_exact(window));
+    chunks
+        .map(|(t, v)| {
+            let finite = v.iter().filter(|v| v.is_finite());
+            let (count, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
+            let mean = if count > 0 { sum / count as f64 } else { f64::NAN };
+            (t[window / 2], mean)
+        })
+        .collect()
+}
+
+/// The filter's name; with a warning where its answer is none.
+fn label(trajectory: &Trajectory, segment: &SegmentOutcome) -> String {
+    let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
+    let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
+    match verdict(trajectory, errors, segment.estimate.skip_s) {
+        bad @ (Verdict::LostLock | Verdict::Failed | Verdict::WrongSign | Verdict::Astray) => {
+            format!("{} ({})", trajectory.name, bad.words())
+        }
+        _ => trajectory.name.to_owned(),
+    }
+}
+
+fn role(trajectory: &Trajectory) -> Role {
+    if trajectory.key == "model" { Role::Model } else { Role::Estimate }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::windowed;
+
+    #[test]
+    fn windows_average_what_is_there() {
+        let time: Vec<f64> = (0..7).map(f64::from).collect();
+        let means = windowed(&time, &[1.0, f64::NAN, 3.0, f64::NAN, f64::NAN, f64::NAN, 9.0], 3);
+        assert_eq!(means[0], (1.0, 2.0));
+        assert!(means[1].0 == 4.0 && means[1].1.is_nan() && means.len() == 2);
+    }
+}

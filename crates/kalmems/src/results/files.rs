@@ -1,0 +1,172 @@
+//! The files of an estimate.
+
+use super::page::page;
+use super::{Metrics, Output, OutputError, RUN_FILE};
+use crate::estimate::Trajectory;
+use crate::recording::Source;
+use crate::report::ReportError;
+use crate::workflow::{Outcome, RecordingOutcome};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// When a run began, and how long it took: all that differs between two runs of the same input.
+#[derive(Clone, Copy, Debug)]
+pub struct RunInfo {
+    /// When it began.
+    pub started: SystemTime,
+    /// How long it took until its results were written.
+    pub took: Duration,
+}
+
+/// Why the results are not there.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// They cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// Stopped from outside.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}
+
+/// Writes trajectories, figures, record of the run and report to a folder.
+///
+/// `trajectory_<filter>.csv`, with the recording's and the segment's name in front where there are several;
+/// `metrics.json`; `run.toml`; `report.html`, and its pictures in `figures/`. Where `stop` says so in between, the
+/// work ends and nothing is left of it.
+pub fn write_estimate(
+    outcome: &Outcome,
+    metrics: &Metrics,
+    target: &Path,
+    force: bool,
+    info: RunInfo,
+    stop: &dyn Fn() -> bool,
+) -> Result<(), WriteError> {
+    let output = Output::prepare(target, &input_id(outcome), force)?;
+    for recording in &outcome.recordings {
+        let column = recording.segments.first().map_or("", |s| s.estimate.signal_column.as_str());
+        let unit = recording.recording.column(column).ok().and_then(|c| c.header.unit);
+        let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
+        for segment in &recording.segments {
+            let prefix = prefix(outcome, recording, &segment.estimate.segment.label);
+            for trajectory in &segment.estimate.trajectories {
+                let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
+                output.write(&name, |w| write_trajectory(trajectory, &unit, w))?;
+                if stop() {
+                    return Err(WriteError::Interrupted);
+                }
+            }
+        }
+    }
+    output.write("metrics.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, metrics)?;
+        writeln!(w)
+    })?;
+    let (html, figures) = page(outcome, metrics)?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    for figure in figures {
+        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+        let png = figure.to_png()?;
+        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        if stop() {
+            return Err(WriteError::Interrupted);
+        }
+    }
+    output.write(RUN_FILE, |w| w.write_all(run_file(outcome, metrics, info)?.as_bytes()))?;
+    Ok(output.commit()?)
+}
+
+/// What tells one input from another: the experiment's name and the bytes of its recordings.
+fn input_id(outcome: &Outcome) -> String {
+    let files = outcome.recordings.iter().map(|recording| {
+        let source = recording.recording.source();
+        let digest = source.sha256.get(..12).unwrap_or(&source.sha256);
+        format!("{} {digest}", source.file)
+    });
+    format!("{}: {}", outcome.experiment.name, files.collect::<Vec<_>>().join(", "))
+}
+
+/// The recording's and the segment's name, each where there are several.
+pub(super) fn prefix(outcome: &Outcome, recording: &RecordingOutcome, label: &str) -> String {
+    let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let parts =
+        [(outcome.recordings.len() > 1, recording.name.as_str()), (recording.segments.len() > 1, label)];
+    let named = parts.iter().filter(|(several, _)| *several);
+    named.flat_map(|(_, name)| name.chars().map(safe).chain(['_'])).collect()
+}
+
+/// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still
+/// read back as the same bits.
+fn write_trajectory(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Write) -> io::Result<()> {
+    write!(w, "time_s")?;
+    for state in &trajectory.states {
+        write!(w, ",{}_{}", state.name, state.unit)?;
+        if !state.sd.is_empty() {
+            write!(w, ",{}_sd_{}", state.name, state.unit)?;
+        }
+    }
+    writeln!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")?;
+    for k in 0..trajectory.time_s.len() {
+        write!(w, "{}", trajectory.time_s[k])?;
+        let states = trajectory.states.iter().flat_map(|s| [s.mean.get(k), s.sd.get(k)]).flatten();
+        let update = [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]];
+        for value in states.chain(&update) {
+            if value.is_finite() {
+                write!(w, ",{value:e}")?;
+            } else {
+                write!(w, ",")?;
+            }
+        }
+        writeln!(w)?;
+    }
+    Ok(())
+}
+
+/// The record of a run.
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: String,
+    timing: Timing,
+    input: Vec<&'a Source>,
+    experiment: toml::Value,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    started_unix_s: u64,
+    took_s: f64,
+    nanoseconds_per_step: toml::Table,
+}
+
+fn run_file(outcome: &Outcome, metrics: &Metrics, info: RunInfo) -> io::Result<String> {
+    let mut steps = toml::Table::new();
+    for estimator in metrics.estimators() {
+        // Tenths of a nanosecond are noise.
+        let nanoseconds = (estimator.seconds_per_step * 1e10).round() / 10.0;
+        steps.entry(estimator.key).or_insert(toml::Value::Float(nanoseconds));
+    }
+    let sources = outcome.recordings.iter().flat_map(|recording| {
+        let reference = recording.reference.as_ref().map(|r| r.recording().source());
+        [Some(recording.recording.source()), reference].into_iter().flatten()
+    });
+    let run = Run {
+        version: env!("CARGO_PKG_VERSION"),
+        command: "estimate",
+        input_id: input_id(outcome),
+        timing: Timing {
+            started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+            took_s: info.took.as_secs_f64(),
+            nanoseconds_per_step: steps,
+        },
+        input: sources.collect(),
+        experiment: toml::Value::try_from(&outcome.experiment).map_err(io::Error::other)?,
+    };
+    toml::to_string(&run).map_err(io::Error::other)
+}

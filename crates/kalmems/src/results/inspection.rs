@@ -1,0 +1,65 @@
+//! The picture of an inspection.
+
+use super::OutputError;
+use crate::inspect::{self, Channel, Inspection};
+use crate::report::{Axis, Figure, Panel, ReportError, Role, Series};
+use std::path::Path;
+
+/// Columns of the picture, each drawn from its smallest to its largest sample.
+const COLUMNS: usize = 800;
+
+/// Why a picture cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DrawError {
+    /// It cannot be drawn.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// It cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Every channel of the longest segment as a figure, and its last cycles where they could not be told apart.
+pub fn inspection_figure(inspection: &Inspection) -> Figure {
+    let mut figure = Figure::new("inspection", inspection.source.file.clone(), "");
+    let Some(segment) = inspection.longest_segment() else { return figure };
+    let whole = 0..segment.rows.len();
+    for (rows, what) in [(Some(whole), ""), (inspection.close_up(segment), "the last cycles")] {
+        let Some(rows) = rows else { continue };
+        let mut first = true;
+        for channel in &inspection.channels {
+            let Ok(series) = inspection.series(&channel.column, segment, rows.clone(), COLUMNS) else {
+                continue;
+            };
+            let panel = panel(channel, &series, inspection.time.is_some(), if first { what } else { "" });
+            figure = figure.with(if first { panel } else { panel.sharing_x() });
+            first = false;
+        }
+    }
+    figure
+}
+
+fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) -> Panel {
+    // Down and up within each column, so that neighbouring columns join.
+    let points = series.start.iter().zip(&series.minimum).zip(&series.maximum).enumerate();
+    let points: Vec<(f64, f64)> = points
+        .flat_map(
+            |(i, ((t, low), high))| {
+                if i % 2 == 0 { [(*t, *low), (*t, *high)] } else { [(*t, *high), (*t, *low)] }
+            },
+        )
+        .collect();
+    let (time, unit) = if timed { ("time", "s") } else { ("sample", "1") };
+    Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
+        .with(Series::line(label, Role::Measured, points))
+}
+
+/// Draws every channel of the longest segment to a PNG file.
+pub fn draw_inspection(inspection: &Inspection, path: &Path) -> Result<(), DrawError> {
+    let png = inspection_figure(inspection).to_png()?;
+    let error = |source| OutputError::Io { path: path.to_owned(), source };
+    // Beside its place first, so that there is never half a picture.
+    let staged = path.with_extension("png.part");
+    std::fs::write(&staged, png).and_then(|()| std::fs::rename(&staged, path)).map_err(error)?;
+    Ok(())
+}

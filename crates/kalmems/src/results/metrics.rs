@@ -1,0 +1,224 @@
+//! The figures of an estimate.
+
+use crate::estimate::{Consistency, Counts, Lock, Trajectory};
+use crate::evaluate::MotionErrors;
+use crate::recording::Finding;
+use crate::signal::Sine;
+use crate::workflow::{Outcome, SegmentOutcome};
+use serde::Serialize;
+
+/// All figures of an experiment; durations are not among them, so that the same input gives the same bytes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Metrics {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The rig's.
+    pub rig: &'static str,
+    /// One per recording.
+    pub recordings: Vec<RecordingMetrics>,
+}
+
+/// Those of a recording.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordingMetrics {
+    /// Its name.
+    pub name: String,
+    /// Its file.
+    pub file: String,
+    /// What was found in it that does not keep it from being used.
+    pub diagnosis: Vec<FindingText>,
+    /// The file of its reference, where there is one.
+    pub reference: Option<String>,
+    /// One per segment.
+    pub segments: Vec<SegmentMetrics>,
+}
+
+/// A finding, and the sentence that says it.
+#[derive(Clone, Debug, Serialize)]
+pub struct FindingText {
+    /// The sentence.
+    pub message: String,
+    /// The finding.
+    #[serde(flatten)]
+    pub finding: Finding,
+}
+
+/// Those of a segment.
+#[derive(Clone, Debug, Serialize)]
+pub struct SegmentMetrics {
+    /// Its label; empty where the recording has one segment.
+    pub label: String,
+    /// How long it is, in s.
+    pub duration_s: f64,
+    /// How much of that is not scored, in s.
+    pub skip_s: f64,
+    /// How fast the device moves, in Hz.
+    pub motion_hz: f64,
+    /// The drive, where it is a steady sine.
+    pub drive: Option<DriveMetrics>,
+    /// One per filter.
+    pub estimators: Vec<EstimatorMetrics>,
+}
+
+/// The sine of a drive.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DriveMetrics {
+    /// Its mean in V.
+    pub offset_v: f64,
+    /// Its amplitude in V.
+    pub amplitude_v: f64,
+    /// Its frequency in Hz.
+    pub frequency_hz: f64,
+}
+
+/// Those of a filter.
+#[derive(Clone, Debug, Serialize)]
+pub struct EstimatorMetrics {
+    /// The filter, as a key.
+    pub key: &'static str,
+    /// The filter, for people.
+    pub name: &'static str,
+    /// Whether to trust it.
+    pub verdict: Verdict,
+    /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
+    pub errors: Option<MotionErrors>,
+    /// The mean NIS after the settling time; `None` for a model that makes no claim.
+    pub consistency: Option<Consistency>,
+    /// Whether it followed the motion.
+    pub lock: Lock,
+    /// What happened to the samples.
+    pub counts: Counts,
+    /// Whether the answer was mirrored to have the stated sign.
+    pub mirrored: bool,
+    /// Where and why it stopped, if it did.
+    pub failure: Option<String>,
+    /// How long a step took, in s; a measurement, and no part of the figures.
+    #[serde(skip)]
+    pub seconds_per_step: f64,
+}
+
+/// Whether a filter's answer may be trusted, from the recording alone but for the sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The mean NIS lies in its 95 % interval.
+    Consistent,
+    /// It lies below: the filter is more careful than it needs to be.
+    Cautious,
+    /// It lies above: the filter claims more than it knows, or the model is wrong.
+    Overconfident,
+    /// It lost the signal or changed branch on the way. No figure of it is a good estimate.
+    LostLock,
+    /// It stopped before the end.
+    Failed,
+    /// The reference has the opposite sign of what the experiment states.
+    WrongSign,
+    /// It makes no claim that could be tested: the model alone.
+    NoClaim,
+    /// The model alone, where it does not follow the signal. It had no lock to lose.
+    Astray,
+}
+
+impl Verdict {
+    /// In a word or two.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Cautious => "cautious",
+            Self::Overconfident => "overconfident",
+            Self::LostLock => "LOST LOCK",
+            Self::Failed => "FAILED",
+            Self::WrongSign => "WRONG SIGN",
+            Self::NoClaim => "no claim",
+            Self::Astray => "astray",
+        }
+    }
+
+    /// Whether a strict run may pass with it.
+    pub const fn passes(self) -> bool {
+        matches!(self, Self::Consistent | Self::NoClaim | Self::Astray)
+    }
+}
+
+impl Metrics {
+    /// Takes the figures from an outcome.
+    pub fn of(outcome: &Outcome) -> Self {
+        let recordings = outcome.recordings.iter().map(|recording| RecordingMetrics {
+            name: recording.name.clone(),
+            file: recording.recording.source().file.clone(),
+            diagnosis: (recording.recording.diagnosis().iter())
+                .map(|finding| FindingText { message: finding.to_string(), finding: finding.clone() })
+                .collect(),
+            reference: recording.reference.as_ref().map(|r| r.recording().source().file.clone()),
+            segments: recording.segments.iter().map(segment).collect(),
+        });
+        Self {
+            experiment: outcome.experiment.name.to_string(),
+            rig: outcome.rig,
+            recordings: recordings.collect(),
+        }
+    }
+
+    /// All filters of all segments.
+    pub fn estimators(&self) -> impl Iterator<Item = &EstimatorMetrics> {
+        self.recordings.iter().flat_map(|r| &r.segments).flat_map(|s| &s.estimators)
+    }
+}
+
+fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
+    let estimate = &outcome.estimate;
+    let time = &estimate.segment.time;
+    SegmentMetrics {
+        label: estimate.segment.label.clone(),
+        duration_s: time.at(time.len().saturating_sub(1)) - time.start_s(),
+        skip_s: estimate.skip_s,
+        motion_hz: estimate.motion.frequency_hz,
+        drive: estimate.drive.map(|sine: Sine| DriveMetrics {
+            offset_v: sine.offset,
+            amplitude_v: sine.amplitude,
+            frequency_hz: sine.frequency_hz,
+        }),
+        estimators: (estimate.trajectories.iter())
+            .zip(&outcome.errors)
+            .map(|(trajectory, errors)| estimator(trajectory, errors.clone(), estimate.skip_s))
+            .collect(),
+    }
+}
+
+fn consistency(trajectory: &Trajectory, skip_s: f64) -> Option<Consistency> {
+    if trajectory.claims() { trajectory.consistency(trajectory.scored(skip_s)) } else { None }
+}
+
+/// Whether to trust a trajectory.
+pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, skip_s: f64) -> Verdict {
+    if trajectory.failure.is_some() {
+        return Verdict::Failed;
+    }
+    if !trajectory.lock.held() {
+        return if trajectory.claims() { Verdict::LostLock } else { Verdict::Astray };
+    }
+    if errors.is_some_and(|e| e.sign_disagrees) {
+        return Verdict::WrongSign;
+    }
+    match consistency(trajectory, skip_s) {
+        None => Verdict::NoClaim,
+        Some(c) if c.holds() => Verdict::Consistent,
+        Some(c) if c.mean_nis < c.lower => Verdict::Cautious,
+        Some(_) => Verdict::Overconfident,
+    }
+}
+
+fn estimator(trajectory: &Trajectory, errors: Option<MotionErrors>, skip_s: f64) -> EstimatorMetrics {
+    EstimatorMetrics {
+        key: trajectory.key,
+        name: trajectory.name,
+        verdict: verdict(trajectory, errors.as_ref(), skip_s),
+        errors,
+        consistency: consistency(trajectory, skip_s),
+        lock: trajectory.lock.clone(),
+        counts: trajectory.counts,
+        mirrored: trajectory.mirrored,
+        failure: trajectory.failure.map(|f| format!("stopped at {} s: {}", f.time_s, f.why)),
+        seconds_per_step: trajectory.seconds_per_step,
+    }
+}

@@ -1,0 +1,18 @@
+//! Results: what is computed from an outcome, and the files and pictures that it becomes.
+
+mod figures;
+mod files;
+mod inspection;
+mod metrics;
+mod output;
+mod page;
+mod summary;
+
+pub use figures::figures as estimate_figures;
+pub use files::{RunInfo, WriteError, write_estimate};
+pub use inspection::{DrawError, draw_inspection, inspection_figure};
+pub use metrics::{
+    DriveMetrics, EstimatorMetrics, FindingText, Metrics, RecordingMetrics, SegmentMetrics, Verdict,
+};
+pub use output::{Output, OutputError, RUN_FILE};
+pub use summary::{Notice, notices, summary_table};

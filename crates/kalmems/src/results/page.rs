@@ -1,0 +1,126 @@
+//! The report of an estimate as a page.
+
+use super::figures::figures;
+use super::summary::segment_name;
+use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
+use crate::config::Peak;
+use crate::report::{Column, Figure, Page, ReportError, Section, Table};
+use crate::workflow::Outcome;
+
+/// The page, and its figures once more by their name.
+pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
+    let experiment = &outcome.experiment;
+    let subtitle = experiment.description.clone().unwrap_or_default();
+    let mut drawn = Vec::new();
+    let mut page = Page::new(experiment.name.to_string(), subtitle).with(overview(outcome, metrics));
+    for (recording, figures_of) in metrics.recordings.iter().zip(&outcome.recordings) {
+        for (segment, outcome_of) in recording.segments.iter().zip(&figures_of.segments) {
+            let name = segment_name(&recording.name, segment);
+            let prefix = super::files::prefix(outcome, figures_of, &segment.label);
+            let mut section = Section::new(name).key_values(facts(recording, segment));
+            for figure in figures(figures_of, outcome_of, &prefix) {
+                drawn.push(figure.clone());
+                section = section.figure(figure);
+            }
+            page = page.with(section.table(details(segment)));
+        }
+    }
+    let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
+    page = page.with(
+        Section::new("How it was made")
+            .paragraph(format!(
+                "kalmems {}, rig {}. The same experiment and recording give the same page to the last byte; dates \
+                 and durations are in run.toml.",
+                env!("CARGO_PKG_VERSION"),
+                outcome.rig
+            ))
+            .preformatted("The experiment as it was understood", toml),
+    );
+    Ok((page.to_html()?, drawn))
+}
+
+fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
+    let mut section = Section::new("Result");
+    for notice in notices(metrics) {
+        section = section.notice(notice.severity, notice.text);
+    }
+    let sign = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak) {
+        Some(peak) => {
+            let word = if peak == Peak::Positive { "positive" } else { "negative" };
+            let mirrored: Vec<&str> = metrics.estimators().filter(|e| e.mirrored).map(|e| e.name).collect();
+            let turned = if mirrored.is_empty() {
+                String::new()
+            } else {
+                format!(" To agree with that, the answer was mirrored for: {}.", mirrored.join(", "))
+            };
+            format!(
+                "The experiment states it: the first turning point of the angle after the first drive peak after the \
+                 settling time is {word}.{turned}"
+            )
+        }
+        None => "The experiment does not state it, so it is that of each filter's start and means nothing."
+            .to_owned(),
+    };
+    section.table(summary_table(metrics, false)).paragraph(format!(
+        "Errors are root mean squares after the settling time, against the reference. The phase is the timing from \
+         a drive peak to the angle peak after it, in degrees of the motion's cycle. The mean NIS of a filter that is \
+         right lies in its interval 95 times in 100. The sign of the motion cannot be known from this signal, which \
+         is even in the angle. {sign}"
+    ))
+}
+
+fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'static str, String)> {
+    let mut facts = vec![
+        ("recording", recording.file.clone()),
+        ("reference", recording.reference.clone().unwrap_or_else(|| "none".to_owned())),
+        (
+            "length",
+            format!("{} ms, of which {} ms to settle", milli(segment.duration_s), milli(segment.skip_s)),
+        ),
+    ];
+    match &segment.drive {
+        Some(drive) => facts.push((
+            "drive",
+            format!(
+                "{:.3} V + {:.3} V sine at {:.3} Hz; the motion at half of that",
+                drive.offset_v, drive.amplitude_v, drive.frequency_hz
+            ),
+        )),
+        None => facts.push(("drive", "no steady sine: phases are not compared with it".to_owned())),
+    }
+    facts
+}
+
+fn milli(seconds: f64) -> String {
+    let text = format!("{:.3}", seconds * 1e3);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// One figure of a filter, where it has it.
+type Detail = fn(&EstimatorMetrics) -> Option<f64>;
+
+/// What the summary leaves out: a row per figure, a column per filter.
+fn details(segment: &SegmentMetrics) -> Table {
+    let names = segment.estimators.iter().map(|estimator| Column::number(estimator.name, ""));
+    let columns = [Column::text("figure"), Column::text("unit")].into_iter().chain(names);
+    let mut table = Table::new("More figures", columns);
+    let rows: [(&str, &str, usize, Detail); 10] = [
+        ("largest angle error", "deg", 4, |e| Some(e.errors.as_ref()?.angle.largest_deg)),
+        ("angle errors within ±3σ", "%", 2, |e| Some(100.0 * e.errors.as_ref()?.angle.within_three_sigma?)),
+        ("cycle phase RMSE", "deg", 4, |e| e.errors.as_ref()?.cycle_phase_rmse_deg),
+        ("mean phase shift, estimate", "deg", 3, |e| e.errors.as_ref()?.phase_shift_estimate_deg),
+        ("mean phase shift, reference", "deg", 3, |e| e.errors.as_ref()?.phase_shift_reference_deg),
+        ("mean amplitude, reference", "deg", 3, |e| e.errors.as_ref()?.amplitude_reference_deg),
+        ("peaks compared", "", 0, |e| Some(e.errors.as_ref()?.peaks as f64)),
+        ("peaks without a partner", "", 0, |e| Some(e.errors.as_ref()?.peaks_without_partner as f64)),
+        ("updates", "", 0, |e| Some(e.counts.updates as f64)),
+        ("log-likelihood", "", 1, |e| Some(e.consistency.as_ref()?.log_likelihood)),
+    ];
+    for (name, unit, digits, figure) in rows {
+        let cells = segment.estimators.iter().map(|estimator| {
+            figure(estimator).map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
+        });
+        table.push([name.to_owned(), unit.to_owned()].into_iter().chain(cells));
+    }
+    table
+}

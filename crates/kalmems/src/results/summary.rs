@@ -1,0 +1,188 @@
+//! The figures as a table, and the sentences that must not be missed.
+
+use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
+use crate::report::{Column, Severity, Table};
+use std::fmt;
+
+/// A sentence about a result, and how serious it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// How serious it is.
+    pub severity: Severity,
+    /// The sentence.
+    pub text: String,
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mark = match self.severity {
+            Severity::Ok => "ok",
+            Severity::Note => "note",
+            Severity::Warning => "WARNING",
+        };
+        write!(f, "{mark}: {}", self.text)
+    }
+}
+
+/// The table that a run prints: one row per filter, the figures of the issue first. Without durations it is the
+/// same for the same input.
+pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
+    let several = metrics.recordings.iter().map(|r| r.segments.len()).sum::<usize>() > 1;
+    let mut columns = Vec::new();
+    if several {
+        columns.push(Column::text("segment"));
+    }
+    columns.extend([
+        Column::text("estimator"),
+        Column::number("angle RMSE", "deg"),
+        Column::number("of p-p", "%"),
+        Column::number("phase RMSE", "deg"),
+        Column::number("amplitude RMSE", "deg"),
+        Column::number("mean NIS", ""),
+        Column::text("95 % interval"),
+        Column::text("verdict"),
+    ]);
+    if with_durations {
+        columns.push(Column::number("per step", "ns"));
+    }
+    let mut table = Table::new("", columns);
+    for recording in &metrics.recordings {
+        for segment in &recording.segments {
+            for estimator in &segment.estimators {
+                let name = several.then(|| segment_name(&recording.name, segment));
+                let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
+                table.push(name.into_iter().chain(row(estimator)).chain(duration));
+            }
+        }
+    }
+    table
+}
+
+pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String {
+    if segment.label.is_empty() { recording.to_owned() } else { format!("{recording}, {}", segment.label) }
+}
+
+fn row(estimator: &EstimatorMetrics) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    let errors = estimator.errors.as_ref();
+    let consistency = estimator.consistency.as_ref();
+    vec![
+        estimator.name.to_owned(),
+        number(errors.map(|e| e.angle.rmse_deg)),
+        number(errors.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
+        number(errors.and_then(|e| e.peak_phase_rmse_deg)),
+        number(errors.and_then(|e| e.amplitude_rmse_deg)),
+        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
+        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
+        estimator.verdict.words().to_owned(),
+    ]
+}
+
+/// Three significant digits without an exponent.
+pub(super) fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
+    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// What a reader must know before trusting a figure, the worst first.
+pub fn notices(metrics: &Metrics) -> Vec<Notice> {
+    let mut notices = Vec::new();
+    let mut say = |severity, text| notices.push(Notice { severity, text });
+    for recording in &metrics.recordings {
+        for finding in &recording.diagnosis {
+            say(Severity::Note, format!("{}: {}", recording.file, finding.message));
+        }
+        for segment in &recording.segments {
+            let place = segment_name(&recording.name, segment);
+            for estimator in &segment.estimators {
+                for (severity, text) in sentences(estimator) {
+                    say(severity, format!("{place}: {}: {text}", estimator.name));
+                }
+            }
+        }
+    }
+    notices.sort_by_key(|notice| match notice.severity {
+        Severity::Warning => 0,
+        Severity::Note => 1,
+        Severity::Ok => 2,
+    });
+    notices
+}
+
+fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+    let mut said = Vec::new();
+    if let Some(failure) = &estimator.failure {
+        said.push((Severity::Warning, failure.clone()));
+    }
+    if let Some(first) = estimator.lock.events.first() {
+        let more = match estimator.lock.events.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} times more"),
+        };
+        if estimator.verdict == Verdict::Astray {
+            said.push((
+                Severity::Note,
+                format!("does not follow the signal, and has nothing to correct it: {first}{more}"),
+            ));
+        } else {
+            said.push((Severity::Warning, format!("{first}{more}; this is no estimate of the motion")));
+        }
+    }
+    let nis = estimator.consistency.as_ref().map(|c| (c.mean_nis, c.lower, c.upper));
+    match (estimator.verdict, nis) {
+        (Verdict::WrongSign, _) => said.push((
+            Severity::Warning,
+            "the reference moves the other way; the sign of the motion cannot be seen in the signal, so \
+             correct `estimate.first_peak`"
+                .to_owned(),
+        )),
+        (Verdict::Overconfident, Some((mean, _, upper))) => said.push((
+            Severity::Note,
+            format!(
+                "the mean NIS of {mean:.3} lies above {upper:.3}: the errors are larger than the filter claims, so \
+                 the model or its noise is not right"
+            ),
+        )),
+        (Verdict::Cautious, Some((mean, lower, _))) => said.push((
+            Severity::Note,
+            format!(
+                "the mean NIS of {mean:.3} lies below {lower:.3}: the filter claims less than it knows; a smaller \
+                 process noise, or measurement noise, would fit"
+            ),
+        )),
+        (Verdict::Consistent, Some((mean, ..))) => {
+            said.push((Severity::Ok, format!("consistent: the mean NIS is {mean:.3}")));
+        }
+        _ => {}
+    }
+    let counts = &estimator.counts;
+    let counted = [
+        (counts.without_signal, "samples have no signal and were predicted only"),
+        (counts.bridged, "samples are left out by the recording and were predicted over"),
+        (counts.drive_from_sine, "samples have no drive; it was taken from the sine that the rest follows"),
+    ];
+    for (count, what) in counted {
+        if count > 0 {
+            said.push((Severity::Note, format!("{count} {what}")));
+        }
+    }
+    said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::significant;
+
+    #[test]
+    fn three_digits() {
+        for (value, text) in
+            [(0.018_063, "0.0181"), (2.694, "2.69"), (123.45, "123"), (1e-5, "0.0000100"), (0.0, "0")]
+        {
+            assert_eq!(significant(value), text);
+        }
+    }
+}

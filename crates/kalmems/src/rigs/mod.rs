@@ -1,0 +1,82 @@
+//! The published systems, one room each.
+//!
+//! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
+//! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
+//! To add one: a folder here, a device table in [`crate::config`], and one line in [`ALL`].
+
+pub mod shared_scanner;
+
+use crate::config::{ConfigError, Device, Experiment, Fault};
+use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
+use crate::evaluate::{MotionErrors, Reference};
+use crate::recording::{Layout, Recording, Segment};
+use crate::signal::Sine;
+
+/// Every rig that is built.
+pub static ALL: &[&dyn Rig] = &[&shared_scanner::SharedScannerRig];
+
+/// A device with its drive, its recordings and its way of being estimated.
+pub trait Rig: Sync {
+    /// The device table that it is for, such as `shared_scanner`.
+    fn name(&self) -> &'static str;
+
+    /// Whether it is for this device.
+    fn takes(&self, device: &Device) -> bool;
+
+    /// The recordings of an experiment that an estimate is wanted for, as indices, and all that can be checked
+    /// of the experiment before they are read.
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError>;
+
+    /// How to read one of them. The reference's columns are not among those asked for.
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError>;
+
+    /// Estimates the motion in each segment of a recording.
+    fn estimate(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SegmentEstimate>, EstimateError>;
+
+    /// Compares each trajectory of a segment with the reference; `None` where nothing can be compared.
+    fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>>;
+}
+
+/// What the filters say of one segment.
+#[derive(Clone, Debug)]
+pub struct SegmentEstimate {
+    /// The segment.
+    pub segment: Segment,
+    /// The column of the drive in V, by its name.
+    pub drive_column: String,
+    /// The column of the signal, by its name.
+    pub signal_column: String,
+    /// The drive, where it is a steady sine.
+    pub drive: Option<Sine>,
+    /// How fast the device moves.
+    pub motion: Motion,
+    /// How long the filters have to settle, in s.
+    pub skip_s: f64,
+    /// One per filter.
+    pub trajectories: Vec<Trajectory>,
+}
+
+impl SegmentEstimate {
+    /// The end of the settling time in s.
+    pub fn from_s(&self) -> f64 {
+        self.segment.time.start_s() + self.skip_s
+    }
+}
+
+/// The rig for an experiment's device.
+pub fn of(experiment: &Experiment) -> Result<&'static dyn Rig, ConfigError> {
+    ALL.iter().copied().find(|rig| rig.takes(&experiment.device)).ok_or_else(|| {
+        let built: Vec<&str> = ALL.iter().map(|rig| rig.name()).collect();
+        let why = format!(
+            "this device can be described, but nothing is built for it yet; built are: {}",
+            built.join(", ")
+        );
+        experiment.error("device", Fault::Value { why })
+    })
+}

@@ -1,0 +1,139 @@
+//! The shared-electrode scanner: one comb drives a resonant mirror and senses its tilt.
+//!
+//! Chen et al., Motion Estimation for a Compact Electrostatic Micro-scanner via Shared Driving and Sensing
+//! Electrodes in Endomicroscopy, 2020. The mirror is driven parametrically; a carrier on the same electrodes,
+//! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
+
+mod course;
+mod drive;
+mod segment;
+mod settings;
+
+use super::{Rig, SegmentEstimate};
+use crate::config::{ConfigError, Device, Experiment, Fault, Role};
+use crate::estimate::{EstimateError, Progress};
+use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::recording::{Layout, Recording, Segment};
+use crate::units::kind;
+use drive::Drive;
+use segment::SegmentData;
+use settings::Settings;
+
+/// The rig.
+pub struct SharedScannerRig;
+
+/// The channels that an estimate needs.
+const MEANINGS: [&str; 2] = ["drive", "signal"];
+
+impl Rig for SharedScannerRig {
+    fn name(&self) -> &'static str {
+        "shared_scanner"
+    }
+
+    fn takes(&self, device: &Device) -> bool {
+        matches!(device, Device::SharedScanner(_))
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(experiment)?;
+        let is_wanted = |role| matches!(role, Role::Test | Role::SteadyState);
+        let wanted: Vec<usize> =
+            (0..experiment.recordings.len()).filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
+        if wanted.is_empty() {
+            let why = "no recording has the role `test` or `steady_state`; those are estimated".to_owned();
+            return Err(experiment.error("recording", Fault::Value { why }));
+        }
+        for index in &wanted {
+            self.layout(experiment, *index)?;
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+    }
+
+    fn estimate(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let [drive_column, signal_column] = columns(experiment, index)?;
+        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?;
+        let signal = recording.column_of(signal_column, &kind::VOLTAGE)?;
+        let mut estimates = Vec::new();
+        for segment in recording.segments() {
+            let place = match segment.label.as_str() {
+                "" => recording.source().file.clone(),
+                label => format!("{}, segment `{label}`", recording.source().file),
+            };
+            let time_s = segment.time.to_vec();
+            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+            let too_short =
+                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
+            let interval_s = segment.time.interval_s().ok_or_else(too_short)?;
+            let data = SegmentData {
+                time_s: &time_s,
+                signal: signal.of(segment),
+                drive: Drive::new(&time_s, drive.of(segment), interval_s),
+                interval_s,
+            };
+            let motion = data.motion(&settings);
+            if span < settings.skip_s + 10.0 / motion.frequency_hz {
+                return Err(too_short());
+            }
+            if !data.signal.iter().any(|y| y.is_finite()) {
+                return Err(EstimateError::NoSignal { place, column: signal_column.to_owned() });
+            }
+            if let Some((first_s, count)) = data.drive.unknown(interval_s) {
+                let column = drive_column.to_owned();
+                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
+            }
+            let trajectories =
+                segment::estimate(&settings, &data, progress).ok_or(EstimateError::Interrupted)?;
+            estimates.push(estimate_of(
+                segment,
+                &data,
+                &settings,
+                (drive_column, signal_column),
+                trajectories,
+            ));
+        }
+        Ok(estimates)
+    }
+
+    fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>> {
+        let extent = Extent {
+            from_s: estimate.from_s(),
+            motion_hz: estimate.motion.frequency_hz,
+            drive: estimate.drive.as_ref(),
+        };
+        estimate.trajectories.iter().map(|t| evaluate_motion(t, reference, extent)).collect()
+    }
+}
+
+fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
+    let key = crate::config::Key::from("recording").index(index).child("channels");
+    experiment.columns(key, &experiment.recording(index)?.channels, MEANINGS)
+}
+
+fn estimate_of(
+    segment: &Segment,
+    data: &SegmentData,
+    settings: &Settings,
+    (drive_column, signal_column): (&str, &str),
+    trajectories: Vec<crate::estimate::Trajectory>,
+) -> SegmentEstimate {
+    SegmentEstimate {
+        segment: segment.clone(),
+        drive_column: drive_column.to_owned(),
+        signal_column: signal_column.to_owned(),
+        drive: data.drive.sine().copied(),
+        motion: data.motion(settings),
+        skip_s: settings.skip_s,
+        trajectories,
+    }
+}

@@ -1,0 +1,11 @@
+//! What is read off a periodic signal: its sine, its cycles, its turning points.
+
+mod cycles;
+mod extremes;
+mod interval;
+mod sine;
+
+pub use cycles::{Cycle, fit_cycles};
+pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
+pub use interval::{GAP, usual_interval};
+pub use sine::{Sine, fit_sine, fit_sine_at};
