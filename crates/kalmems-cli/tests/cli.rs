@@ -273,7 +273,7 @@ fn an_interruption_leaves_nothing_behind() {
         }
     }
     file.flush().unwrap();
-    for wait_ms in [300, 1500] {
+    for wait_ms in [300, 1000] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_kalmems"))
             .current_dir(folder.path())
             .args(["estimate", "experiment.toml", "--out", "results"])
