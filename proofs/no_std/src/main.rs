@@ -9,7 +9,8 @@
 
 use core::hint::black_box;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Measurement, Nodes, NoiseDensity, Process, Rk4, Scalar, SigmaPoints, Ukf,
+    Covariance, Ekf, Filter, FilterError, Measurement, Nodes, NoiseDensity, Process, Rk4, Scalar,
+    SigmaPoints, Ukf,
 };
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
@@ -33,7 +34,11 @@ fn follow<T: Scalar<Mask = bool>, F: Filter<T, 2>>(filter: &mut F) -> Result<T, 
     let of = |value: f64| T::of(black_box(value));
     let comb = GaussianComb { nominal: of(5.71e-12), angular_width: of(0.2), bias: of(9.79e-12) };
     let scanner = ParametricScanner {
-        resonator: TorsionalResonator { inertia: of(1.15e-14), damping: of(5.95e-12), stiffness: of(1.10e-4) },
+        resonator: TorsionalResonator {
+            inertia: of(1.15e-14),
+            damping: of(5.95e-12),
+            stiffness: of(1.10e-4),
+        },
         comb,
         carrier_mean_square: of(18.0),
     };
