@@ -126,6 +126,13 @@ fn the_schema_is_json() {
 
 /// The example with its text changed, in a folder of its own; the message and what is left there.
 fn broken(change: impl Fn(&mut String, &mut String)) -> (Option<i32>, String, Vec<String>) {
+    let (output, left) = with_changes(change);
+    assert!(output.stdout.is_empty(), "{}", text(&output.stdout));
+    (output.status.code(), text(&output.stderr), left)
+}
+
+/// What the program says of the example with its text changed, and what it leaves in its folder.
+fn with_changes(change: impl Fn(&mut String, &mut String)) -> (Output, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let source = root().join("examples/shared_scanner");
     let mut toml = std::fs::read_to_string(source.join("experiment.toml")).unwrap();
@@ -139,14 +146,13 @@ fn broken(change: impl Fn(&mut String, &mut String)) -> (Option<i32>, String, Ve
         .args(["estimate", "experiment.toml", "--out", "results"])
         .output()
         .unwrap();
-    assert!(output.stdout.is_empty() || output.status.success(), "{}", text(&output.stdout));
     let mut left: Vec<String> = std::fs::read_dir(folder.path())
         .unwrap()
         .map(|e| e.unwrap().file_name().into_string().unwrap())
         .filter(|name| !["experiment.toml", "recording.csv", "reference.csv"].contains(&name.as_str()))
         .collect();
     left.sort();
-    (output.status.code(), text(&output.stderr), left)
+    (output, left)
 }
 
 /// Replaces the cell in a column of a row, counted from 1 below the header.
@@ -161,7 +167,7 @@ fn cell(csv: &mut String, row: usize, column: usize, value: &str) {
 #[test]
 fn bad_input_is_named_and_leaves_nothing() {
     type Change = fn(&mut String, &mut String);
-    let cases: [(&str, Change); 15] = [
+    let cases: [(&str, Change); 21] = [
         ("an unknown key", |toml, _| *toml = toml.replace("stiffness =", "stifness =")),
         ("a wrong dimension", |toml, _| *toml = toml.replace("5.71 pF", "5.71 pV")),
         ("a start at zero", |toml, _| *toml = toml.replace("0.05 rad\"", "0 rad\"")),
@@ -179,6 +185,23 @@ fn bad_input_is_named_and_leaves_nothing() {
         ("a rate for an angle", |toml, _| *toml = toml.replace("\"angle_rad\"", "\"rate_rad_per_s\"")),
         ("text for a number", |_, csv| cell(csv, 9000, 2, "overload")),
         ("time that stands still", |_, csv| cell(csv, 9000, 0, "0.008998")),
+        ("time that goes back", |_, csv| cell(csv, 9000, 0, "0.001")),
+        ("a row without time", |_, csv| cell(csv, 9000, 0, "")),
+        ("an unknown unit", |toml, csv| {
+            *toml = toml.replace("\"cap_V\"", "\"cap_volt\"");
+            *csv = csv.replace("cap_V", "cap_volt");
+        }),
+        ("a name that comes twice", |_, csv| {
+            *csv = csv.replace("time_s,drive_V,cap_V", "time_s,drive_V,drive_V");
+        }),
+        ("another separator", |_, csv| *csv = csv.replace(',', ";")),
+        ("a segment that comes back", |toml, csv| {
+            *toml = toml.replace("clock = {", "segments = { column = \"record\" }\nclock = {");
+            let label = |row: usize| ["record", "a", "b", "a"][usize::from(row > 0) + row / 10_000];
+            let lines: Vec<String> =
+                csv.lines().enumerate().map(|(row, line)| format!("{},{line}", label(row))).collect();
+            *csv = lines.join("\n");
+        }),
         ("a row too short", |_, csv| *csv = csv.replacen("0.000007,", "", 1)),
         ("an empty file", |_, csv| csv.clear()),
         ("a header alone", |_, csv| *csv = "time_s,drive_V,cap_V\n".to_owned()),
@@ -188,6 +211,39 @@ fn bad_input_is_named_and_leaves_nothing() {
         let (code, message, left) = broken(change);
         assert_eq!((code, left.as_slice()), (Some(1), &[][..]), "{name}: {message}");
         report += &format!("## {name}\n{message}\n");
+    }
+    insta::assert_snapshot!(report);
+}
+
+#[test]
+fn what_can_be_used_all_the_same_is_noted() {
+    type Change = fn(&mut String);
+    let cases: [(&str, Change); 7] = [
+        ("a missing cell", |csv| cell(csv, 9000, 2, "")),
+        ("not a number", |csv| cell(csv, 9000, 2, "NaN")),
+        ("infinite", |csv| cell(csv, 9000, 2, "-inf")),
+        ("a gap", |csv| {
+            let kept = csv.lines().enumerate().filter(|(row, _)| !(9000..9004).contains(row));
+            *csv = kept.map(|(_, line)| line).collect::<Vec<_>>().join("\n");
+        }),
+        ("irregular time", |csv| cell(csv, 9000, 0, "0.0089993")),
+        ("saturation", |csv| {
+            let clipped = |line: &str| match line.rsplit_once(',') {
+                Some((rest, cap)) if cap.parse().is_ok_and(|cap: f64| cap > 1.5) => format!("{rest},1.5\n"),
+                _ => format!("{line}\n"),
+            };
+            *csv = csv.lines().map(clipped).collect();
+        }),
+        ("a blank line", |csv| *csv = csv.replacen("0.000009,", "\n0.000009,", 1)),
+    ];
+    let mut report = String::new();
+    for (name, change) in cases {
+        let (output, left) = with_changes(|_, csv| change(csv));
+        assert_eq!((output.status.code(), left), (Some(0), vec!["results".to_owned()]), "{name}");
+        let said = text(&output.stdout);
+        let notes: Vec<&str> =
+            said.lines().filter(|l| l.contains("recording.csv: line") || l.contains("EKF: ")).collect();
+        report += &format!("## {name}\n{}\n\n", notes.join("\n"));
     }
     insta::assert_snapshot!(report);
 }

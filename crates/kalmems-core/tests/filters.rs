@@ -168,6 +168,29 @@ fn one_update_in_closed_form() {
     approx::assert_relative_eq!(filter.covariance().get(1, 1), 9.0 - 4.5 * 4.5 / 7.25, max_relative = 1e-14);
 }
 
+/// Two sensors of different sizes on one filter, in either order, say what one sensor of both says.
+#[test]
+fn measurements_of_different_sizes_on_one_filter() {
+    let start = Covariance::from_lower(Mat([[4.0, 0.0], [1.0, 9.0]]));
+    let both = LinearMeasurement { matrix: Mat([[1.0, 0.0], [0.5, 1.0], [0.0, 2.0]]) };
+    let pair = LinearMeasurement { matrix: Mat([[1.0, 0.0], [0.5, 1.0]]) };
+    let single = LinearMeasurement { matrix: Mat([[0.0, 2.0]]) };
+    let (r, r_pair, r_single) = ([1.0, 0.5, 2.0], [1.0, 0.5], [2.0]);
+    let mut at_once = Ekf::new([1.0, 2.0], start);
+    let all = at_once.update(&both, &[1.5, 2.0, 5.0], &Covariance::from_variances(r)).unwrap();
+    let mut one_by_one = Ekf::new([1.0, 2.0], start);
+    let first = one_by_one.update(&pair, &[1.5, 2.0], &Covariance::from_variances(r_pair)).unwrap();
+    let second = one_by_one.update(&single, &[5.0], &Covariance::from_variances(r_single)).unwrap();
+    for i in 0..2 {
+        approx::assert_relative_eq!(at_once.mean()[i], one_by_one.mean()[i], max_relative = 1e-13);
+    }
+    assert!(close(at_once.covariance(), one_by_one.covariance(), 1e-14));
+    // The chain rule of probability: p(a, b) = p(a)·p(b | a), and NIS adds up.
+    let log = first.log_likelihood + second.log_likelihood;
+    approx::assert_relative_eq!(all.log_likelihood, log, max_relative = 1e-13);
+    approx::assert_relative_eq!(all.nis, first.nis + second.nis, max_relative = 1e-13);
+}
+
 /// A measurement that is not finite in some places.
 struct Logarithm;
 impl<T: Scalar> Measurement<T, 2, 1> for Logarithm {

@@ -161,13 +161,16 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     }
     let counts = &estimator.counts;
     let counted = [
-        (counts.without_signal, "samples have no signal and were predicted only"),
-        (counts.bridged, "samples are left out by the recording and were predicted over"),
-        (counts.drive_from_sine, "samples have no drive; it was taken from the sine that the rest follows"),
+        (counts.without_signal, "samples without a signal, predicted and not corrected"),
+        (counts.bridged, "samples that the recording leaves out, predicted over"),
+        (
+            counts.drive_from_sine,
+            "samples without a drive, which was taken from the sine that the rest of it follows",
+        ),
     ];
     for (count, what) in counted {
         if count > 0 {
-            said.push((Severity::Note, format!("{count} {what}")));
+            said.push((Severity::Note, format!("{what}: {count}")));
         }
     }
     said
