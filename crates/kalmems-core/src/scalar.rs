@@ -55,7 +55,7 @@ impl Mask for bool {
 /// is a [`select`](Scalar::select). Physics is written once over this trait.
 ///
 /// Elementary functions come from `libm`, not from the platform, so that the same input gives the same bytes
-/// everywhere; they are within 1 ulp in `f64` (`atanh` within 3 ulp for |x| < 1).
+/// everywhere.
 ///
 /// ```
 /// use kalmems_core::Scalar;

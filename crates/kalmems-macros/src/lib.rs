@@ -7,8 +7,8 @@ use syn::{ImplItem, Item, TraitItem, parse_macro_input, parse_quote};
 /// Puts `#[inline(always)]` on a function, or on every function of an `impl` or `trait`.
 ///
 /// A filter is fast because its model dissolves into it. One model function that the compiler decides to call
-/// instead takes a batch of filters from 8 to 310 ns per step, and nothing warns of it; so models carry this
-/// attribute, and none of their functions can be forgotten.
+/// instead can cost more than the rest of the step, and nothing warns of it; so models carry this attribute, and
+/// none of their functions can be forgotten.
 ///
 /// ```
 /// struct Spring(f64);

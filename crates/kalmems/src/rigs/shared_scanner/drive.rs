@@ -54,8 +54,8 @@ impl<'a> Drive<'a> {
 
     /// The drive at the ends and in the middle of the interval that ends at sample `to`.
     ///
-    /// In the middle it is a cubic through the four samples around it: held or straight between samples, the
-    /// drive of a resonator costs more accuracy than its noise.
+    /// In the middle it is a cubic through the four samples around it; a drive that is held between samples costs
+    /// far more than the integrator does (see [`Nodes`]).
     pub fn nodes(&self, to: usize) -> Nodes<f64> {
         let start = self.sample(to - 1).0;
         let end = self.sample(to).0;
