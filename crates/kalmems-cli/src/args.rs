@@ -3,9 +3,13 @@
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
+/// What stands below the help.
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; \
+    3 under --strict, a filter failed its consistency test; 130 interrupted.";
+
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
-#[command(name = "kalmems", version, about, max_term_width = 100)]
+#[command(name = "kalmems", version, about, after_help = EXIT_CODES, max_term_width = 100)]
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,

@@ -17,7 +17,8 @@ pub use envelope::{Envelope, EnvelopePoint, envelope};
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
-use crate::recording::read::{self, Request, Wanted};
+use crate::recording::read;
+use crate::recording::request::{Request, Wanted};
 use crate::recording::{Clock, Column, Finding, ReadError, Recording, Segment, Source};
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};

@@ -30,6 +30,7 @@ mod pass;
 mod plan;
 mod rails;
 pub(crate) mod read;
+pub(crate) mod request;
 pub(crate) mod rows;
 mod segment;
 #[cfg(test)]
@@ -43,7 +44,7 @@ pub use segment::{Segment, TimeBase};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 
 use crate::units::{Header, Kind, Unit};
-use read::{Request, Wanted};
+use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::cell::Scale;
 use super::error::hint;
 use super::findings::{Findings, Place};
-use super::read::{Request, Wanted};
+use super::request::{Request, Wanted};
 use super::{Clock, Finding, FindingKind as Kind};
 use crate::units::{Header, Unit, UnitError, kind};
 use csv::ByteRecord;

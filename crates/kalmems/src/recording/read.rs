@@ -3,6 +3,7 @@
 use super::findings::Findings;
 use super::pass::Pass;
 use super::plan::{Plan, unreadable};
+use super::request::Request;
 use super::rows::Rows;
 use super::{Clock, FindingKind, ReadError, Recording};
 use std::ops::ControlFlow;
@@ -13,21 +14,6 @@ const ROWS_PER_REPORT: usize = 1 << 16;
 
 /// Called with the bytes read and the bytes in all.
 pub(crate) type Progress<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
-
-/// What to take from a file.
-pub(crate) struct Request<'a> {
-    pub(crate) clock: &'a Clock,
-    pub(crate) segment_column: Option<&'a str>,
-    pub(crate) columns: Wanted<'a>,
-}
-
-/// The columns to take.
-pub(crate) enum Wanted<'a> {
-    /// These; each must be there and have a unit.
-    Named(&'a [String]),
-    /// All but these, the time and the segments' labels.
-    AllBut(&'a [String]),
-}
 
 /// Reads the whole file; the recording is there even where a finding is fatal, for it to be looked at.
 pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result<Recording, ReadError> {

@@ -1,9 +1,6 @@
 //! What a figure shows, as plain data: panels, axes and series.
 
 use super::decimate::{Decimated, Thinning, decimate, decimate_band};
-use super::draw;
-use super::error::ReportError;
-use super::{png, svg};
 
 /// Pixel columns of a figure, and so the columns to which a series is reduced.
 const COLUMNS: usize = 800;
@@ -32,16 +29,6 @@ impl Figure {
     pub fn with(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
         self
-    }
-
-    /// The picture as SVG, 900 units wide. The same figure gives the same bytes.
-    pub fn to_svg(&self) -> String {
-        svg::write(&draw::scene(self))
-    }
-
-    /// The same picture as PNG, 1800 pixels wide.
-    pub fn to_png(&self) -> Result<Vec<u8>, ReportError> {
-        png::encode(&draw::scene(self), &self.id)
     }
 }
 

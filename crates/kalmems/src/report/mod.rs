@@ -29,6 +29,7 @@ mod notes;
 mod page;
 mod png;
 mod prefix;
+mod render;
 mod scene;
 mod style;
 mod svg;

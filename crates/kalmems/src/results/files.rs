@@ -1,11 +1,12 @@
 //! The files of an estimate.
 
+use super::names::prefix;
 use super::page::page;
 use super::{Metrics, Output, OutputError, RUN_FILE};
 use crate::estimate::Trajectory;
 use crate::recording::Source;
 use crate::report::ReportError;
-use crate::workflow::{Outcome, RecordingOutcome};
+use crate::workflow::Outcome;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
@@ -89,15 +90,6 @@ fn input_id(outcome: &Outcome) -> String {
         format!("{} {digest}", source.file)
     });
     format!("{}: {}", outcome.experiment.name, files.collect::<Vec<_>>().join(", "))
-}
-
-/// The recording's and the segment's name, each where there are several.
-pub(super) fn prefix(outcome: &Outcome, recording: &RecordingOutcome, label: &str) -> String {
-    let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-    let parts =
-        [(outcome.recordings.len() > 1, recording.name.as_str()), (recording.segments.len() > 1, label)];
-    let named = parts.iter().filter(|(several, _)| *several);
-    named.flat_map(|(_, name)| name.chars().map(safe).chain(['_'])).collect()
 }
 
 /// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still

@@ -4,6 +4,7 @@ mod figures;
 mod files;
 mod inspection;
 mod metrics;
+mod names;
 mod output;
 mod page;
 mod summary;

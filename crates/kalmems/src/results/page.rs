@@ -1,6 +1,7 @@
 //! The report of an estimate as a page.
 
 use super::figures::figures;
+use super::names::prefix;
 use super::summary::segment_name;
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::Peak;
@@ -16,9 +17,9 @@ pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<
     for (recording, figures_of) in metrics.recordings.iter().zip(&outcome.recordings) {
         for (segment, outcome_of) in recording.segments.iter().zip(&figures_of.segments) {
             let name = segment_name(&recording.name, segment);
-            let prefix = super::files::prefix(outcome, figures_of, &segment.label);
+            let prefix_of = prefix(outcome, figures_of, &segment.label);
             let mut section = Section::new(name).key_values(facts(recording, segment));
-            for figure in figures(figures_of, outcome_of, &prefix) {
+            for figure in figures(figures_of, outcome_of, &prefix_of) {
                 drawn.push(figure.clone());
                 section = section.figure(figure);
             }

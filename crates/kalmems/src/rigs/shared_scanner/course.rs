@@ -1,7 +1,7 @@
 //! The scanner's way through one segment.
 
+use super::data::SegmentData;
 use super::drive::Drive;
-use super::segment::SegmentData;
 use super::settings::Settings;
 use crate::estimate::{Counts, Course};
 use kalmems_core::{Filter, FilterError, NoiseDensity, Rk4};

@@ -5,6 +5,7 @@
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
 mod course;
+mod data;
 mod drive;
 mod segment;
 mod settings;
@@ -15,8 +16,8 @@ use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::recording::{Layout, Recording, Segment};
 use crate::units::kind;
+use data::SegmentData;
 use drive::Drive;
-use segment::SegmentData;
 use settings::Settings;
 
 /// The rig.

@@ -1,48 +1,16 @@
 //! The estimates of one segment.
 
 use super::course::ScannerCourse;
-use super::drive::Drive;
+use super::data::SegmentData;
 use super::settings::Settings;
-use crate::estimate::{ModelAlone, Motion, Progress, Trajectory, follow, judge_lock};
+use crate::estimate::{ModelAlone, Progress, Trajectory, follow, judge_lock};
 use crate::signal::extremes_of_rate;
 use crate::units::{Kind, kind};
 use kalmems_core::{Ekf, Filter, Ukf};
-use std::f64::consts::TAU;
 
 /// The states of the scanner: name, unit in column names, kind.
 pub const STATES: [(&str, &str, &Kind); 2] =
     [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
-
-/// One segment of a recording as the estimators see it.
-#[derive(Clone, Debug)]
-pub struct SegmentData<'a> {
-    /// When, in s.
-    pub time_s: &'a [f64],
-    /// The demodulated signal in V.
-    pub signal: &'a [f64],
-    /// The drive.
-    pub drive: Drive<'a>,
-    /// The usual interval between samples in s.
-    pub interval_s: f64,
-}
-
-impl SegmentData<'_> {
-    /// How fast the mirror moves: at half the frequency of a steady drive, else at its own.
-    pub fn motion(&self, settings: &Settings) -> Motion {
-        match self.drive.sine() {
-            Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
-            None => {
-                Motion { frequency_hz: settings.scanner.resonator.natural_rate() / TAU, is_driven: false }
-            }
-        }
-    }
-
-    /// The first drive peak after the settling time; the end of the settling time where there is none.
-    pub fn first_drive_peak(&self, settings: &Settings) -> f64 {
-        let start = self.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
-        self.drive.sine().map_or(start, |sine| sine.peak_after(start))
-    }
-}
 
 /// Runs the wanted ones of model alone, extended and unscented Kalman filter. `None` where the work was stopped.
 pub fn estimate(settings: &Settings, data: &SegmentData, progress: &dyn Progress) -> Option<Vec<Trajectory>> {

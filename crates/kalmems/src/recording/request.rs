@@ -1,0 +1,18 @@
+//! What is asked of a file.
+
+use super::Clock;
+
+/// What to take from a file.
+pub(crate) struct Request<'a> {
+    pub(crate) clock: &'a Clock,
+    pub(crate) segment_column: Option<&'a str>,
+    pub(crate) columns: Wanted<'a>,
+}
+
+/// The columns to take.
+pub(crate) enum Wanted<'a> {
+    /// These; each must be there and have a unit.
+    Named(&'a [String]),
+    /// All but these, the time and the segments' labels.
+    AllBut(&'a [String]),
+}

@@ -1,0 +1,17 @@
+//! Pictures of figures.
+
+use super::error::ReportError;
+use super::figure::Figure;
+use super::{draw, png, svg};
+
+impl Figure {
+    /// The picture as SVG, 900 units wide. The same figure gives the same bytes.
+    pub fn to_svg(&self) -> String {
+        svg::write(&draw::scene(self))
+    }
+
+    /// The same picture as PNG, 1800 pixels wide.
+    pub fn to_png(&self) -> Result<Vec<u8>, ReportError> {
+        png::encode(&draw::scene(self), &self.id)
+    }
+}
