@@ -4,13 +4,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on an interruption or a request to end sets the flag. A second one ends the program at once.
+/// From now on an interruption or a request to end sets the flag. A second one does no more: ending at once would
+/// leave a half-written result behind.
 pub fn listen() {
-    let handler = || {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
+    let handler = || INTERRUPTED.store(true, Ordering::Relaxed);
     if let Err(e) = ctrlc::set_handler(handler) {
         eprintln!("warning: interruptions will not be handled: {e}");
     }

@@ -160,5 +160,5 @@ fn a_held_drive_costs_more_than_a_large_step() {
     let (known, cubic, held) = (error(&known), error(&cubic), error(&held));
     assert!(known < 0.01, "RK4 at 1 MHz: {known}°");
     assert!(cubic < 0.01, "with a cubic between the samples: {cubic}°");
-    assert!(held > 10.0 * cubic, "held: {held}°, cubic: {cubic}°");
+    assert!((1.5..2.5).contains(&held), "held: {held}°, where the docs say about 2°");
 }

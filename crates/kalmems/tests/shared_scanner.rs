@@ -3,7 +3,7 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Silent};
 use kalmems::report::{Figure, Series, Shape};
-use kalmems::results::{Metrics, Verdict, estimate_figures};
+use kalmems::results::{Metrics, RunInfo, Verdict, WriteError, estimate_figures, notices, write_estimate};
 use kalmems::workflow::{self, Outcome};
 use std::path::PathBuf;
 
@@ -359,4 +359,74 @@ fn the_pictures_show_the_figures_beside_them() {
         let k = trajectory.time_s.iter().position(|t| *t == p[0]).unwrap();
         assert!((m[1] - p[1] - trajectory.innovation[k]).abs() < 1e-12);
     }
+}
+
+#[test]
+fn writing_that_is_stopped_leaves_nothing() {
+    let (outcome, metrics) = run(&changed("experiment.toml", &[]));
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("results");
+    let info = RunInfo { started: std::time::SystemTime::UNIX_EPOCH, took: std::time::Duration::ZERO };
+    // Stopped at each of the places where it looks, until it looks no more.
+    let mut places = 0;
+    loop {
+        let looks = std::cell::Cell::new(0);
+        let stop = || {
+            looks.set(looks.get() + 1);
+            looks.get() > places
+        };
+        match write_estimate(&outcome, &metrics, &target, false, info, &stop) {
+            Err(WriteError::Interrupted) => {
+                assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "stopped at look {places}");
+            }
+            written => {
+                written.unwrap();
+                break;
+            }
+        }
+        places += 1;
+    }
+    assert!(places >= 10, "{places}");
+    assert!(target.join("report.html").is_file());
+}
+
+/// The notices of the example with its reference's rows changed by `f(row, cells)`.
+fn notices_with_reference(f: impl Fn(usize, &mut Vec<String>)) -> Vec<String> {
+    let (folder, experiment) = edited(|_, cells| Some(cells));
+    let text = std::fs::read_to_string(example("reference.csv")).unwrap();
+    let lines = text.lines().enumerate().map(|(row, line)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if row > 0 {
+            f(row - 1, &mut cells);
+        }
+        cells.join(",")
+    });
+    std::fs::write(folder.path().join("reference.csv"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    let (_, metrics) = run(&experiment);
+    notices(&metrics).iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_is_wrong_with_the_reference_is_noted() {
+    let said = notices_with_reference(|row, cells| {
+        if (9000..9003).contains(&row) {
+            cells[1].clear();
+        }
+    });
+    let missing = |notice: &&String| notice.contains("reference.csv: line 9002, column `angle_rad`");
+    let found = said.iter().find(missing).unwrap_or_else(|| panic!("{said:?}"));
+    assert!(found.contains("the first of 3 cells"), "{found}");
+
+    // A reference of another time: nothing to compare with, and that is said.
+    let said = notices_with_reference(|_, cells| {
+        let time: f64 = cells[0].parse().unwrap();
+        cells[0] = format!("{:.6}", time + 1.0);
+    });
+    assert!(
+        said.iter().any(|notice| notice.contains("no sample of this segment to compare with")),
+        "{said:?}"
+    );
+    // The ordinary example has neither.
+    let said = notices_with_reference(|_, _| ());
+    assert!(!said.iter().any(|notice| notice.contains("reference.csv")), "{said:?}");
 }

@@ -57,8 +57,12 @@ pub fn write_estimate(
             let prefix = prefix(outcome, recording, &segment.estimate.segment.label);
             for trajectory in &segment.estimate.trajectories {
                 let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
-                output.write(&name, |w| write_trajectory(trajectory, &unit, w))?;
-                if stop() {
+                let mut finished = true;
+                output.write(&name, |w| {
+                    finished = write_trajectory(trajectory, &unit, w, stop)?;
+                    Ok(())
+                })?;
+                if !finished || stop() {
                     return Err(WriteError::Interrupted);
                 }
             }
@@ -92,9 +96,17 @@ fn input_id(outcome: &Outcome) -> String {
     format!("{}: {}", outcome.experiment.name, files.collect::<Vec<_>>().join(", "))
 }
 
+/// Rows between two looks at whether to stop.
+const ROWS: usize = 65_536;
+
 /// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still
-/// read back as the same bits.
-fn write_trajectory(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Write) -> io::Result<()> {
+/// read back as the same bits. Whether it came to the end, or was stopped.
+fn write_trajectory(
+    trajectory: &Trajectory,
+    signal_unit: &str,
+    w: &mut dyn Write,
+    stop: &dyn Fn() -> bool,
+) -> io::Result<bool> {
     write!(w, "time_s")?;
     for state in &trajectory.states {
         write!(w, ",{}_{}", state.name, state.unit)?;
@@ -104,6 +116,9 @@ fn write_trajectory(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Writ
     }
     writeln!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")?;
     for k in 0..trajectory.time_s.len() {
+        if k % ROWS == 0 && stop() {
+            return Ok(false);
+        }
         write!(w, "{}", trajectory.time_s[k])?;
         let states = trajectory.states.iter().flat_map(|s| [s.mean.get(k), s.sd.get(k)]).flatten();
         let update = [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]];
@@ -116,7 +131,7 @@ fn write_trajectory(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Writ
         }
         writeln!(w)?;
     }
-    Ok(())
+    Ok(true)
 }
 
 /// The record of a run.

@@ -29,6 +29,8 @@ pub struct RecordingMetrics {
     pub diagnosis: Vec<FindingText>,
     /// The file of its reference, where there is one.
     pub reference: Option<String>,
+    /// What was found in that one.
+    pub reference_diagnosis: Vec<FindingText>,
     /// One per segment.
     pub segments: Vec<SegmentMetrics>,
 }
@@ -146,10 +148,10 @@ impl Metrics {
         let recordings = outcome.recordings.iter().map(|recording| RecordingMetrics {
             name: recording.name.clone(),
             file: recording.recording.source().file.clone(),
-            diagnosis: (recording.recording.diagnosis().iter())
-                .map(|finding| FindingText { message: finding.to_string(), finding: finding.clone() })
-                .collect(),
+            diagnosis: texts(recording.recording.diagnosis()),
             reference: recording.reference.as_ref().map(|r| r.recording().source().file.clone()),
+            reference_diagnosis: (recording.reference.as_ref())
+                .map_or_else(Vec::new, |r| texts(r.recording().diagnosis())),
             segments: recording.segments.iter().map(segment).collect(),
         });
         Self {
@@ -163,6 +165,11 @@ impl Metrics {
     pub fn estimators(&self) -> impl Iterator<Item = &EstimatorMetrics> {
         self.recordings.iter().flat_map(|r| &r.segments).flat_map(|s| &s.estimators)
     }
+}
+
+fn texts(findings: &[Finding]) -> Vec<FindingText> {
+    let text = |finding: &Finding| FindingText { message: finding.to_string(), finding: finding.clone() };
+    findings.iter().map(text).collect()
 }
 
 fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {

@@ -24,8 +24,7 @@ impl fmt::Display for Notice {
     }
 }
 
-/// The table that a run prints: one row per filter, the figures of the issue first. Without durations it is the
-/// same for the same input.
+/// The table that a run prints: one row per filter. Without durations it is the same for the same input.
 pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     let several = metrics.recordings.iter().map(|r| r.segments.len()).sum::<usize>() > 1;
     let mut columns = Vec::new();
@@ -96,8 +95,18 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         for finding in &recording.diagnosis {
             say(Severity::Note, format!("{}: {}", recording.file, finding.message));
         }
+        let reference = recording.reference.as_deref();
+        for finding in &recording.reference_diagnosis {
+            say(Severity::Note, format!("{}: {}", reference.unwrap_or("the reference"), finding.message));
+        }
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);
+            if let Some(reference) = reference
+                && segment.estimators.iter().all(|estimator| estimator.errors.is_none())
+            {
+                let text = "has no sample of this segment to compare with after the settling time";
+                say(Severity::Note, format!("{place}: the reference {reference} {text}"));
+            }
             for estimator in &segment.estimators {
                 for (severity, text) in sentences(estimator) {
                     say(severity, format!("{place}: {}: {text}", estimator.name));

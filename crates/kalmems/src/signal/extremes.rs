@@ -14,7 +14,7 @@ pub struct Extreme {
 
 /// Where the rate goes through zero, by a straight line between the two samples around it.
 ///
-/// For a sine sampled 64 times per cycle the line is right to a thousandth of a degree of the cycle. What happens
+/// For a sine sampled 64 times per cycle the line is right to two thousandths of a degree of the cycle. What happens
 /// in a gap is not known.
 pub fn extremes_of_rate(time_s: &[f64], rate: &[f64]) -> Vec<Extreme> {
     let longest = GAP * usual_interval(time_s);
