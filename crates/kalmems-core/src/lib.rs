@@ -49,14 +49,16 @@ mod measurement;
 mod noise;
 mod process;
 mod scalar;
+pub mod update;
 
 pub use dual::Dual;
 pub use error::FilterError;
-pub use filter::{Ekf, Filter, Gaussian, Innovation, Kalman, SigmaPoints, Ukf};
+pub use filter::{Ekf, Filter, Gaussian, Innovation, Kalman, Link, SigmaPoints, Ukf};
 pub use linalg::{Cholesky, Ldl, Mat};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use process::{
-    Augmented, Dynamics, Euler, LinearProcess, Nodes, ParametricDynamics, Process, Rk4, jacobian,
+    Augmented, Dynamics, Euler, LinearProcess, Nodes, ParametricDynamics, Process, ProcessNoise, Rk4,
+    jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};

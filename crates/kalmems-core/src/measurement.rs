@@ -26,6 +26,16 @@ pub trait Measurement<T: Scalar, const N: usize, const M: usize> {
     /// h(x).
     fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; M];
 
+    /// Whether component `i` may depend on state `j`; where not, ∂h_i/∂x_j is zero at every point.
+    ///
+    /// A compiler may not drop a product with a zero. A filter leaves these out, so that a sensor of one of five
+    /// states costs little more than one of a single state. Must not depend on anything but its arguments.
+    #[inline(always)]
+    fn depends(i: usize, j: usize) -> bool {
+        let _ = (i, j);
+        true
+    }
+
     /// h(x) and ∂h/∂x, by dual numbers unless a model has something better.
     #[inline(always)]
     fn linearize(&self, x: &[T; N]) -> ([T; M], Mat<T, M, N>) {

@@ -18,7 +18,7 @@ fn likelihood_and_steady_variance() {
     let walk = LinearProcess::<f64, 1, 0> {
         transition: Mat::identity(),
         input: Mat::zero(),
-        noise: Covariance::from_variances([1469.1]),
+        noise: Covariance::from_variances([1469.1]).into(),
     };
     let level = LinearMeasurement { matrix: Mat([[1.0]]) };
     let r = Covariance::from_variances([15099.0]);
@@ -31,7 +31,7 @@ fn likelihood_and_steady_variance() {
         }
         let innovation = filter.update(&level, &[*flow], &r).unwrap();
         if year > 0 {
-            log_likelihood += innovation.log_likelihood;
+            log_likelihood += innovation.log_likelihood();
         }
     }
     assert!((log_likelihood - -632.544_212_278_3).abs() < 1e-6, "{log_likelihood}");

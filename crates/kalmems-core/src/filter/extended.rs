@@ -1,6 +1,7 @@
 //! The extended Kalman filter.
 
-use super::{Filter, Gaussian, Innovation};
+use super::{Filter, Gaussian, Innovation, Link};
+use crate::update::Policy;
 use crate::{Covariance, FilterError, Measurement, Process, Scalar};
 
 /// The extended Kalman filter: models linearised at the current mean, the covariance in Joseph's form.
@@ -27,26 +28,30 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ekf<T, N> {
 
     /// The covariance of the state.
     #[inline(always)]
-    fn covariance(&self) -> &Covariance<T, N> {
-        &self.state.covariance
+    fn covariance(&self) -> Covariance<T, N> {
+        self.state.covariance
     }
 
     /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
     #[inline(always)]
-    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
+    fn predict_linked<P: Process<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<T, N>, FilterError> {
         let (mean, f) = process.linearize(&self.state.mean, u);
         self.state.propagate(mean, &f, process.noise())
     }
 
-    /// Corrects the state with a measurement `y` of noise covariance `r`.
     #[inline(always)]
-    fn update<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
+        policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let (predicted, h) = measurement.linearize(&self.state.mean);
-        self.state.correct(y, &predicted, &h, r)
+        self.state.correct::<H, M>((y, &predicted), &h, r, policy)
     }
 }

@@ -1,7 +1,10 @@
-//! The state of knowledge, and the two steps that all filters share.
+//! The state of knowledge, and the two steps that filters with a covariance share.
 
-use crate::linalg::{Ldl, sum};
-use crate::{Covariance, FilterError, Mask, Mat, Scalar};
+use super::{Innovation, Link};
+use crate::linalg::sum;
+use crate::process::ProcessNoise;
+use crate::update::{Correction, Policy};
+use crate::{Covariance, FilterError, Mask, Mat, Measurement, Scalar};
 use core::array;
 
 /// A Gaussian over the state.
@@ -13,20 +16,8 @@ pub struct Gaussian<T, const N: usize> {
     pub covariance: Covariance<T, N>,
 }
 
-/// What a measurement said against its prediction.
-#[derive(Clone, Copy, Debug)]
-pub struct Innovation<T: Scalar, const M: usize> {
-    /// y − h(x): measured minus predicted.
-    pub residual: [T; M],
-    /// S = H·P·Hᵀ + R, its covariance if the filter is right.
-    pub covariance: Covariance<T, M>,
-    /// The normalised innovation squared rᵀ·S⁻¹·r: on average `M` if the filter is right.
-    pub nis: T,
-    /// ln p(y | past) = −½·(M·ln 2π + ln det S + NIS).
-    pub log_likelihood: T,
-}
-
 /// Why lanes were refused; each mask is set where that happened.
+#[derive(Clone, Copy)]
 pub(super) struct Refusal<T: Scalar> {
     pub measurement: T::Mask,
     pub innovation: T::Mask,
@@ -35,19 +26,39 @@ pub(super) struct Refusal<T: Scalar> {
 }
 
 impl<T: Scalar> Refusal<T> {
-    /// The first reason, where any lane was refused.
+    /// No lane.
     #[inline(always)]
-    pub fn to_error(&self) -> Result<(), FilterError> {
-        if self.measurement.any() {
+    pub fn none() -> Self {
+        let no = T::of(0.0).is_finite().not();
+        Self { measurement: no, innovation: no, covariance: no, state: no }
+    }
+
+    /// Where a measurement is not finite.
+    #[inline(always)]
+    pub fn of_measurement<const M: usize>(y: &[T; M]) -> Self {
+        let finite = y.iter().fold(T::of(0.0).is_finite(), |finite, y| finite.and(y.is_finite()));
+        Self { measurement: finite.not(), ..Self::none() }
+    }
+
+    /// Every lane that was refused.
+    #[inline(always)]
+    pub fn mask(self) -> T::Mask {
+        self.measurement.or(self.innovation).or(self.covariance).or(self.state)
+    }
+
+    /// The first reason, where every lane was refused.
+    #[inline(always)]
+    pub fn to_error(self) -> Result<(), FilterError> {
+        if !self.mask().all() {
+            Ok(())
+        } else if self.measurement.any() {
             Err(FilterError::NonFiniteMeasurement)
         } else if self.covariance.any() {
             Err(FilterError::CovarianceNotPositive)
         } else if self.innovation.any() {
             Err(FilterError::InnovationNotPositive)
-        } else if self.state.any() {
-            Err(FilterError::NonFiniteState)
         } else {
-            Ok(())
+            Err(FilterError::NonFiniteState)
         }
     }
 }
@@ -72,18 +83,20 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         &mut self,
         mean: [T; N],
         f: &Mat<T, N, N>,
-        q: &Covariance<T, N>,
-    ) -> Result<(), FilterError> {
-        let next = Self { mean, covariance: self.covariance.transformed(f).plus(q) };
-        self.accept(&next)
+        q: &ProcessNoise<T, N>,
+    ) -> Result<Link<T, N>, FilterError> {
+        let next = Self { mean, covariance: self.covariance.transformed(f).plus(q.covariance()) };
+        let taken = self.accept(&next, &Refusal::none())?;
+        Ok(Link { transition: *f, noise: *q.covariance(), taken })
     }
 
-    /// Takes a prediction where it is finite; says so where it is not.
+    /// Takes a prediction where it is finite and not refused already; which lanes took it.
     #[inline(always)]
-    pub(super) fn accept(&mut self, next: &Self) -> Result<(), FilterError> {
-        let finite = next.is_finite();
-        self.replace(next, finite);
-        if finite.all() { Ok(()) } else { Err(FilterError::NonFiniteState) }
+    pub(super) fn accept(&mut self, next: &Self, refused: &Refusal<T>) -> Result<T::Mask, FilterError> {
+        let refused = Refusal { state: next.is_finite().not(), ..*refused };
+        let taken = refused.mask().not();
+        self.replace(next, taken);
+        refused.to_error().map(|()| taken)
     }
 
     /// The correction with a linear or linearised measurement.
@@ -91,72 +104,83 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// K = P·Hᵀ·S⁻¹ and P⁺ = (I − K·H)·P·(I − K·H)ᵀ + K·R·Kᵀ (Joseph's form, positive semi-definite whatever the
     /// rounding of K).
     #[inline(always)]
-    pub(super) fn correct<const M: usize>(
+    pub(super) fn correct<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
-        y: &[T; M],
-        predicted: &[T; M],
+        (y, predicted): (&[T; M], &[T; M]),
         h: &Mat<T, M, N>,
         r: &Covariance<T, M>,
+        policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let p = &self.covariance;
+        let seen = |i: usize, k: usize| H::depends(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
-        let hp: Mat<T, M, N> = Mat::from_fn(|i, j| sum(N, |k| h.0[i][k] * p.get(k, j)));
-        let s = Covariance::lower(|i, j| r.get(i, j) + sum(N, |k| hp.0[i][k] * h.0[j][k]));
-        let (innovation, ldl) = innovation(y, predicted, s);
+        let hp: Mat<T, M, N> = Mat::from_fn(|i, j| sum_where(N, |k| seen(i, k), |k| h.0[i][k] * p.get(k, j)));
+        let s =
+            Covariance::lower(|i, j| r.get(i, j) + sum_where(N, |k| seen(j, k), |k| hp.0[i][k] * h.0[j][k]));
+        let (mut innovation, ldl) = Innovation::new(y, predicted, s);
         let gain: [[T; M]; N] = array::from_fn(|i| ldl.solve(&array::from_fn(|j| hp.0[j][i])));
+        let correction = Correction {
+            change: array::from_fn(|i| sum(M, |k| gain[i][k] * innovation.residual[k])),
+            variance: array::from_fn(|i| p.get(i, i)),
+        };
+        let wanted = policy.take(&innovation, &correction);
+        let refused = Refusal { innovation: ldl.positive.not(), ..Refusal::of_measurement(y) };
+        if !wanted.and(refused.mask().not()).any() {
+            innovation.taken = wanted.and(refused.mask().not());
+            return refused.to_error().map(|()| innovation);
+        }
 
+        // A = I − K·H, the columns that no component sees being those of I.
+        let bare = |j: usize| !(0..M).any(|m| seen(m, j));
         let a: Mat<T, N, N> =
-            Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - sum(M, |k| gain[i][k] * h.0[k][j]));
+            Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - sum(M, |m| gain[i][m] * h.0[m][j]));
+        let ap: Mat<T, N, N> = Mat::from_fn(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
         let kr: Mat<T, N, M> = Mat::from_fn(|i, j| sum(M, |k| gain[i][k] * r.get(k, j)));
-        let ap: Mat<T, N, N> = Mat::from_fn(|i, j| sum(N, |k| a.0[i][k] * p.get(k, j)));
         let next = Self {
-            mean: array::from_fn(|i| self.mean[i] + sum(M, |k| gain[i][k] * innovation.residual[k])),
+            mean: array::from_fn(|i| self.mean[i] + correction.change[i]),
             covariance: Covariance::lower(|i, j| {
-                sum(N, |k| ap.0[i][k] * a.0[j][k]) + sum(M, |k| kr.0[i][k] * gain[j][k])
+                row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum(M, |k| kr.0[i][k] * gain[j][k])
             }),
         };
-        let no = T::of(0.0).is_finite().not();
-        self.finish(y, &next, ldl.positive, no)?;
+        innovation.taken = self.finish(&next, wanted, &refused)?;
         Ok(innovation)
     }
 
-    /// Takes a correction where nothing speaks against it, and names the reason where something does.
+    /// Takes a correction where it is wanted and nothing speaks against it; names the reason where something
+    /// does in every lane.
     #[inline(always)]
-    pub(super) fn finish<const M: usize>(
+    pub(super) fn finish(
         &mut self,
-        y: &[T; M],
         next: &Self,
-        innovation_positive: T::Mask,
-        covariance_refused: T::Mask,
-    ) -> Result<(), FilterError> {
-        let finite_y = y.iter().fold(T::of(0.0).is_finite(), |finite, y| finite.and(y.is_finite()));
-        let finite = next.is_finite();
-        self.replace(next, finite_y.and(finite).and(innovation_positive).and(covariance_refused.not()));
-        Refusal::<T> {
-            measurement: finite_y.not(),
-            innovation: innovation_positive.not(),
-            covariance: covariance_refused,
-            state: finite.not(),
-        }
-        .to_error()
+        wanted: T::Mask,
+        refused: &Refusal<T>,
+    ) -> Result<T::Mask, FilterError> {
+        let refused = Refusal { state: next.is_finite().not(), ..*refused };
+        let taken = wanted.and(refused.mask().not());
+        self.replace(next, taken);
+        refused.to_error().map(|()| taken)
     }
 }
 
-/// ln 2π.
-const LN_2PI: f64 = 1.837_877_066_409_345_5;
-
-/// The innovation and the factors of its covariance.
+/// The sum of `f(k)` over those `k < n` that a pattern keeps; the pattern is constant and costs nothing.
 #[inline(always)]
-pub(super) fn innovation<T: Scalar, const M: usize>(
-    y: &[T; M],
-    predicted: &[T; M],
-    s: Covariance<T, M>,
-) -> (Innovation<T, M>, Ldl<T, M>) {
-    let residual: [T; M] = array::from_fn(|i| y[i] - predicted[i]);
-    let ldl = Ldl::of(&s);
-    let weighted = ldl.solve(&residual);
-    let nis = sum(M, |i| residual[i] * weighted[i]);
-    let constant = T::of(M as f64 * LN_2PI);
-    let log_likelihood = -(constant + ldl.ln_det() + nis).half();
-    (Innovation { residual, covariance: s, nis, log_likelihood }, ldl)
+fn sum_where<T: Scalar>(n: usize, keep: impl Fn(usize) -> bool, f: impl Fn(usize) -> T) -> T {
+    let mut total = T::of(-0.0);
+    for k in 0..n {
+        if keep(k) {
+            total = total + f(k);
+        }
+    }
+    total
+}
+
+/// Row `i` of A = I − K·H times a vector; a bare column of A is a column of I.
+#[inline(always)]
+fn row_times<T: Scalar, const N: usize>(
+    row: &[T; N],
+    i: usize,
+    bare: impl Fn(usize) -> bool,
+    f: impl Fn(usize) -> T,
+) -> T {
+    sum_where(N, |k| !bare(k) || k == i, |k| if bare(k) { f(k) } else { row[k] * f(k) })
 }

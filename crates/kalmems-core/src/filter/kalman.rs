@@ -1,6 +1,7 @@
 //! The linear Kalman filter.
 
 use super::{Gaussian, Innovation};
+use crate::update::Always;
 use crate::{Covariance, FilterError, LinearMeasurement, LinearProcess, Process, Scalar};
 
 /// The Kalman filter of a linear process and linear measurements.
@@ -11,7 +12,7 @@ use crate::{Covariance, FilterError, LinearMeasurement, LinearProcess, Process, 
 /// let walk = LinearProcess::<f64, 1, 0> {
 ///     transition: Mat::identity(),
 ///     input: Mat::zero(),
-///     noise: Covariance::from_variances([1.0]),
+///     noise: Covariance::from_variances([1.0]).into(),
 /// };
 /// let level = LinearMeasurement { matrix: Mat([[1.0]]) };
 /// let mut filter = Kalman::new([0.0], Covariance::from_variances([1.0]));
@@ -50,9 +51,9 @@ impl<T: Scalar, const N: usize> Kalman<T, N> {
         &mut self,
         process: &LinearProcess<T, N, U>,
         u: &[T; U],
-    ) -> Result<(), FilterError> {
+    ) -> Result<T::Mask, FilterError> {
         let mean = process.step(&self.state.mean, u);
-        self.state.propagate(mean, &process.transition, &process.noise)
+        self.state.propagate(mean, &process.transition, &process.noise).map(|link| link.taken)
     }
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.
@@ -64,6 +65,6 @@ impl<T: Scalar, const N: usize> Kalman<T, N> {
         r: &Covariance<T, M>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let predicted = measurement.matrix.times_vector(&self.state.mean);
-        self.state.correct(y, &predicted, &measurement.matrix, r)
+        self.state.correct::<LinearMeasurement<T, N, M>, M>((y, &predicted), &measurement.matrix, r, &Always)
     }
 }

@@ -4,19 +4,26 @@
 //! one [`Measurement`]. A step that cannot be taken is refused with a
 //! [`FilterError`] and leaves the state as it was.
 
-use crate::{Covariance, FilterError, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mat, Measurement, Process, Scalar};
 
 mod extended;
 mod gaussian;
+mod innovation;
 mod kalman;
 mod unscented;
 
 pub use extended::Ekf;
-pub use gaussian::{Gaussian, Innovation};
+pub use gaussian::Gaussian;
+pub use innovation::Innovation;
 pub use kalman::Kalman;
 pub use unscented::{SigmaPoints, Ukf};
 
+use crate::update::{Always, Policy};
+
 /// What the nonlinear filters have in common, so that one loop over a recording serves them all.
+///
+/// For one number a step is taken or refused; for several in lanes each lane takes or refuses it for itself.
+/// `Ok` says which lanes took it, `Err` that none did, and why.
 ///
 /// ```
 /// use kalmems_core::{Covariance, Ekf, Filter, LinearMeasurement, Mat, SigmaPoints, Ukf};
@@ -38,16 +45,56 @@ pub trait Filter<T: Scalar, const N: usize> {
     fn mean(&self) -> &[T; N];
 
     /// The covariance of the state.
-    fn covariance(&self) -> &Covariance<T, N>;
+    fn covariance(&self) -> Covariance<T, N>;
 
-    /// Moves the state by one step.
-    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError>;
+    /// Moves the state by one step, and says how the new state hangs on the old one: what a smoother needs.
+    fn predict_linked<P: Process<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<T, N>, FilterError>;
+
+    /// Moves the state by one step. Which lanes took it.
+    #[inline(always)]
+    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<T::Mask, FilterError> {
+        self.predict_linked(process, u).map(|link| link.taken)
+    }
+
+    /// Corrects the state with a measurement `y` of noise covariance `r`, where the policy takes it.
+    ///
+    /// Where it does not, the innovation is there all the same and says so in
+    /// [`taken`](Innovation::taken).
+    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+        &mut self,
+        measurement: &H,
+        y: &[T; M],
+        r: &Covariance<T, M>,
+        policy: &impl Policy<T, N>,
+    ) -> Result<Innovation<T, M>, FilterError>;
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.
+    #[inline(always)]
     fn update<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
-    ) -> Result<Innovation<T, M>, FilterError>;
+    ) -> Result<Innovation<T, M>, FilterError> {
+        self.update_where(measurement, y, r, &Always)
+    }
+}
+
+/// How the state after a step hangs on the state before: x′ ≈ F·x + c + w with w ~ N(0, Ω).
+///
+/// For a linearised filter F is the Jacobian and Ω the process noise; for a sigma-point filter F is the
+/// regression of x′ on x over the points, and Ω holds what the regression leaves as well. F·P·Fᵀ + Ω is the
+/// predicted covariance in either case.
+#[derive(Clone, Copy, Debug)]
+pub struct Link<T: Scalar, const N: usize> {
+    /// F.
+    pub transition: Mat<T, N, N>,
+    /// Ω.
+    pub noise: Covariance<T, N>,
+    /// Which lanes took the step.
+    pub taken: T::Mask,
 }

@@ -1,8 +1,10 @@
 //! The unscented Kalman filter.
 
-use super::{Filter, Gaussian, Innovation, gaussian::innovation};
-use crate::linalg::sum;
-use crate::{Cholesky, Covariance, FilterError, Mask, Measurement, Process, Scalar};
+use super::gaussian::Refusal;
+use super::{Filter, Gaussian, Innovation, Link};
+use crate::linalg::{Ldl, sum};
+use crate::update::{Correction, Policy};
+use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
 use core::array;
 
 /// How the sigma points of an unscented filter are spread (van der Merwe's scaled form).
@@ -36,7 +38,7 @@ impl<T: Scalar> SigmaPoints<T> {
 /// let walk = LinearProcess::<f64, 1, 0> {
 ///     transition: Mat::identity(),
 ///     input: Mat::zero(),
-///     noise: Covariance::from_variances([1.0]),
+///     noise: Covariance::from_variances([1.0]).into(),
 /// };
 /// let level = LinearMeasurement { matrix: Mat([[1.0]]) };
 /// let mut filter = Ukf::new([0.0], Covariance::from_variances([1.0]), SigmaPoints::standard());
@@ -85,6 +87,17 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         (array::from_fn(|j| array::from_fn(|i| l.0[i][j] * self.spread)), cholesky.positive)
     }
 
+    /// The points themselves.
+    #[inline(always)]
+    fn around(x: &[T; N], offsets: &[[T; N]; N]) -> Points<T, N, N> {
+        Points {
+            centre: *x,
+            plus: array::from_fn(|j| array::from_fn(|i| x[i] + offsets[j][i])),
+            minus: array::from_fn(|j| array::from_fn(|i| x[i] - offsets[j][i])),
+        }
+    }
+
+    /// What a function makes of them.
     #[inline(always)]
     fn through<const K: usize>(
         &self,
@@ -134,56 +147,76 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
 
     /// The covariance of the state.
     #[inline(always)]
-    fn covariance(&self) -> &Covariance<T, N> {
-        &self.state.covariance
+    fn covariance(&self) -> Covariance<T, N> {
+        self.state.covariance
     }
 
-    /// Moves the state by one step.
     #[inline(always)]
-    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
+    fn predict_linked<P: Process<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<T, N>, FilterError> {
+        let before = self.state.covariance;
+        let x = self.state.mean;
         let (offsets, positive) = self.offsets();
         let points = self.through(&offsets, |x| process.step(x, u));
         let mean = self.mean_of(&points);
-        let q = process.noise();
+        let q = process.noise().covariance();
         let next = Gaussian {
             mean,
             covariance: Covariance::lower(|i, k| {
                 self.moment((&points, &mean), (&points, &mean), (i, k)) + q.get(i, k)
             }),
         };
-        let finite = next.is_finite();
-        self.state.replace(&next, finite.and(positive));
-        if positive.not().any() {
-            Err(FilterError::CovarianceNotPositive)
-        } else if finite.not().any() {
-            Err(FilterError::NonFiniteState)
-        } else {
-            Ok(())
-        }
+        let taken = self.state.accept(&next, &Refusal { covariance: positive.not(), ..Refusal::none() })?;
+
+        // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
+        let sources = Self::around(&x, &offsets);
+        let ldl = Ldl::of(&before);
+        let transition = Mat(array::from_fn(|i| {
+            ldl.solve(&array::from_fn(|k| self.moment((&points, &mean), (&sources, &x), (i, k))))
+        }));
+        let explained = before.transformed(&transition);
+        let noise = Covariance::lower(|i, k| next.covariance.get(i, k) - explained.get(i, k));
+        Ok(Link { transition, noise, taken })
     }
 
-    /// Corrects the state with a measurement `y` of noise covariance `r`.
-    ///
     /// The covariance is summed from the corrected points, P⁺ = Σ w·(δx − K·δy)(δx − K·δy)ᵀ + K·R·Kᵀ: the same
     /// as P − K·S·Kᵀ, but positive semi-definite by construction.
     #[inline(always)]
-    fn update<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
+        policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let (offsets, positive) = self.offsets();
         let x = self.state.mean;
-        let xs = self.through(&offsets, |x| *x);
+        let xs = Self::around(&x, &offsets);
         let ys = self.through(&offsets, |x| measurement.predict(x));
         let predicted = self.mean_of(&ys);
         let s =
             Covariance::lower(|i, k| self.moment((&ys, &predicted), (&ys, &predicted), (i, k)) + r.get(i, k));
-        let (innovation, ldl) = innovation(y, &predicted, s);
+        let (mut innovation, ldl) = Innovation::new(y, &predicted, s);
         let gain: [[T; M]; N] = array::from_fn(|i| {
             ldl.solve(&array::from_fn(|k| self.moment((&xs, &x), (&ys, &predicted), (i, k))))
         });
+        let correction = Correction {
+            change: array::from_fn(|i| sum(M, |k| gain[i][k] * innovation.residual[k])),
+            variance: array::from_fn(|i| self.state.covariance.get(i, i)),
+        };
+        let wanted = policy.take(&innovation, &correction);
+        let refused = Refusal {
+            innovation: ldl.positive.not(),
+            covariance: positive.not(),
+            ..Refusal::of_measurement(y)
+        };
+        if !wanted.and(refused.mask().not()).any() {
+            innovation.taken = wanted.and(refused.mask().not());
+            return refused.to_error().map(|()| innovation);
+        }
 
         let zero = [T::of(0.0); N];
         let corrected = |xs: &[T; N], ys: &[T; M]| -> [T; N] {
@@ -196,13 +229,13 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         };
         let kr: [[T; M]; N] = array::from_fn(|i| array::from_fn(|j| sum(M, |k| gain[i][k] * r.get(k, j))));
         let next = Gaussian {
-            mean: array::from_fn(|i| x[i] + sum(M, |k| gain[i][k] * innovation.residual[k])),
+            mean: array::from_fn(|i| x[i] + correction.change[i]),
             covariance: Covariance::lower(|i, k| {
                 self.moment((&deviations, &zero), (&deviations, &zero), (i, k))
                     + sum(M, |l| kr[i][l] * gain[k][l])
             }),
         };
-        self.state.finish(y, &next, ldl.positive, positive.not())?;
+        innovation.taken = self.state.finish(&next, wanted, &refused)?;
         Ok(innovation)
     }
 }

@@ -30,4 +30,26 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         }
         Self { factor: l, positive }
     }
+
+    /// L of a covariance that may be singular: a column whose pivot is not positive is zero.
+    ///
+    /// Exact for what is positive semi-definite; anything else has no such factor, and a filter that is given
+    /// it is wrong from the start.
+    #[inline(always)]
+    pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
+        let mut l = Mat::<T, N, N>::zero();
+        let zero = T::of(0.0);
+        for j in 0..N {
+            let pivot = covariance.get(j, j) - sum(j, |k| l.0[j][k].sq());
+            let positive = pivot.gt(zero);
+            let root = T::select(positive, pivot, zero).sqrt();
+            let recip = T::select(positive, root, T::of(1.0)).recip();
+            l.0[j][j] = root;
+            for i in (j + 1)..N {
+                let entry = (covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k])) * recip;
+                l.0[i][j] = T::select(positive, entry, zero);
+            }
+        }
+        l
+    }
 }

@@ -9,7 +9,8 @@ use crate::{Covariance, Mask, Scalar};
 #[derive(Clone, Copy, Debug)]
 pub struct Ldl<T: Scalar, const M: usize> {
     lower: Mat<T, M, M>,
-    diagonal: [T; M],
+    /// D.
+    pub diagonal: [T; M],
     recip: [T; M],
     /// Whether every entry of D was positive and finite; nothing else here means anything where not.
     pub positive: T::Mask,
@@ -49,11 +50,5 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
             x[i] = x[i] - sum(M - i - 1, |k| self.lower.0[i + 1 + k][i] * x[i + 1 + k]);
         }
         x
-    }
-
-    /// ln det S.
-    #[inline(always)]
-    pub fn ln_det(&self) -> T {
-        sum(M, |i| self.diagonal[i].ln())
     }
 }

@@ -1,9 +1,9 @@
 //! Linear steps.
 
-use super::Process;
+use super::{Process, ProcessNoise};
 use crate::discretize::discretize;
 use crate::linalg::sum;
-use crate::{Covariance, Mat, NoiseDensity, Over, Scalar};
+use crate::{Mat, NoiseDensity, Over, Scalar};
 use core::array;
 
 /// x′ = Φ·x + Γ·u + w.
@@ -14,7 +14,7 @@ pub struct LinearProcess<T, const N: usize, const U: usize> {
     /// Γ: what an input does that is held over the interval.
     pub input: Mat<T, N, U>,
     /// The covariance of w.
-    pub noise: Covariance<T, N>,
+    pub noise: ProcessNoise<T, N>,
 }
 
 impl<T: Scalar<Mask = bool>, const N: usize, const U: usize> LinearProcess<T, N, U> {
@@ -22,7 +22,7 @@ impl<T: Scalar<Mask = bool>, const N: usize, const U: usize> LinearProcess<T, N,
     /// a smooth one, give the mean of both ends.
     pub fn exact(a: &Mat<T, N, N>, b: &Mat<T, N, U>, density: &NoiseDensity<T, N>, interval: T) -> Self {
         let d = discretize(a, density, interval);
-        Self { transition: d.transition, input: d.input_integral.times(b), noise: d.noise }
+        Self { transition: d.transition, input: d.input_integral.times(b), noise: d.noise.into() }
     }
 }
 
@@ -36,7 +36,7 @@ impl<T: Scalar, const N: usize, const U: usize> Process<T, N> for LinearProcess<
     }
 
     #[inline(always)]
-    fn noise(&self) -> &Covariance<T, N> {
+    fn noise(&self) -> &ProcessNoise<T, N> {
         &self.noise
     }
 

@@ -2,13 +2,15 @@
 
 mod augmented;
 mod linear;
+mod noise;
 mod stepper;
 
 pub use augmented::{Augmented, ParametricDynamics};
 pub use linear::LinearProcess;
+pub use noise::ProcessNoise;
 pub use stepper::{Euler, Nodes, Rk4};
 
-use crate::{Covariance, Dual, Mat, Over, Scalar};
+use crate::{Dual, Mat, Over, Scalar};
 use core::array;
 
 /// A differential equation ẋ = f(x, u) on `N` states.
@@ -47,19 +49,19 @@ pub trait Dynamics<T: Scalar, const N: usize> {
 /// noise included.
 ///
 /// ```
-/// use kalmems_core::{Covariance, Over, Process, Scalar};
+/// use kalmems_core::{Covariance, Over, Process, ProcessNoise, Scalar};
 /// /// A number that doubles.
-/// struct Doubling(Covariance<f64, 1>);
+/// struct Doubling(ProcessNoise<f64, 1>);
 /// impl Process<f64, 1> for Doubling {
 ///     type Input = ();
 ///     fn step<S: Over<f64>>(&self, x: &[S; 1], (): &()) -> [S; 1] {
 ///         [x[0].twice()]
 ///     }
-///     fn noise(&self) -> &Covariance<f64, 1> {
+///     fn noise(&self) -> &ProcessNoise<f64, 1> {
 ///         &self.0
 ///     }
 /// }
-/// let (x, f) = Doubling(Covariance::zero()).linearize(&[3.0], &());
+/// let (x, f) = Doubling(ProcessNoise::none()).linearize(&[3.0], &());
 /// assert_eq!((x, f[(0, 0)]), ([6.0], 2.0));
 /// ```
 pub trait Process<T: Scalar, const N: usize> {
@@ -70,7 +72,7 @@ pub trait Process<T: Scalar, const N: usize> {
     fn step<S: Over<T>>(&self, x: &[S; N], u: &Self::Input) -> [S; N];
 
     /// The covariance of w.
-    fn noise(&self) -> &Covariance<T, N>;
+    fn noise(&self) -> &ProcessNoise<T, N>;
 
     /// f(x, u) and ∂f/∂x, by dual numbers unless a model has something better.
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Integrators: a differential equation over one interval.
 
-use super::{Dynamics, Process};
+use super::{Dynamics, Process, ProcessNoise};
 use crate::discretize::discretize;
 use crate::{Covariance, NoiseDensity, Over, Scalar};
 use core::array;
@@ -36,14 +36,14 @@ impl<I: Copy> Nodes<I> {
 pub struct Rk4<D, T, const N: usize> {
     dynamics: D,
     interval: T,
-    noise: Covariance<T, N>,
+    noise: ProcessNoise<T, N>,
 }
 
 impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
     /// Steps of `interval` seconds, the noise linearised `at` a state and an input.
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {
         let noise = discretize(&dynamics.jacobian(at.0, at.1), density, interval).noise;
-        Self { dynamics, interval, noise }
+        Self { dynamics, interval, noise: noise.into() }
     }
 }
 
@@ -63,7 +63,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
     }
 
     #[inline(always)]
-    fn noise(&self) -> &Covariance<T, N> {
+    fn noise(&self) -> &ProcessNoise<T, N> {
         &self.noise
     }
 }
@@ -76,13 +76,13 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
 pub struct Euler<D, T, const N: usize> {
     dynamics: D,
     interval: T,
-    noise: Covariance<T, N>,
+    noise: ProcessNoise<T, N>,
 }
 
 impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Euler<D, T, N> {
     /// Steps of `interval` seconds with this covariance of the noise per step.
     pub fn new(dynamics: D, interval: T, noise: Covariance<T, N>) -> Self {
-        Self { dynamics, interval, noise }
+        Self { dynamics, interval, noise: noise.into() }
     }
 }
 
@@ -96,7 +96,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Euler<D, T,
     }
 
     #[inline(always)]
-    fn noise(&self) -> &Covariance<T, N> {
+    fn noise(&self) -> &ProcessNoise<T, N> {
         &self.noise
     }
 }

@@ -38,6 +38,10 @@ impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DemodulatedComb<T> {
         [self.comb.capacitance(x[0]) * self.gain + self.offset]
     }
 
+    fn depends(_: usize, state: usize) -> bool {
+        state == 0
+    }
+
     /// By hand: one derivative, where dual numbers would carry `N`.
     fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
         let slope = self.comb.slope(x[0]) * self.gain;

@@ -100,7 +100,7 @@ fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
         trajectory.innovation[k] = innovation.residual[0];
         trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
         trajectory.nis[k] = innovation.nis;
-        trajectory.log_likelihood[k] = innovation.log_likelihood;
+        trajectory.log_likelihood[k] = innovation.log_likelihood();
         trajectory.counts.updates += 1;
     } else {
         trajectory.counts.without_signal += 1;

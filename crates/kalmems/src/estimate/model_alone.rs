@@ -1,6 +1,7 @@
 //! The model without its sensor.
 
-use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement, Process};
+use kalmems_core::update::Policy;
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation, Link, Measurement, Process};
 
 /// The actuator model alone (the published papers' ACM): it predicts, and takes no notice of what is measured.
 ///
@@ -9,13 +10,12 @@ use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement, Pro
 #[derive(Clone, Copy, Debug)]
 pub struct ModelAlone<const N: usize> {
     mean: [f64; N],
-    covariance: Covariance<f64, N>,
 }
 
 impl<const N: usize> ModelAlone<N> {
     /// Starts from a state.
     pub fn new(mean: [f64; N]) -> Self {
-        Self { mean, covariance: Covariance::zero() }
+        Self { mean }
     }
 }
 
@@ -24,26 +24,31 @@ impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
         &self.mean
     }
 
-    fn covariance(&self) -> &Covariance<f64, N> {
-        &self.covariance
+    fn covariance(&self) -> Covariance<f64, N> {
+        Covariance::zero()
     }
 
-    fn predict<P: Process<f64, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
-        let next = process.step(&self.mean, u);
+    fn predict_linked<P: Process<f64, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<f64, N>, FilterError> {
+        let (next, transition) = process.linearize(&self.mean, u);
         if !next.iter().all(|x| x.is_finite()) {
             return Err(FilterError::NonFiniteState);
         }
         self.mean = next;
-        Ok(())
+        Ok(Link { transition, noise: Covariance::zero(), taken: true })
     }
 
-    fn update<H: Measurement<f64, N, M>, const M: usize>(
+    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[f64; M],
         r: &Covariance<f64, M>,
+        policy: &impl Policy<f64, N>,
     ) -> Result<Innovation<f64, M>, FilterError> {
         // A filter that knows its state exactly takes nothing from a measurement.
-        kalmems_core::Ekf::new(self.mean, self.covariance).update(measurement, y, r)
+        Ekf::new(self.mean, Covariance::zero()).update_where(measurement, y, r, policy)
     }
 }

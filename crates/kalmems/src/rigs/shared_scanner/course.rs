@@ -59,7 +59,7 @@ impl Course<2> for ScannerCourse<'_> {
         let (from_s, to_s) = (self.data.time_s[to - 1], self.data.time_s[to]);
         let interval = to_s - from_s;
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
-            return filter.predict(&self.usual, &self.data.drive.nodes(to));
+            return filter.predict(&self.usual, &self.data.drive.nodes(to)).map(drop);
         }
         // A gap: steps of about the usual length, driven by the sine that the drive follows. Where it follows
         // none, the recording was refused before it came here.
@@ -76,7 +76,7 @@ impl Course<2> for ScannerCourse<'_> {
                 }
                 Ok(())
             }
-            _ => filter.predict(&each, &self.data.drive.nodes(to)),
+            _ => filter.predict(&each, &self.data.drive.nodes(to)).map(drop),
         }
     }
 }
