@@ -1,9 +1,11 @@
 //! How devices move.
 
+mod duffing;
 mod electrostatic;
 mod parametric;
 mod resonator;
 
+pub use duffing::Duffing;
 pub use electrostatic::torque;
 pub use parametric::ParametricScanner;
 pub use resonator::TorsionalResonator;

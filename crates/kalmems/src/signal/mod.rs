@@ -1,10 +1,12 @@
-//! What is read off a periodic signal: its sine, its cycles, its turning points.
+//! What is read off a periodic signal, its sine, its cycles, its turning points; and a signal between its samples.
 
+mod band_limited;
 mod cycles;
 mod extremes;
 mod interval;
 mod sine;
 
+pub use band_limited::band_limited;
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};
