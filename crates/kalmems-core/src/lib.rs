@@ -54,7 +54,7 @@ pub mod update;
 pub use dual::Dual;
 pub use error::FilterError;
 pub use filter::{Ekf, Filter, Gaussian, Innovation, Kalman, Link, SigmaPoints, Ukf};
-pub use linalg::{Cholesky, Ldl, Mat};
+pub use linalg::{Cholesky, Ldl, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use process::{

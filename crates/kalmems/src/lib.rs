@@ -31,6 +31,8 @@
 pub mod config;
 pub mod estimate;
 pub mod evaluate;
+pub mod fit;
+pub mod identify;
 pub mod inspect;
 pub mod recording;
 pub mod report;

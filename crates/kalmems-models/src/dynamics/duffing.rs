@@ -11,7 +11,7 @@ use kalmems_macros::model;
 ///
 /// The suspension of many MEMS resonators follows it at large amplitudes, and so does the electronic circuit of
 /// the Silverbox benchmark (Wigren and Schoukens, Three free data sets for development and benchmarking in
-/// nonlinear system identification, European Control Conference 2013, 2933), where x is a voltage.
+/// nonlinear system identification, European Control Conference 2013), where x is a voltage.
 ///
 /// ```
 /// use kalmems_core::Dynamics;

@@ -143,7 +143,7 @@ fn least_squares<const P: usize>(
 
 /// The frequency of the largest line in cycles per sample, by a parabola through the logarithms of a Hann-windowed
 /// spectrum. Missing samples count as the mean, which is enough to start from.
-fn largest_line(y: &[f64]) -> Option<f64> {
+pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
     let n = y.len();
     if n < 16 {
         return None;

@@ -1,0 +1,16 @@
+//! Nonlinear least squares: parameters from data, with how well they are known.
+
+mod error;
+mod levenberg;
+mod outcome;
+mod profile;
+mod regression;
+#[cfg(test)]
+mod tests;
+mod triangle;
+
+pub use error::FitError;
+pub use levenberg::{Bounds, FitSettings, fit};
+pub use outcome::{Derived, Direction, Fit};
+pub use profile::profile;
+pub use regression::{ByDual, Law, Regression};
