@@ -49,11 +49,14 @@ mod measurement;
 mod noise;
 mod process;
 mod scalar;
+pub mod smooth;
 pub mod update;
 
 pub use dual::Dual;
 pub use error::FilterError;
-pub use filter::{Ekf, Filter, Gaussian, Innovation, Kalman, Link, SigmaPoints, Ukf};
+pub use filter::{
+    Ekf, Filter, Gaussian, Information, InformationError, Innovation, Kalman, Link, SigmaPoints, Ukf,
+};
 pub use linalg::{Cholesky, Ldl, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};

@@ -8,12 +8,14 @@ use crate::{Covariance, FilterError, Mat, Measurement, Process, Scalar};
 
 mod extended;
 mod gaussian;
+mod information;
 mod innovation;
 mod kalman;
 mod unscented;
 
 pub use extended::Ekf;
 pub use gaussian::Gaussian;
+pub use information::{Information, InformationError};
 pub use innovation::Innovation;
 pub use kalman::Kalman;
 pub use unscented::{SigmaPoints, Ukf};

@@ -177,8 +177,20 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         let transition = Mat(array::from_fn(|i| {
             ldl.solve(&array::from_fn(|k| self.moment((&points, &mean), (&sources, &x), (i, k))))
         }));
-        let explained = before.transformed(&transition);
-        let noise = Covariance::lower(|i, k| next.covariance.get(i, k) - explained.get(i, k));
+        // Ω from what the regression leaves at each point: a sum of squares, where the difference P⁻ − F·P·Fᵀ
+        // would leave rounding of the size of P⁻ in place of a small Ω.
+        let left = |to: &[T; N], offset: &dyn Fn(usize) -> T| -> [T; N] {
+            array::from_fn(|i| to[i] - mean[i] - sum(N, |k| transition.0[i][k] * offset(k)))
+        };
+        let residuals = Points {
+            centre: left(&points.centre, &|_| T::of(0.0)),
+            plus: array::from_fn(|j| left(&points.plus[j], &|k| offsets[j][k])),
+            minus: array::from_fn(|j| left(&points.minus[j], &|k| -offsets[j][k])),
+        };
+        let zero = [T::of(0.0); N];
+        let noise = Covariance::lower(|i, k| {
+            self.moment((&residuals, &zero), (&residuals, &zero), (i, k)) + q.get(i, k)
+        });
         Ok(Link { transition, noise, taken })
     }
 

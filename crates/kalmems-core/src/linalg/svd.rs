@@ -1,6 +1,6 @@
 //! Singular values by one-sided Jacobi rotations.
 
-use super::{Mat, sum};
+use super::{Mat, epsilon, sum};
 use crate::Scalar;
 
 /// A = U·Σ·Vᵀ of a matrix with at least as many rows as columns, without U.
@@ -77,16 +77,6 @@ impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
             }
         }
     }
-}
-
-/// The spacing of numbers at one.
-fn epsilon<T: Scalar<Mask = bool>>() -> T {
-    let one = T::of(1.0);
-    let mut epsilon = one;
-    while (one + epsilon.half()).gt(one) {
-        epsilon = epsilon.half();
-    }
-    epsilon
 }
 
 /// c and s that make two columns with these squares and this product orthogonal, turning by 45° at most.

@@ -1,0 +1,206 @@
+//! The backward step of Rauch, Tung and Striebel, in square-root form.
+
+use crate::linalg::{Semidefinite, reduced, sum, triangularised};
+use crate::{Covariance, FilterError, Gaussian, Link, Mask, Mat, Scalar};
+use core::array;
+
+/// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Smoothed<T: Scalar, const N: usize> {
+    /// Its mean.
+    pub mean: [T; N],
+    /// The lower triangular L of its covariance L·Lᵀ.
+    pub root: Mat<T, N, N>,
+    /// Which lanes mean anything: those whose covariances were positive semi-definite all along.
+    pub sound: T::Mask,
+}
+
+impl<T: Scalar, const N: usize> Smoothed<T, N> {
+    /// The newest state, which the filter has smoothed already: nothing later is known.
+    ///
+    /// A covariance that is singular to rounding is factored as singular. Refused with
+    /// [`FilterError::CovarianceNotPositive`] where it has a negative variance in some direction.
+    #[inline(always)]
+    pub fn newest(filtered: &Gaussian<T, N>) -> Result<Self, FilterError> {
+        let factors = Semidefinite::of(&filtered.covariance);
+        let newest = Self { mean: filtered.mean, root: factors.root, sound: factors.sound };
+        if newest.sound.any() { Ok(newest) } else { Err(FilterError::CovarianceNotPositive) }
+    }
+
+    /// L·Lᵀ.
+    #[inline(always)]
+    pub fn covariance(&self) -> Covariance<T, N> {
+        Covariance::from_lower(self.root.times_transposed(&self.root))
+    }
+
+    /// Mean and covariance.
+    #[inline(always)]
+    pub fn gaussian(&self) -> Gaussian<T, N> {
+        Gaussian { mean: self.mean, covariance: self.covariance() }
+    }
+}
+
+/// How an earlier state hangs on a later one, given all measurements up to the earlier: one step of a
+/// smoother, or several taken together.
+///
+/// x = m + G·(x⁺ − p) + e with e ~ N(0, Z·Zᵀ). For one step with x⁺ ≈ F·x + c + w, w ~ N(0, Ω), from the
+/// filtered x ~ N(m, P) to the predicted x⁺ ~ N(p, P⁺):
+///
+/// - G = P·Fᵀ·(P⁺)⁻¹ with P⁺ = F·P·Fᵀ + Ω,
+/// - Z·Zᵀ = P − G·P⁺·Gᵀ = (I − G·F)·P·(I − G·F)ᵀ + G·Ω·Gᵀ.
+///
+/// Given the smoothed x⁺ ~ N(s⁺, P_s⁺), the smoothed x has the mean m + G·(s⁺ − p) and the covariance
+/// Z·Zᵀ + G·P_s⁺·Gᵀ (Rauch, Tung and Striebel, AIAA Journal 3, 1445, 1965; the published P + G·(P_s⁺ − P⁺)·Gᵀ
+/// is the same, but a difference). No covariance is formed. With P = L·Lᵀ and Ω = W·Wᵀ one triangularisation
+/// gives all:
+///
+/// ```text
+/// [ F·L  W ]  ─▶  [ X  0 ]    P⁺ = X·Xᵀ,  G = Y·X⁻¹
+/// [  L   0 ]      [ Y  Z ]
+/// ```
+///
+/// For the unscented filter, whose F is the regression of x⁺ on x over the sigma points, P·Fᵀ is the sigma
+/// points' cross-covariance, and this is the smoother of Särkkä (IEEE Trans. Automatic Control 53, 845,
+/// 2008).
+///
+/// P, Ω and P⁺ may be singular, where no noise enters, a state is known exactly or a transition forgets one.
+/// G is then any solution of G·X = Y; which one does not matter, because s⁺ − p has no part outside the range
+/// of X.
+///
+/// ```
+/// use kalmems_core::smooth::{Backward, Smoothed};
+/// use kalmems_core::{Covariance, Ekf, Filter, Gaussian, LinearMeasurement, LinearProcess, Mat};
+/// // A level that walks at random, seen twice.
+/// let walk = LinearProcess::<f64, 1, 0> {
+///     transition: Mat::identity(),
+///     input: Mat::zero(),
+///     noise: Covariance::from_variances([1.0]).into(),
+/// };
+/// let level = LinearMeasurement { matrix: Mat([[1.0]]) };
+/// let r = Covariance::from_variances([1.0]);
+/// let mut filter = Ekf::new([0.0], Covariance::from_variances([1.0]));
+/// filter.update(&level, &[2.0], &r)?; // mean 1, variance 1/2
+/// let before = Gaussian { mean: *filter.mean(), covariance: filter.covariance() };
+/// let link = filter.predict_linked(&walk, &[])?; // variance 3/2
+/// let back = Backward::new(&before, &link, filter.mean())?;
+/// filter.update(&level, &[6.0], &r)?; // gain 3/5: mean 4, variance 3/5
+/// let now = Gaussian { mean: *filter.mean(), covariance: filter.covariance() };
+/// let smoothed = back.apply(&Smoothed::newest(&now)?);
+/// assert!((smoothed.mean[0] - 2.0).abs() < 1e-15); // 1 + 1/3·(4 − 1)
+/// assert!((smoothed.covariance().get(0, 0) - 0.4).abs() < 1e-15);
+/// # Ok::<(), kalmems_core::FilterError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Backward<T: Scalar, const N: usize> {
+    /// m.
+    mean: [T; N],
+    /// G.
+    gain: Mat<T, N, N>,
+    /// p.
+    predicted: [T; N],
+    /// Z.
+    root: Mat<T, N, N>,
+    sound: T::Mask,
+}
+
+impl<T: Scalar, const N: usize> Backward<T, N> {
+    /// The earlier state is the later one: what a step that was not taken leaves.
+    #[inline(always)]
+    pub fn identity() -> Self {
+        Self {
+            mean: [T::of(0.0); N],
+            gain: Mat::identity(),
+            predicted: [T::of(0.0); N],
+            root: Mat::zero(),
+            sound: T::of(0.0).is_finite(),
+        }
+    }
+
+    /// One step of a filter, from its state before the prediction, the link, and the predicted mean.
+    ///
+    /// Lanes that did not take the prediction get the identity. A variance of P or Ω that is zero to rounding
+    /// counts as zero: one that the states before it explain but for 8·N·ε of it. Refused with
+    /// [`FilterError::CovarianceNotPositive`] where in every lane P or Ω has a negative variance in some
+    /// direction (sigma points with a negative weight in the centre can leave such an Ω), and with
+    /// [`FilterError::NonFiniteState`] where the step is finite in no lane.
+    #[inline(always)]
+    pub fn new(before: &Gaussian<T, N>, link: &Link<T, N>, predicted: &[T; N]) -> Result<Self, FilterError> {
+        let (state, noise) = (Semidefinite::of(&before.covariance), Semidefinite::of(&link.noise));
+        let mut below = [[state.root, Mat::zero()]];
+        let (x, [y]) = reduced([link.transition.times(&state.root), noise.root], &mut below);
+        let root = triangularised(below[0]);
+        // G·X = Y, from the last column on; a column of zeros asks for nothing.
+        let mut gain = Mat::<T, N, N>::zero();
+        for j in (0..N).rev() {
+            let pivot = x.0[j][j];
+            let asked = pivot.gt(T::of(0.0));
+            let recip = T::select(asked, T::select(asked, pivot, T::of(1.0)).recip(), T::of(0.0));
+            for i in 0..N {
+                let known = sum(N - j - 1, |k| gain.0[i][j + 1 + k] * x.0[j + 1 + k][j]);
+                gain.0[i][j] = (y[(i, j)] - known) * recip;
+            }
+        }
+
+        let taken = link.taken;
+        let identity = Self::identity();
+        let covariances = state.sound.and(noise.sound).or(taken.not());
+        let finite = gain.is_finite().and(root.is_finite()).or(taken.not());
+        let either = |yes: &Mat<T, N, N>, no: &Mat<T, N, N>| {
+            Mat::from_fn(|i, j| T::select(taken, yes.0[i][j], no.0[i][j]))
+        };
+        let step = Self {
+            mean: before.mean,
+            gain: either(&gain, &identity.gain),
+            // Where it was not taken, before and after are one.
+            predicted: *predicted,
+            root: either(&root, &identity.root),
+            sound: covariances.and(finite),
+        };
+        if step.sound.any() {
+            Ok(step)
+        } else if covariances.any() {
+            Err(FilterError::NonFiniteState)
+        } else {
+            Err(FilterError::CovarianceNotPositive)
+        }
+    }
+
+    /// x = m + G·x⁺ + e with e ~ N(0, Z·Zᵀ), from what an information filter knows.
+    #[inline(always)]
+    pub(crate) fn from_parts(mean: [T; N], gain: Mat<T, N, N>, root: Mat<T, N, N>) -> Self {
+        let finite = gain.is_finite().and(root.is_finite());
+        let sound = mean.iter().fold(finite, |finite, m| finite.and(m.is_finite()));
+        Self { mean, gain, predicted: [T::of(0.0); N], root, sound }
+    }
+
+    /// The earlier state, from the later one as smoothed.
+    #[inline(always)]
+    #[must_use]
+    pub fn apply(&self, later: &Smoothed<T, N>) -> Smoothed<T, N> {
+        Smoothed {
+            mean: self.mean_given(&later.mean),
+            root: triangularised([self.gain.times(&later.root), self.root]),
+            sound: self.sound.and(later.sound),
+        }
+    }
+
+    /// This step after a `later` one, as one step.
+    #[inline(always)]
+    #[must_use]
+    pub fn after(&self, later: &Self) -> Self {
+        Self {
+            mean: self.mean_given(&later.mean),
+            gain: self.gain.times(&later.gain),
+            predicted: later.predicted,
+            root: triangularised([self.gain.times(&later.root), self.root]),
+            sound: self.sound.and(later.sound),
+        }
+    }
+
+    /// m + G·(x⁺ − p).
+    #[inline(always)]
+    fn mean_given(&self, later: &[T; N]) -> [T; N] {
+        let news: [T; N] = array::from_fn(|i| later[i] - self.predicted[i]);
+        array::from_fn(|i| self.mean[i] + sum(N, |k| self.gain.0[i][k] * news[k]))
+    }
+}
