@@ -40,6 +40,9 @@
 
 #![no_std]
 
+pub mod adapt;
+pub mod bound;
+pub mod consistency;
 pub mod discretize;
 mod dual;
 mod error;
@@ -47,6 +50,7 @@ pub mod filter;
 mod linalg;
 mod measurement;
 mod noise;
+mod observability;
 mod process;
 mod scalar;
 pub mod smooth;
@@ -60,6 +64,7 @@ pub use filter::{
 pub use linalg::{Cholesky, Ldl, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};
+pub use observability::{Direction, Observability};
 pub use process::{
     Augmented, Dynamics, Euler, LinearProcess, Nodes, ParametricDynamics, Process, ProcessNoise, Rk4,
     jacobian,

@@ -35,6 +35,17 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
         Self { lower: l, diagonal: d, recip, positive }
     }
 
+    /// L⁻¹·v: components that are uncorrelated, with variances D, where v has covariance S.
+    #[inline(always)]
+    #[must_use]
+    pub fn decorrelate(&self, v: &[T; M]) -> [T; M] {
+        let mut x = *v;
+        for i in 0..M {
+            x[i] = x[i] - sum(i, |k| self.lower.0[i][k] * x[k]);
+        }
+        x
+    }
+
     /// S⁻¹·v.
     #[inline(always)]
     #[must_use]
@@ -47,7 +58,12 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
             x[i] = x[i] * self.recip[i];
         }
         for i in (0..M).rev() {
-            x[i] = x[i] - sum(M - i - 1, |k| self.lower.0[i + 1 + k][i] * x[i + 1 + k]);
+            // Over the indices themselves: with an offset a build for size keeps a bounds check.
+            let mut below = T::of(-0.0);
+            for k in (i + 1)..M {
+                below = below + self.lower.0[k][i] * x[k];
+            }
+            x[i] = x[i] - below;
         }
         x
     }

@@ -5,14 +5,14 @@ use crate::Scalar;
 
 /// A = U·Σ·Vᵀ of a matrix with at least as many rows as columns, without U.
 ///
-/// One-sided Jacobi (Hestenes, J. SIAM 6, 51, 1958): columns are rotated in pairs until all are orthogonal; their lengths
-/// are the singular values. Small ones keep their relative accuracy where A = B·D with D diagonal, however graded, and
-/// B well conditioned (Demmel & Veselić, SIAM J. Matrix Analysis 13, 1204, 1992): the columns may have any units. The
-/// squares of the entries must neither overflow nor underflow.
+/// One-sided Jacobi (Hestenes, J. SIAM 6, 51, 1958): columns are rotated in pairs until all are orthogonal;
+/// their lengths are the singular values. Small ones keep their relative accuracy where A = B·D with D
+/// diagonal, however graded, and B well conditioned (Demmel & Veselić, SIAM J. Matrix Analysis 13, 1204,
+/// 1992): the columns may have any units. The squares of the entries must neither overflow nor underflow.
 ///
 /// ```
 /// use kalmems_core::{Mat, Svd};
-/// let svd = Svd::of(&Mat([[0.0, 2.0], [3e-9, 0.0], [4e-9, 0.0]]));
+/// let svd = Svd::of(&Mat([[0.0_f64, 2.0], [3e-9, 0.0], [4e-9, 0.0]]));
 /// assert_eq!(svd.values, [2.0, 5e-9]);
 /// assert_eq!(svd.right.0[1][0].abs(), 1.0); // the largest comes from the second column
 /// ```
@@ -80,6 +80,7 @@ impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
 }
 
 /// c and s that make two columns with these squares and this product orthogonal, turning by 45° at most.
+#[inline(always)]
 fn rotation<T: Scalar<Mask = bool>>(pp: T, pq: T, qq: T) -> (T, T) {
     let one = T::of(1.0);
     let cot2 = (qq - pp) / pq.twice();
@@ -90,6 +91,7 @@ fn rotation<T: Scalar<Mask = bool>>(pp: T, pq: T, qq: T) -> (T, T) {
     (c, c * tan)
 }
 
+#[inline(always)]
 fn rotate<T: Scalar, const R: usize, const C: usize>(
     m: &mut Mat<T, R, C>,
     (p, q): (usize, usize),

@@ -64,8 +64,9 @@ impl<T: Scalar, const N: usize> Policy<T, N> for Gate<T> {
 
 /// Takes what changes the estimate: by at least this fraction of the standard deviation in some state.
 ///
-/// What is skipped saves the work on the covariance. The filter does not count it as seen: its covariance
-/// grows as it does without a measurement, so that it stays honest, and the next correction weighs more.
+/// What is skipped saves the work on the covariance. The filter does not count it as seen: its covariance grows as
+/// it does without a measurement, and is then larger than the error, because a small innovation that was left out
+/// is knowledge too. The next correction weighs more.
 #[derive(Clone, Copy, Debug)]
 pub struct OnNeed<T> {
     /// The fraction of σ.
