@@ -59,7 +59,8 @@ pub mod update;
 pub use dual::Dual;
 pub use error::FilterError;
 pub use filter::{
-    Ekf, Filter, Gaussian, Information, InformationError, Innovation, Kalman, Link, SigmaPoints, Ukf,
+    Ekf, Filter, Gaussian, Information, InformationError, Innovation, IteratedEkf, Kalman, Link, SchmidtEkf,
+    SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
 pub use linalg::{Cholesky, Ldl, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};

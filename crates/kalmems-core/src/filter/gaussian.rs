@@ -1,7 +1,7 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
 use super::{Innovation, Link};
-use crate::linalg::sum;
+use crate::linalg::{sum, sum_where};
 use crate::process::ProcessNoise;
 use crate::update::{Correction, Policy};
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Scalar};
@@ -73,8 +73,13 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// Takes `next` where it may be, and keeps itself elsewhere.
     #[inline(always)]
     pub(super) fn replace(&mut self, next: &Self, taken: T::Mask) {
-        self.mean = array::from_fn(|i| T::select(taken, next.mean[i], self.mean[i]));
-        self.covariance = Covariance::select(taken, &next.covariance, &self.covariance);
+        // Nearly always every lane takes it; then no number waits for the checks.
+        if taken.all() {
+            *self = *next;
+        } else {
+            self.mean = array::from_fn(|i| T::select(taken, next.mean[i], self.mean[i]));
+            self.covariance = Covariance::select(taken, &next.covariance, &self.covariance);
+        }
     }
 
     /// The prediction with a linear or linearised step: mean f(x), covariance F·P·Fᵀ + Q.
@@ -100,9 +105,6 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     }
 
     /// The correction with a linear or linearised measurement.
-    ///
-    /// K = P·Hᵀ·S⁻¹ and P⁺ = (I − K·H)·P·(I − K·H)ᵀ + K·R·Kᵀ (Joseph's form, positive semi-definite whatever the
-    /// rounding of K).
     #[inline(always)]
     pub(super) fn correct<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
@@ -111,39 +113,73 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
+        let (mut innovation, gain) = self.weigh::<H, M>((y, predicted), h, r);
+        let correction = self.correction(&gain, &innovation.residual);
+        let wanted = policy.take(&innovation, &correction);
+        let refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
+        if !wanted.and(refused.mask().not()).any() {
+            innovation.taken = wanted.and(refused.mask().not());
+            return refused.to_error().map(|()| innovation);
+        }
+        let next = Self {
+            mean: array::from_fn(|i| self.mean[i] + correction.change[i]),
+            covariance: self.joseph::<H, M>(&gain, h, r),
+        };
+        innovation.taken = self.finish(&next, wanted, &refused)?;
+        Ok(innovation)
+    }
+
+    /// The innovation, and the gain K = P·Hᵀ·S⁻¹ with S = H·P·Hᵀ + R. The innovation's `taken` is where S was positive
+    /// definite.
+    #[inline(always)]
+    pub(super) fn weigh<H: Measurement<T, N, M>, const M: usize>(
+        &self,
+        (y, predicted): (&[T; M], &[T; M]),
+        h: &Mat<T, M, N>,
+        r: &Covariance<T, M>,
+    ) -> (Innovation<T, M>, Mat<T, N, M>) {
         let p = &self.covariance;
         let seen = |i: usize, k: usize| H::depends(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
         let hp: Mat<T, M, N> = Mat::from_fn(|i, j| sum_where(N, |k| seen(i, k), |k| h.0[i][k] * p.get(k, j)));
         let s =
             Covariance::lower(|i, j| r.get(i, j) + sum_where(N, |k| seen(j, k), |k| hp.0[i][k] * h.0[j][k]));
-        let (mut innovation, ldl) = Innovation::new(y, predicted, s);
-        let gain: [[T; M]; N] = array::from_fn(|i| ldl.solve(&array::from_fn(|j| hp.0[j][i])));
-        let correction = Correction {
-            change: array::from_fn(|i| sum(M, |k| gain[i][k] * innovation.residual[k])),
-            variance: array::from_fn(|i| p.get(i, i)),
-        };
-        let wanted = policy.take(&innovation, &correction);
-        let refused = Refusal { innovation: ldl.positive.not(), ..Refusal::of_measurement(y) };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
-        }
+        let (innovation, ldl) = Innovation::new(y, predicted, s);
+        (innovation, Mat(array::from_fn(|i| ldl.solve(&array::from_fn(|j| hp.0[j][i])))))
+    }
 
+    /// What a gain would do with a residual.
+    #[inline(always)]
+    pub(super) fn correction<const M: usize>(
+        &self,
+        gain: &Mat<T, N, M>,
+        residual: &[T; M],
+    ) -> Correction<T, N> {
+        Correction {
+            change: array::from_fn(|i| sum(M, |k| gain.0[i][k] * residual[k])),
+            variance: array::from_fn(|i| self.covariance.get(i, i)),
+        }
+    }
+
+    /// P⁺ = (I − K·H)·P·(I − K·H)ᵀ + K·R·Kᵀ: Joseph's form, right for any gain and positive semi-definite whatever the
+    /// rounding of K.
+    #[inline(always)]
+    pub(super) fn joseph<H: Measurement<T, N, M>, const M: usize>(
+        &self,
+        gain: &Mat<T, N, M>,
+        h: &Mat<T, M, N>,
+        r: &Covariance<T, M>,
+    ) -> Covariance<T, N> {
+        let p = &self.covariance;
         // A = I − K·H, the columns that no component sees being those of I.
-        let bare = |j: usize| !(0..M).any(|m| seen(m, j));
+        let bare = |j: usize| !(0..M).any(|m| H::depends(m, j));
         let a: Mat<T, N, N> =
-            Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - sum(M, |m| gain[i][m] * h.0[m][j]));
+            Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - sum(M, |m| gain.0[i][m] * h.0[m][j]));
         let ap: Mat<T, N, N> = Mat::from_fn(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
-        let kr: Mat<T, N, M> = Mat::from_fn(|i, j| sum(M, |k| gain[i][k] * r.get(k, j)));
-        let next = Self {
-            mean: array::from_fn(|i| self.mean[i] + correction.change[i]),
-            covariance: Covariance::lower(|i, j| {
-                row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum(M, |k| kr.0[i][k] * gain[j][k])
-            }),
-        };
-        innovation.taken = self.finish(&next, wanted, &refused)?;
-        Ok(innovation)
+        let kr: Mat<T, N, M> = Mat::from_fn(|i, j| sum(M, |k| gain.0[i][k] * r.get(k, j)));
+        Covariance::lower(|i, j| {
+            row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum(M, |k| kr.0[i][k] * gain.0[j][k])
+        })
     }
 
     /// Takes a correction where it is wanted and nothing speaks against it; names the reason where something
@@ -160,18 +196,6 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         self.replace(next, taken);
         refused.to_error().map(|()| taken)
     }
-}
-
-/// The sum of `f(k)` over those `k < n` that a pattern keeps; the pattern is constant and costs nothing.
-#[inline(always)]
-fn sum_where<T: Scalar>(n: usize, keep: impl Fn(usize) -> bool, f: impl Fn(usize) -> T) -> T {
-    let mut total = T::of(-0.0);
-    for k in 0..n {
-        if keep(k) {
-            total = total + f(k);
-        }
-    }
-    total
 }
 
 /// Row `i` of A = I − K·H times a vector; a bare column of A is a column of I.

@@ -1,7 +1,7 @@
 //! What a measurement said against its prediction.
 
 use crate::linalg::{Ldl, sum};
-use crate::{Covariance, Scalar};
+use crate::{Covariance, Mask, Scalar};
 use core::array;
 
 /// What a measurement said against its prediction.
@@ -31,6 +31,16 @@ impl<T: Scalar, const M: usize> Innovation<T, M> {
         let weighted = ldl.solve(&residual);
         let nis = sum(M, |i| residual[i] * weighted[i]);
         (Self { residual, covariance: s, nis, taken: ldl.positive, pivots: ldl.diagonal }, ldl)
+    }
+
+    /// The innovation from what was found one component at a time, each given the ones before it: its NIS, and
+    /// its variances, which are the pivots of S.
+    #[inline(always)]
+    pub(crate) fn of_pivots(residual: [T; M], covariance: Covariance<T, M>, nis: T, pivots: [T; M]) -> Self {
+        let zero = T::of(0.0);
+        let positive =
+            pivots.iter().fold(zero.is_finite(), |all, pivot| all.and(pivot.gt(zero)).and(pivot.is_finite()));
+        Self { residual, covariance, nis, taken: positive, pivots }
     }
 
     /// ln p(y | past) = −½·(M·ln 2π + ln det S + NIS).

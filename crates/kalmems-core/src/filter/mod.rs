@@ -7,18 +7,29 @@
 use crate::{Covariance, FilterError, Mat, Measurement, Process, Scalar};
 
 mod extended;
+mod factored;
 mod gaussian;
 mod information;
 mod innovation;
+mod iterated;
 mod kalman;
+mod schmidt;
+mod sigma;
+mod square_root;
+mod square_root_unscented;
 mod unscented;
 
 pub use extended::Ekf;
 pub use gaussian::Gaussian;
 pub use information::{Information, InformationError};
 pub use innovation::Innovation;
+pub use iterated::IteratedEkf;
 pub use kalman::Kalman;
-pub use unscented::{SigmaPoints, Ukf};
+pub use schmidt::SchmidtEkf;
+pub use sigma::SigmaPoints;
+pub use square_root::SquareRootEkf;
+pub use square_root_unscented::SquareRootUkf;
+pub use unscented::Ukf;
 
 use crate::update::{Always, Policy};
 

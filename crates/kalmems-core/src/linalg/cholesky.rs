@@ -1,7 +1,8 @@
 //! The lower Cholesky factor.
 
-use super::{Mat, sum};
+use super::{Mat, sum, triangularize};
 use crate::{Covariance, Mask, Scalar};
+use core::array;
 
 /// P = L·Lᵀ with L lower triangular.
 #[derive(Clone, Copy, Debug)]
@@ -31,25 +32,47 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         Self { factor: l, positive }
     }
 
-    /// L of a covariance that may be singular: a column whose pivot is not positive is zero.
+    /// L, not negative on its diagonal, of a covariance that may be singular.
     ///
-    /// Exact for what is positive semi-definite; anything else has no such factor, and a filter that is given
+    /// The states are taken in the order of how much of their variance is left unexplained (diagonal pivoting), and
+    /// the columns made triangular afterwards. In the order in which they stand, a state that is all but explained by
+    /// those before it would divide rounding by rounding, and L·Lᵀ would be right to √ε alone (Higham, Accuracy and
+    /// Stability of Numerical Algorithms, section 10.3).
+    ///
+    /// Right for what is positive semi-definite; anything else has no such factor, and a filter that is given
     /// it is wrong from the start.
     #[inline(always)]
     pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
-        let mut l = Mat::<T, N, N>::zero();
-        let zero = T::of(0.0);
-        for j in 0..N {
-            let pivot = covariance.get(j, j) - sum(j, |k| l.0[j][k].sq());
-            let positive = pivot.gt(zero);
-            let root = T::select(positive, pivot, zero).sqrt();
-            let recip = T::select(positive, root, T::of(1.0)).recip();
-            l.0[j][j] = root;
-            for i in (j + 1)..N {
-                let entry = (covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k])) * recip;
-                l.0[i][j] = T::select(positive, entry, zero);
-            }
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let or_one = |mask: T::Mask, x: T| T::select(mask, x, one);
+        let whole: [T; N] = array::from_fn(|i| {
+            let variance = covariance.get(i, i);
+            T::select(variance.gt(zero), or_one(variance.gt(zero), variance).recip(), zero)
+        });
+        let mut left = covariance.to_full();
+        let mut root = Mat::<T, N, N>::zero();
+        for _ in 0..N {
+            let share: [T; N] = array::from_fn(|i| left.0[i][i] * whole[i]);
+            let most = share.iter().fold(zero, |most, share| T::select(share.gt(most), *share, most));
+            let mut open = most.gt(zero);
+            let chosen: [T::Mask; N] = array::from_fn(|i| {
+                let this = open.and(share[i].lt(most).not());
+                open = open.and(this.not());
+                this
+            });
+            // A row of zeros where none is chosen.
+            let picked =
+                |f: &dyn Fn(usize) -> T| (0..N).fold(zero, |picked, i| T::select(chosen[i], f(i), picked));
+            let pivot = picked(&|i| left.0[i][i]);
+            let recip = or_one(pivot.gt(zero), pivot).sqrt().recip();
+            let column: [T; N] =
+                array::from_fn(|i| T::select(chosen[i], pivot.sqrt(), picked(&|j| left.0[i][j]) * recip));
+            root = Mat::from_fn(|i, j| T::select(chosen[j], column[i], root.0[i][j]));
+            left = Mat::from_fn(|i, j| {
+                let rest = left.0[i][j] - column[i] * column[j];
+                T::select(chosen[i].or(chosen[j]), zero, rest)
+            });
         }
-        l
+        triangularize(root, Mat::<T, N, 0>::zero(), Mat::zero())
     }
 }

@@ -16,6 +16,18 @@ pub(crate) fn sum<T: Scalar>(n: usize, f: impl Fn(usize) -> T) -> T {
     total
 }
 
+/// The sum of `f(k)` over those `k < n` that a pattern keeps; the pattern is constant and costs nothing.
+#[inline(always)]
+pub(crate) fn sum_where<T: Scalar>(n: usize, keep: impl Fn(usize) -> bool, f: impl Fn(usize) -> T) -> T {
+    let mut total = T::of(-0.0);
+    for k in 0..n {
+        if keep(k) {
+            total = total + f(k);
+        }
+    }
+    total
+}
+
 /// A matrix of `R` rows and `C` columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mat<T, const R: usize, const C: usize>(pub [[T; C]; R]);

@@ -1,18 +1,24 @@
 //! Small matrices of a fixed size, on the stack.
 
 mod cholesky;
+mod contraction;
+mod decorrelation;
 mod inverse;
 mod ldl;
 mod mat;
 mod semidefinite;
 mod stacked;
 mod svd;
+mod triangular;
 
 pub use cholesky::Cholesky;
+pub(crate) use contraction::Contraction;
+pub(crate) use decorrelation::Decorrelation;
 pub(crate) use inverse::inverse;
 pub use ldl::Ldl;
 pub use mat::Mat;
-pub(crate) use mat::sum;
+pub(crate) use mat::{sum, sum_where};
 pub(crate) use semidefinite::{Semidefinite, epsilon};
 pub(crate) use stacked::{reduced, triangularised};
 pub use svd::Svd;
+pub(crate) use triangular::{inverse_times, times_inverse, triangularize};

@@ -1,0 +1,109 @@
+//! The extended Kalman filter in square-root form.
+
+use super::factored::Factored;
+use super::gaussian::Refusal;
+use super::{Filter, Innovation, Link};
+use crate::linalg::{Decorrelation, sum, sum_where, triangularize};
+use crate::update::Policy;
+use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+
+/// The extended Kalman filter that holds a factor of its covariance instead: P = S·Sᵀ, S lower triangular.
+///
+/// It is the [`Ekf`](crate::Ekf), and on linear models the Kalman filter, to rounding. But a factor needs half
+/// the digits that a covariance needs, and its product with itself cannot lose definiteness: where a start is
+/// vague by 10¹⁴ against a measurement's variance, `f32` still serves.
+///
+/// - A step makes [Φ·S, W] triangular, with Q = W·Wᵀ, by rotations (Givens). Reflections or orthogonalisation
+///   need fewer square roots, but lose what is small beside what is large.
+/// - A correction makes [[√R, H·S], [0, S]] triangular by rotations in Carlson's form (AIAA Journal 11, 1259,
+///   1973): a component of the measurement costs one square root and one division for each column of S it sees,
+///   none for √R. It sees column j if it depends on a state i ≥ j: put the states that are measured first.
+///
+/// [`NonFiniteState`](FilterError::NonFiniteState), [`NonFiniteMeasurement`](FilterError::NonFiniteMeasurement) and
+/// [`InnovationNotPositive`](FilterError::InnovationNotPositive) are refused; R must be positive semi-definite
+/// by itself, since it must have a root.
+///
+/// ```
+/// use kalmems_core::{Covariance, Filter, LinearMeasurement, Mat, SquareRootEkf};
+/// let mut filter = SquareRootEkf::new([0.0_f32], Covariance::from_variances([1e14]));
+/// let level = LinearMeasurement { matrix: Mat([[1.0]]) };
+/// filter.update(&level, &[3.0], &Covariance::from_variances([1.0]))?;
+/// assert!((filter.factor()[(0, 0)] - 1.0).abs() < 1e-6);
+/// # Ok::<(), kalmems_core::FilterError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct SquareRootEkf<T, const N: usize> {
+    state: Factored<T, N>,
+}
+
+impl<T: Scalar, const N: usize> SquareRootEkf<T, N> {
+    /// Starts from a mean and its covariance, which may be singular.
+    pub fn new(mean: [T; N], covariance: Covariance<T, N>) -> Self {
+        Self { state: Factored::of_covariance(mean, &covariance) }
+    }
+
+    /// Starts from a mean and a root A of its covariance A·Aᵀ, triangular or not.
+    pub fn from_factor(mean: [T; N], root: &Mat<T, N, N>) -> Self {
+        Self { state: Factored::of_root(mean, root) }
+    }
+
+    /// S: lower triangular, not negative on its diagonal.
+    #[inline(always)]
+    pub const fn factor(&self) -> &Mat<T, N, N> {
+        &self.state.factor
+    }
+}
+
+impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
+    /// The mean of the state.
+    #[inline(always)]
+    fn mean(&self) -> &[T; N] {
+        &self.state.mean
+    }
+
+    /// S·Sᵀ.
+    #[inline(always)]
+    fn covariance(&self) -> Covariance<T, N> {
+        self.state.covariance()
+    }
+
+    #[inline(always)]
+    fn predict_linked<P: Process<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<T, N>, FilterError> {
+        let (mean, transition) = process.linearize(&self.state.mean, u);
+        let s = &self.state.factor;
+        let moved = Mat::from_fn(|i, j| sum(N - j, |k| transition.0[i][j + k] * s.0[j + k][j]));
+        let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise().root());
+        let every = T::of(0.0).is_finite();
+        let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;
+        Ok(Link { transition, noise: *process.noise().covariance(), taken })
+    }
+
+    #[inline(always)]
+    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+        &mut self,
+        measurement: &H,
+        y: &[T; M],
+        r: &Covariance<T, M>,
+        policy: &impl Policy<T, N>,
+    ) -> Result<Innovation<T, M>, FilterError> {
+        let (predicted, h) = measurement.linearize(&self.state.mean);
+        let s = &self.state.factor;
+        let f = Mat::from_fn(|i, j| sum_where(N, |k| k >= j && H::depends(i, k), |k| h.0[i][k] * s.0[k][j]));
+        let apart = Decorrelation::of(r);
+        let refused = Refusal { innovation: apart.semidefinite.not(), ..Refusal::none() };
+        self.state.correct((y, &predicted), &f, sees::<T, H, N, M>, (r, &apart), policy, &refused)
+    }
+}
+
+/// Whether component `i` may see column `j` of a lower triangular factor.
+#[inline(always)]
+pub(super) fn sees<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize>(
+    i: usize,
+    j: usize,
+) -> bool {
+    (j..N).any(|k| H::depends(i, k))
+}
