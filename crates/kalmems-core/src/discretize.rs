@@ -67,7 +67,7 @@ pub fn matrix_exponential<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, 
 }
 
 /// Scales d so that the entries `a_ij·d_j/d_i` have rows and columns of about the same size (Osborne 1960).
-fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> [T; N] {
+pub(crate) fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> [T; N] {
     let mut d = [T::of(1.0); N];
     // A bounded number of sweeps: a chain of integrators would go on for ever, and needs no balance.
     for _ in 0..16 {

@@ -52,22 +52,25 @@ mod measurement;
 mod noise;
 mod observability;
 mod process;
+pub mod riccati;
 mod scalar;
+mod scaled;
 pub mod smooth;
 pub mod update;
 
 pub use dual::Dual;
 pub use error::FilterError;
 pub use filter::{
-    Ekf, Filter, Gaussian, Information, InformationError, Innovation, IteratedEkf, Kalman, Link, SchmidtEkf,
-    SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
+    Ekf, Filter, FixedGain, Gaussian, Information, InformationError, Innovation, IteratedEkf, Kalman, Link,
+    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
-pub use linalg::{Cholesky, Ldl, Mat, Svd};
+pub use linalg::{Cholesky, Ldl, Lu, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Direction, Observability};
 pub use process::{
-    Augmented, Dynamics, Euler, LinearProcess, Nodes, ParametricDynamics, Process, ProcessNoise, Rk4,
-    jacobian,
+    Augmented, ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, IntervalError, LinearProcess, Nodes,
+    ParametricDynamics, Process, ProcessNoise, Propagation, Rk4, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
+pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

@@ -111,9 +111,22 @@ impl<T: Scalar, const N: usize> NoiseDensity<T, N> {
         self
     }
 
+    /// From the lower triangle of a matrix, where one source moves several states; what stands above the diagonal
+    /// is not read.
+    #[inline(always)]
+    pub fn from_lower(matrix: Mat<T, N, N>) -> Self {
+        Self(Covariance::from_lower(matrix))
+    }
+
     /// One entry.
     #[inline(always)]
     pub fn get(&self, i: usize, j: usize) -> T {
         self.0.get(i, j)
+    }
+
+    /// The symmetric matrix itself, for equations that take a density as it is.
+    #[inline(always)]
+    pub(crate) const fn matrix(&self) -> &Covariance<T, N> {
+        &self.0
     }
 }

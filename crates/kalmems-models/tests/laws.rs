@@ -3,7 +3,7 @@
 use approx::assert_relative_eq;
 use kalmems_core::{
     Augmented, Covariance, Dual, Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Process, Rk4,
-    jacobian,
+    Scaled, Scales, jacobian,
 };
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{Duffing, ParametricScanner, TorsionalResonator};
@@ -131,6 +131,22 @@ fn the_scanner_at_rest_stays_and_softens() {
     let expected =
         RESONATOR.stiffness + COMB.nominal / COMB.angular_width.powi(2) * (90.0_f64.powi(2) + 18.0);
     assert_relative_eq!(stiffness, expected, max_relative = 1e-9);
+}
+
+/// In its natural scales a free swing is a circle.
+#[test]
+fn the_scanner_in_its_natural_scales() {
+    let free = ParametricScanner {
+        resonator: TorsionalResonator { damping: 0.0, ..RESONATOR },
+        comb: GaussianComb { nominal: 0.0, ..COMB },
+        ..SCANNER
+    };
+    let omega = RESONATOR.natural_rate();
+    assert_eq!(free.natural_scales(), [0.2, 0.2 * omega]);
+    let scaled = Scaled::new(free, Scales::new(free.natural_scales()).unwrap());
+    let [angle, rate] = scaled.derivative(&[0.3, 0.5], &0.0);
+    assert_relative_eq!(angle, 0.5 * omega, max_relative = 1e-14);
+    assert_relative_eq!(rate, -0.3 * omega, max_relative = 1e-14);
 }
 
 /// The drive between two samples matters more to a resonator than the order of the integrator.

@@ -13,10 +13,12 @@ mod information;
 mod innovation;
 mod iterated;
 mod kalman;
+mod observer;
 mod schmidt;
 mod sigma;
 mod square_root;
 mod square_root_unscented;
+mod steady_state;
 mod unscented;
 
 pub use extended::Ekf;
@@ -25,10 +27,12 @@ pub use information::{Information, InformationError};
 pub use innovation::Innovation;
 pub use iterated::IteratedEkf;
 pub use kalman::Kalman;
+pub use observer::{ContinuousObserver, ObserverError, Placement, Pole, place_poles};
 pub use schmidt::SchmidtEkf;
 pub use sigma::SigmaPoints;
 pub use square_root::SquareRootEkf;
 pub use square_root_unscented::SquareRootUkf;
+pub use steady_state::{FixedGain, OperatingPoint};
 pub use unscented::Ukf;
 
 use crate::update::{Always, Policy};

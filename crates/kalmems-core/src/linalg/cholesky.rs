@@ -1,6 +1,6 @@
 //! The lower Cholesky factor.
 
-use super::{Mat, sum, triangularize};
+use super::{Mat, epsilon, sum, triangularize};
 use crate::{Covariance, Mask, Scalar};
 use core::array;
 
@@ -37,13 +37,15 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
     /// The states are taken in the order of how much of their variance is left unexplained (diagonal pivoting), and
     /// the columns made triangular afterwards. In the order in which they stand, a state that is all but explained by
     /// those before it would divide rounding by rounding, and L·Lᵀ would be right to √ε alone (Higham, Accuracy and
-    /// Stability of Numerical Algorithms, section 10.3).
+    /// Stability of Numerical Algorithms, section 10.3). What is left of 8·N·ε of a state's variance is rounding too,
+    /// and ends it.
     ///
     /// Right for what is positive semi-definite; anything else has no such factor, and a filter that is given
     /// it is wrong from the start.
     #[inline(always)]
     pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
+        let rounding = epsilon::<T>() * T::of(8.0 * N as f64);
         let or_one = |mask: T::Mask, x: T| T::select(mask, x, one);
         let whole: [T; N] = array::from_fn(|i| {
             let variance = covariance.get(i, i);
@@ -54,7 +56,7 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         for _ in 0..N {
             let share: [T; N] = array::from_fn(|i| left.0[i][i] * whole[i]);
             let most = share.iter().fold(zero, |most, share| T::select(share.gt(most), *share, most));
-            let mut open = most.gt(zero);
+            let mut open = most.gt(rounding);
             let chosen: [T::Mask; N] = array::from_fn(|i| {
                 let this = open.and(share[i].lt(most).not());
                 open = open.and(this.not());

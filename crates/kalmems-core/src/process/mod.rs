@@ -1,11 +1,13 @@
 //! How the state moves: in continuous time, and over one interval.
 
 mod augmented;
+mod continuous;
 mod linear;
 mod noise;
 mod stepper;
 
 pub use augmented::{Augmented, ParametricDynamics};
+pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
 pub use stepper::{Euler, Nodes, Rk4};
@@ -35,6 +37,14 @@ pub trait Dynamics<T: Scalar, const N: usize> {
 
     /// f(x, u), in the states' units per second.
     fn derivative<S: Over<T>>(&self, x: &[S; N], u: &Self::Input) -> [S; N];
+
+    /// The size that each state has in this device, in the state's unit; one unless the model knows better.
+    ///
+    /// For filters in scaled states, see [`Scaled`](crate::Scaled). A rough figure is enough.
+    #[inline(always)]
+    fn natural_scales(&self) -> [T; N] {
+        [T::of(1.0); N]
+    }
 
     /// ∂f/∂x at one point.
     #[inline(always)]

@@ -52,20 +52,30 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
 
     #[inline(always)]
     fn step<S: Over<T>>(&self, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {
-        let h = self.interval;
-        let moved = |k: &[S; N], by: T| -> [S; N] { array::from_fn(|i| x[i] + k[i] * by) };
-        let k1 = self.dynamics.derivative(x, &u.start);
-        let k2 = self.dynamics.derivative(&moved(&k1, h.half()), &u.middle);
-        let k3 = self.dynamics.derivative(&moved(&k2, h.half()), &u.middle);
-        let k4 = self.dynamics.derivative(&moved(&k3, h), &u.end);
-        let sixth = h * T::of(1.0 / 6.0);
-        array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth)
+        runge_kutta(&self.dynamics, x, u, self.interval)
     }
 
     #[inline(always)]
     fn noise(&self) -> &ProcessNoise<T, N> {
         &self.noise
     }
+}
+
+/// One step of the classical Runge–Kutta method over `h`.
+#[inline(always)]
+pub(super) fn runge_kutta<T: Scalar, D: Dynamics<T, N>, S: Over<T>, const N: usize>(
+    dynamics: &D,
+    x: &[S; N],
+    u: &Nodes<D::Input>,
+    h: T,
+) -> [S; N] {
+    let moved = |k: &[S; N], by: T| -> [S; N] { array::from_fn(|i| x[i] + k[i] * by) };
+    let k1 = dynamics.derivative(x, &u.start);
+    let k2 = dynamics.derivative(&moved(&k1, h.half()), &u.middle);
+    let k3 = dynamics.derivative(&moved(&k2, h.half()), &u.middle);
+    let k4 = dynamics.derivative(&moved(&k3, h), &u.end);
+    let sixth = h * T::of(1.0 / 6.0);
+    array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth)
 }
 
 /// The explicit Euler method, x′ = x + h·f(x, u).

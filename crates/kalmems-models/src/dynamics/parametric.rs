@@ -49,6 +49,12 @@ impl<T: Scalar> Dynamics<T, 2> for ParametricScanner<T> {
     fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
         [x[1], self.acceleration(x[0], x[1], *voltage)]
     }
+
+    /// The angle over which the comb's law changes, and the rate at which the free resonator swings that far.
+    fn natural_scales(&self) -> [T; 2] {
+        let angle = self.comb.angular_width;
+        [angle, angle * self.resonator.natural_rate()]
+    }
 }
 
 /// With the stiffness relative to its own as a parameter: 1 is what the description says.
