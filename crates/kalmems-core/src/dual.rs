@@ -21,6 +21,12 @@ pub struct Dual<T, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Dual<T, N> {
+    /// A value with its derivatives.
+    #[inline(always)]
+    pub const fn new(value: T, gradient: [T; N]) -> Self {
+        Self { value, gradient }
+    }
+
     /// A constant.
     #[inline(always)]
     pub fn constant(value: T) -> Self {

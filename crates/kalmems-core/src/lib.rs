@@ -41,6 +41,7 @@
 #![no_std]
 
 pub mod adapt;
+pub mod augmentation;
 pub mod bound;
 pub mod consistency;
 pub mod discretize;
@@ -51,6 +52,7 @@ mod linalg;
 mod measurement;
 mod noise;
 mod observability;
+mod parameters;
 mod process;
 pub mod riccati;
 mod scalar;
@@ -58,6 +60,10 @@ mod scaled;
 pub mod smooth;
 pub mod update;
 
+pub use augmentation::{
+    AddedState, Augmented, AugmentedMeasurement, Drift, ParametricDynamics, ParametricMeasurement,
+    ParametricProcess,
+};
 pub use dual::Dual;
 pub use error::FilterError;
 pub use filter::{
@@ -68,9 +74,10 @@ pub use linalg::{Cholesky, Ldl, Lu, Mat, Svd};
 pub use measurement::{Delayed, LinearMeasurement, Measurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Direction, Observability};
+pub use parameters::{ParameterName, Parameters};
 pub use process::{
-    Augmented, ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, IntervalError, LinearProcess, Nodes,
-    ParametricDynamics, Process, ProcessNoise, Propagation, Rk4, jacobian,
+    ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, IntervalError, LinearProcess, Nodes, Process,
+    ProcessNoise, Propagation, Rk4, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

@@ -1,8 +1,7 @@
 //! Noise: a continuous density and a covariance are different quantities, and different types.
 
-use crate::linalg::sum;
+use crate::linalg::sum_where;
 use crate::{Mat, Scalar};
-use core::array;
 
 /// A covariance matrix.
 ///
@@ -64,14 +63,37 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     #[inline(always)]
     #[must_use]
     pub fn transformed<const R: usize>(&self, f: &Mat<T, R, N>) -> Covariance<T, R> {
-        let fp: Mat<T, R, N> = Mat::from_fn(|i, j| sum(N, |k| f.0[i][k] * self.get(k, j)));
-        Covariance::lower(|i, j| sum(N, |k| fp.0[i][k] * f.0[j][k]))
+        self.transformed_where(f, |_, _| true)
+    }
+
+    /// F·P·Fᵀ where only those entries of F can differ from 0 that the pattern keeps.
+    #[inline(always)]
+    #[must_use]
+    pub(crate) fn transformed_where<const R: usize>(
+        &self,
+        f: &Mat<T, R, N>,
+        keep: impl Fn(usize, usize) -> bool,
+    ) -> Covariance<T, R> {
+        let fp: Mat<T, R, N> =
+            Mat::from_fn(|i, j| sum_where(N, |k| keep(i, k), |k| f.0[i][k] * self.get(k, j)));
+        let kept = |i: usize| (0..N).filter(|k| keep(i, *k)).count();
+        let entry = |i: usize, j: usize| sum_where(N, |k| keep(j, k), |k| fp.0[i][k] * f.0[j][k]);
+        // By the row with fewer entries; P is symmetric.
+        Covariance::lower(|i, j| if kept(i) < kept(j) { entry(j, i) } else { entry(i, j) })
     }
 
     /// Computes `f(i, j)` for the lower triangle alone.
     #[inline(always)]
     pub(crate) fn lower(f: impl Fn(usize, usize) -> T) -> Self {
-        Self(Mat(array::from_fn(|i| array::from_fn(|j| if i >= j { f(i, j) } else { T::of(0.0) }))))
+        let mut covariance = Self::zero();
+        for i in 0..N {
+            for j in 0..N {
+                if i >= j {
+                    covariance.0.0[i][j] = f(i, j);
+                }
+            }
+        }
+        covariance
     }
 
     /// `yes` where the mask is set, `no` elsewhere.

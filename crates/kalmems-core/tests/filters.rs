@@ -1,9 +1,8 @@
 //! The filters against each other, against dense textbook formulas, and against bad input.
 
 use kalmems_core::{
-    Augmented, Covariance, Delayed, Dual, Dynamics, Ekf, Filter, FilterError, Kalman, LinearMeasurement,
-    LinearProcess, Mat, Measurement, Nodes, NoiseDensity, Over, ParametricDynamics, Process, ProcessNoise,
-    Rk4, Scalar, SigmaPoints, Ukf,
+    Covariance, Delayed, Dual, Ekf, Filter, FilterError, Kalman, LinearMeasurement, LinearProcess, Mat,
+    Measurement, Over, ProcessNoise, Scalar, SigmaPoints, Ukf,
 };
 use nalgebra::{SMatrix, SVector};
 use proptest::prelude::*;
@@ -236,43 +235,6 @@ fn what_cannot_be_used_is_refused_and_leaves_the_state() {
     let mut certain = Ekf::new(start.0, Covariance::zero());
     certain.update(&position, &[5.0], &r).unwrap();
     assert_eq!(certain.mean(), &start.0);
-}
-
-/// Decay at an uncertain rate.
-struct Decay;
-impl<T: Scalar> Dynamics<T, 1> for Decay {
-    type Input = ();
-    fn derivative<S: Over<T>>(&self, x: &[S; 1], u: &()) -> [S; 1] {
-        self.derivative_with(x, &[S::of(1.0)], u)
-    }
-}
-impl<T: Scalar> ParametricDynamics<T, 1, 1> for Decay {
-    fn derivative_with<S: Over<T>>(&self, x: &[S; 1], p: &[S; 1], (): &()) -> [S; 1] {
-        [-(p[0] * x[0])]
-    }
-}
-
-#[test]
-fn a_parameter_becomes_a_state() {
-    let noise = NoiseDensity::none();
-    let process = Rk4::<_, f64, 2>::new(Augmented::<_, 1, 1>::new(Decay), 0.01, &noise, (&[1.0, 1.0], &()));
-    let mut filter = Ekf::new([1.0, 1.0], Covariance::from_standard_deviations([0.1, 0.5]));
-    let level = LinearMeasurement { matrix: Mat([[1.0, 0.0]]) };
-    for k in 1..=200 {
-        filter.predict(&process, &Nodes::held(())).unwrap();
-        let truth = (-1.3 * 0.01 * f64::from(k)).exp();
-        filter.update(&level, &[truth], &Covariance::from_variances([1e-8])).unwrap();
-    }
-    assert!((filter.mean()[1] - 1.3).abs() < 1e-3, "{:?}", filter.mean());
-    // The Jacobian of the whole step, against central differences.
-    let (x, h) = ([0.7, 1.2], 1e-6);
-    let (_, f) = process.linearize(&x, &Nodes::held(()));
-    for j in 0..2 {
-        let at = |d: f64| process.step(&[x[0] + d * (1 - j) as f64, x[1] + d * j as f64], &Nodes::held(()));
-        for i in 0..2 {
-            assert!(((at(h)[i] - at(-h)[i]) / (2.0 * h) - f[(i, j)]).abs() < 1e-8);
-        }
-    }
 }
 
 #[test]

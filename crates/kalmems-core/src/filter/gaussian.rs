@@ -4,7 +4,7 @@ use super::{Innovation, Link};
 use crate::linalg::{sum, sum_where};
 use crate::process::ProcessNoise;
 use crate::update::{Correction, Policy};
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Scalar};
+use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
 use core::array;
 
 /// A Gaussian over the state.
@@ -84,13 +84,14 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
 
     /// The prediction with a linear or linearised step: mean f(x), covariance F·P·Fᵀ + Q.
     #[inline(always)]
-    pub(super) fn propagate(
+    pub(super) fn propagate<P: Process<T, N>>(
         &mut self,
         mean: [T; N],
         f: &Mat<T, N, N>,
         q: &ProcessNoise<T, N>,
     ) -> Result<Link<T, N>, FilterError> {
-        let next = Self { mean, covariance: self.covariance.transformed(f).plus(q.covariance()) };
+        let moved = self.covariance.transformed_where(f, P::depends);
+        let next = Self { mean, covariance: moved.plus(q.covariance()) };
         let taken = self.accept(&next, &Refusal::none())?;
         Ok(Link { transition: *f, noise: *q.covariance(), taken })
     }

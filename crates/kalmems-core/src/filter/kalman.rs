@@ -53,7 +53,9 @@ impl<T: Scalar, const N: usize> Kalman<T, N> {
         u: &[T; U],
     ) -> Result<T::Mask, FilterError> {
         let mean = process.step(&self.state.mean, u);
-        self.state.propagate(mean, &process.transition, &process.noise).map(|link| link.taken)
+        self.state
+            .propagate::<LinearProcess<T, N, U>>(mean, &process.transition, &process.noise)
+            .map(|link| link.taken)
     }
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.

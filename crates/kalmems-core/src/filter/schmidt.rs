@@ -66,7 +66,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
         let (mean, f) = process.linearize(&self.state.mean, u);
-        self.state.propagate(mean, &f, process.noise())
+        self.state.propagate::<P>(mean, &f, process.noise())
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use super::factored::Factored;
 use super::gaussian::Refusal;
 use super::{Filter, Innovation, Link};
-use crate::linalg::{Decorrelation, sum, sum_where, triangularize};
+use crate::linalg::{Decorrelation, sum_where, triangularize};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
 
@@ -75,7 +75,9 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
     ) -> Result<Link<T, N>, FilterError> {
         let (mean, transition) = process.linearize(&self.state.mean, u);
         let s = &self.state.factor;
-        let moved = Mat::from_fn(|i, j| sum(N - j, |k| transition.0[i][j + k] * s.0[j + k][j]));
+        let moved = Mat::from_fn(|i, j| {
+            sum_where(N, |k| k >= j && P::depends(i, k), |k| transition.0[i][k] * s.0[k][j])
+        });
         let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise().root());
         let every = T::of(0.0).is_finite();
         let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;

@@ -1,6 +1,6 @@
 //! The square-root-free factorisation of an innovation covariance.
 
-use super::{Mat, sum};
+use super::{Mat, sum, sum_where};
 use crate::{Covariance, Mask, Scalar};
 
 /// S = L·D·Lᵀ with L unit lower triangular and D diagonal.
@@ -58,12 +58,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
             x[i] = x[i] * self.recip[i];
         }
         for i in (0..M).rev() {
-            // Over the indices themselves: with an offset a build for size keeps a bounds check.
-            let mut below = T::of(-0.0);
-            for k in (i + 1)..M {
-                below = below + self.lower.0[k][i] * x[k];
-            }
-            x[i] = x[i] - below;
+            x[i] = x[i] - sum_where(M, |k| k > i, |k| self.lower.0[k][i] * x[k]);
         }
         x
     }

@@ -36,7 +36,13 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
     /// The matrix with `f(i, j)` in row `i` and column `j`.
     #[inline(always)]
     pub fn from_fn(f: impl Fn(usize, usize) -> T) -> Self {
-        Self(array::from_fn(|i| array::from_fn(|j| f(i, j))))
+        let mut matrix = Self::zero();
+        for i in 0..R {
+            for j in 0..C {
+                matrix.0[i][j] = f(i, j);
+            }
+        }
+        matrix
     }
 
     /// Zeros.

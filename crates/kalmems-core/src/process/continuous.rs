@@ -1,6 +1,6 @@
 //! From continuous time to intervals that come as they may.
 
-use super::stepper::runge_kutta;
+use super::stepper::{AsGiven, runge_kutta};
 use super::{Dynamics, LinearProcess, Nodes, Process, ProcessNoise, jacobian};
 use crate::{Covariance, Mask, Mat, NoiseDensity, Over, Scalar};
 use core::fmt;
@@ -157,7 +157,7 @@ where
             middle: (self.input)(t + self.step / 2.0),
             end: (self.input)(t + self.step),
         };
-        runge_kutta(self.dynamics, x, &u, T::of(self.step))
+        runge_kutta(T::of(self.step), x, &u, &AsGiven::<T, D>::new(self.dynamics))
     }
 
     /// Where `x` goes, the Jacobian, and the noise.

@@ -1,12 +1,10 @@
 //! How the state moves: in continuous time, and over one interval.
 
-mod augmented;
 mod continuous;
 mod linear;
 mod noise;
 mod stepper;
 
-pub use augmented::{Augmented, ParametricDynamics};
 pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
@@ -83,6 +81,16 @@ pub trait Process<T: Scalar, const N: usize> {
 
     /// The covariance of w.
     fn noise(&self) -> &ProcessNoise<T, N>;
+
+    /// Whether component `i` of f may depend on state `j`; where not, ∂f_i/∂x_j is zero at every point.
+    ///
+    /// A compiler may not drop a product with a zero. A filter leaves these out, so that a state which only
+    /// drifts costs little. Must not depend on anything but its arguments.
+    #[inline(always)]
+    fn depends(i: usize, j: usize) -> bool {
+        let _ = (i, j);
+        true
+    }
 
     /// f(x, u) and ∂f/∂x, by dual numbers unless a model has something better.
     #[inline(always)]

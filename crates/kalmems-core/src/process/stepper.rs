@@ -1,9 +1,10 @@
 //! Integrators: a differential equation over one interval.
 
 use super::{Dynamics, Process, ProcessNoise};
+use crate::augmentation::{ParametricDynamics, ParametricProcess};
 use crate::discretize::discretize;
-use crate::{Covariance, NoiseDensity, Over, Scalar};
-use core::array;
+use crate::{Covariance, NoiseDensity, Over, Parameters, Scalar};
+use core::marker::PhantomData;
 
 /// An input at the start, the middle and the end of an interval.
 ///
@@ -52,7 +53,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
 
     #[inline(always)]
     fn step<S: Over<T>>(&self, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {
-        runge_kutta(&self.dynamics, x, u, self.interval)
+        runge_kutta(self.interval, x, u, &AsGiven::<T, D>::new(&self.dynamics))
     }
 
     #[inline(always)]
@@ -61,21 +62,90 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
     }
 }
 
-/// One step of the classical Runge–Kutta method over `h`.
+impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T, N> for Rk4<D, T, N> {
+    type Model = D;
+
+    #[inline(always)]
+    fn model(&self) -> &D {
+        &self.dynamics
+    }
+
+    #[inline(always)]
+    fn interval(&self) -> T {
+        self.interval
+    }
+
+    #[inline(always)]
+    fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {
+        runge_kutta(self.interval, x, u, &Varied::<T, S, D>(varied))
+    }
+}
+
+/// A right-hand side, to be integrated. A trait and not a closure, which the compiler would be free to call
+/// instead of inlining it.
+pub(super) trait RightHandSide<S, I, const N: usize> {
+    fn at(&self, x: &[S; N], u: &I) -> [S; N];
+}
+
+/// Dynamics as they are.
+pub(super) struct AsGiven<'a, T, D>(&'a D, PhantomData<T>);
+
+impl<'a, T, D> AsGiven<'a, T, D> {
+    #[inline(always)]
+    pub(super) fn new(dynamics: &'a D) -> Self {
+        Self(dynamics, PhantomData)
+    }
+}
+
+impl<T: Scalar, S: Over<T>, D: Dynamics<T, N>, const N: usize> RightHandSide<S, D::Input, N>
+    for AsGiven<'_, T, D>
+{
+    #[inline(always)]
+    fn at(&self, x: &[S; N], u: &D::Input) -> [S; N] {
+        self.0.derivative(x, u)
+    }
+}
+
+/// Dynamics with other parameters.
+struct Varied<'a, T: Scalar, S: Scalar, D: Parameters<T>>(&'a D::Of<S>);
+
+impl<T: Scalar, S: Over<T>, D: ParametricDynamics<T, N>, const N: usize> RightHandSide<S, D::Input, N>
+    for Varied<'_, T, S, D>
+{
+    #[inline(always)]
+    fn at(&self, x: &[S; N], u: &D::Input) -> [S; N] {
+        D::derivative_of(self.0, x, u)
+    }
+}
+
+/// One step over `h`.
 #[inline(always)]
-pub(super) fn runge_kutta<T: Scalar, D: Dynamics<T, N>, S: Over<T>, const N: usize>(
-    dynamics: &D,
-    x: &[S; N],
-    u: &Nodes<D::Input>,
+pub(super) fn runge_kutta<T: Scalar, S: Over<T>, I, const N: usize>(
     h: T,
+    x: &[S; N],
+    u: &Nodes<I>,
+    f: &impl RightHandSide<S, I, N>,
 ) -> [S; N] {
-    let moved = |k: &[S; N], by: T| -> [S; N] { array::from_fn(|i| x[i] + k[i] * by) };
-    let k1 = dynamics.derivative(x, &u.start);
-    let k2 = dynamics.derivative(&moved(&k1, h.half()), &u.middle);
-    let k3 = dynamics.derivative(&moved(&k2, h.half()), &u.middle);
-    let k4 = dynamics.derivative(&moved(&k3, h), &u.end);
+    let k1 = f.at(x, &u.start);
+    let k2 = f.at(&moved(x, &k1, h.half()), &u.middle);
+    let k3 = f.at(&moved(x, &k2, h.half()), &u.middle);
+    let k4 = f.at(&moved(x, &k3, h), &u.end);
     let sixth = h * T::of(1.0 / 6.0);
-    array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth)
+    let mut next = *x;
+    for i in 0..N {
+        next[i] = x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth;
+    }
+    next
+}
+
+/// x + h·k.
+#[inline(always)]
+fn moved<T: Scalar, S: Over<T>, const N: usize>(x: &[S; N], k: &[S; N], h: T) -> [S; N] {
+    let mut moved = *x;
+    for i in 0..N {
+        moved[i] = x[i] + k[i] * h;
+    }
+    moved
 }
 
 /// The explicit Euler method, x′ = x + h·f(x, u).
@@ -101,12 +171,30 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Euler<D, T,
 
     #[inline(always)]
     fn step<S: Over<T>>(&self, x: &[S; N], u: &D::Input) -> [S; N] {
-        let k = self.dynamics.derivative(x, u);
-        array::from_fn(|i| x[i] + k[i] * self.interval)
+        moved(x, &self.dynamics.derivative(x, u), self.interval)
     }
 
     #[inline(always)]
     fn noise(&self) -> &ProcessNoise<T, N> {
         &self.noise
+    }
+}
+
+impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T, N> for Euler<D, T, N> {
+    type Model = D;
+
+    #[inline(always)]
+    fn model(&self) -> &D {
+        &self.dynamics
+    }
+
+    #[inline(always)]
+    fn interval(&self) -> T {
+        self.interval
+    }
+
+    #[inline(always)]
+    fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &D::Input) -> [S; N] {
+        moved(x, &D::derivative_of(varied, x, u), self.interval)
     }
 }

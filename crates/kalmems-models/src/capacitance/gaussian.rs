@@ -1,7 +1,7 @@
 //! Vertical comb fingers, tilting far out of their plane.
 
 use kalmems_core::{Over, Scalar};
-use kalmems_macros::model;
+use kalmems_macros::{Parameters, model};
 
 /// C(θ) = C₀·exp(−(θ/θ₀)²) + C_b.
 ///
@@ -14,7 +14,7 @@ use kalmems_macros::model;
 /// assert!((comb.capacitance(0.0_f64) / 15.5e-12 - 1.0).abs() < 1e-15);
 /// assert_eq!(comb.slope(0.0), 0.0);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
 pub struct GaussianComb<P> {
     /// C₀ in F: what the fingers add at rest.
     pub nominal: P,

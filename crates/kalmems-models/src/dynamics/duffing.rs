@@ -1,7 +1,7 @@
 //! A resonator whose spring hardens or softens with the deflection.
 
-use kalmems_core::{Dynamics, Over, ParametricDynamics, Scalar};
-use kalmems_macros::model;
+use kalmems_core::{Dynamics, Over, Scalar};
+use kalmems_macros::{Parameters, model};
 
 /// ẍ + d·ẋ + ω₀²·x + a₃·x³ = g·u: Duffing's equation, everything divided by the mass; states [x, ẋ], input u.
 ///
@@ -22,7 +22,7 @@ use kalmems_macros::model;
 /// let [rate, acceleration] = circuit.derivative(&[0.2, 0.0], &u);
 /// assert!(rate == 0.0 && acceleration.abs() < 1e-10);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
 pub struct Duffing<P> {
     /// d in 1/s: the damping over the mass.
     pub damping: P,
@@ -49,25 +49,11 @@ impl<P: Scalar> Duffing<P> {
     }
 }
 
-#[model]
+#[model(parametric)]
 impl<T: Scalar> Dynamics<T, 2> for Duffing<T> {
     type Input = T;
 
     fn derivative<S: Over<T>>(&self, x: &[S; 2], input: &T) -> [S; 2] {
         [x[1], self.acceleration(x[0], x[1], *input)]
-    }
-}
-
-/// With the stiffness at rest relative to its own as a parameter: 1 is what the description says.
-#[model]
-impl<T: Scalar> ParametricDynamics<T, 2, 1> for Duffing<T> {
-    fn derivative_with<S: Over<T>>(&self, x: &[S; 2], p: &[S; 1], input: &T) -> [S; 2] {
-        let varied = Duffing {
-            damping: S::lift(self.damping),
-            stiffness: p[0] * self.stiffness,
-            cubic: S::lift(self.cubic),
-            gain: S::lift(self.gain),
-        };
-        [x[1], varied.acceleration(x[0], x[1], S::lift(*input))]
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{TorsionalResonator, torque};
 use crate::capacitance::GaussianComb;
-use kalmems_core::{Dynamics, Over, ParametricDynamics, Scalar};
-use kalmems_macros::model;
+use kalmems_core::{Dynamics, Over, Scalar};
+use kalmems_macros::{Parameters, model};
 
 /// J·θ̈ + b·θ̇ + k·θ = ½·C′(θ)·(V² + V_c²/2), states [θ, θ̇] in rad and rad/s, input V in V.
 ///
@@ -23,7 +23,7 @@ use kalmems_macros::model;
 /// let mirrored = scanner.derivative(&[-0.1, -2.0], &60.0);
 /// assert_eq!(there, mirrored.map(|d: f64| -d));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
 pub struct ParametricScanner<P> {
     /// The mechanics.
     pub resonator: TorsionalResonator<P>,
@@ -42,7 +42,7 @@ impl<P: Scalar> ParametricScanner<P> {
     }
 }
 
-#[model]
+#[model(parametric)]
 impl<T: Scalar> Dynamics<T, 2> for ParametricScanner<T> {
     type Input = T;
 
@@ -54,26 +54,5 @@ impl<T: Scalar> Dynamics<T, 2> for ParametricScanner<T> {
     fn natural_scales(&self) -> [T; 2] {
         let angle = self.comb.angular_width;
         [angle, angle * self.resonator.natural_rate()]
-    }
-}
-
-/// With the stiffness relative to its own as a parameter: 1 is what the description says.
-#[model]
-impl<T: Scalar> ParametricDynamics<T, 2, 1> for ParametricScanner<T> {
-    fn derivative_with<S: Over<T>>(&self, x: &[S; 2], p: &[S; 1], voltage: &T) -> [S; 2] {
-        let varied = ParametricScanner {
-            resonator: TorsionalResonator {
-                inertia: S::lift(self.resonator.inertia),
-                damping: S::lift(self.resonator.damping),
-                stiffness: p[0] * self.resonator.stiffness,
-            },
-            comb: GaussianComb {
-                nominal: S::lift(self.comb.nominal),
-                angular_width: S::lift(self.comb.angular_width),
-                bias: S::lift(self.comb.bias),
-            },
-            carrier_mean_square: S::lift(self.carrier_mean_square),
-        };
-        [x[1], varied.acceleration(x[0], x[1], S::lift(*voltage))]
     }
 }

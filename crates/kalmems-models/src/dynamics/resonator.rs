@@ -1,10 +1,10 @@
 //! A mass on a torsion spring.
 
 use kalmems_core::{LinearProcess, Mat, NoiseDensity, Over, Scalar};
-use kalmems_macros::model;
+use kalmems_macros::{Parameters, model};
 
 /// J·θ̈ + b·θ̇ + k·θ = T (Chen et al., shared electrodes, 2020, equation 9).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
 pub struct TorsionalResonator<P> {
     /// J in kg·m². Positive.
     pub inertia: P,

@@ -2,7 +2,7 @@
 
 use crate::capacitance::GaussianComb;
 use kalmems_core::{Mat, Measurement, Over, Scalar};
-use kalmems_macros::model;
+use kalmems_macros::{Parameters, model};
 
 /// y = a·C(θ) + b in V, on states that begin with θ in rad.
 ///
@@ -21,7 +21,7 @@ use kalmems_macros::model;
 /// let [at_rest] = readout.predict(&[0.0_f64, 0.0]);
 /// assert!((at_rest - 0.8548).abs() < 1e-12);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
 pub struct DemodulatedComb<P> {
     /// The electrodes.
     pub comb: GaussianComb<P>,
@@ -31,7 +31,7 @@ pub struct DemodulatedComb<P> {
     pub offset: P,
 }
 
-#[model]
+#[model(parametric)]
 impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DemodulatedComb<T> {
     fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
         const { assert!(N >= 1, "the first state is the angle") };
