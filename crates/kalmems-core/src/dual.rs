@@ -30,13 +30,13 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
     /// A constant.
     #[inline(always)]
     pub fn constant(value: T) -> Self {
-        Self { value, gradient: [T::of(0.0); N] }
+        Self { value, gradient: [T::of(-0.0); N] }
     }
 
     /// The variable with this index.
     #[inline(always)]
     pub fn variable(value: T, index: usize) -> Self {
-        Self { value, gradient: array::from_fn(|i| T::of(if i == index { 1.0 } else { 0.0 })) }
+        Self { value, gradient: array::from_fn(|i| T::of(if i == index { 1.0 } else { -0.0 })) }
     }
 
     /// All variables of a vector, each with its own index.
@@ -150,6 +150,11 @@ impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
     #[inline(always)]
     fn lift(value: T) -> Self {
         Self::constant(value)
+    }
+    #[inline(always)]
+    fn through(self, f: impl FnOnce(Dual<T, 1>) -> Dual<T, 1>) -> Self {
+        let Dual { value, gradient: [slope] } = f(Dual::variable(self.value, 0));
+        self.chain(value, slope)
     }
 }
 

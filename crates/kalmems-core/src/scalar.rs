@@ -1,5 +1,6 @@
 //! The numbers that models and filters are written over.
 
+use crate::Dual;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The result of a comparison: `bool` for one number, one bit per lane for several.
@@ -165,12 +166,35 @@ pub trait Over<T: Scalar>:
 {
     /// A constant.
     fn lift(value: T) -> Self;
+
+    /// A function of this number alone, its derivative taken once by a dual number of one variable, and the chain
+    /// rule from there.
+    ///
+    /// The same value and derivatives as `f(self)`; but where this number carries the derivatives by all states
+    /// of a model, each operation within `f` would carry them all.
+    ///
+    /// ```
+    /// use kalmems_core::{Dual, Over, Scalar};
+    /// fn bell<S: Over<f64>>(x: S) -> S {
+    ///     x.through(|x| (-x.sq()).exp())
+    /// }
+    /// let x = Dual::<f64, 3>::variable(0.5, 1);
+    /// assert_eq!(bell(0.5), bell(x).value());
+    /// assert_eq!(bell(x).gradient(), [0.0, -bell(0.5), 0.0]);
+    /// ```
+    #[must_use]
+    fn through(self, f: impl FnOnce(Dual<T, 1>) -> Dual<T, 1>) -> Self;
 }
 
 impl<T: Scalar> Over<T> for T {
     #[inline(always)]
     fn lift(value: T) -> Self {
         value
+    }
+    #[inline(always)]
+    fn through(self, f: impl FnOnce(Dual<T, 1>) -> Dual<T, 1>) -> Self {
+        // The derivative is asked for by nobody, and not computed.
+        f(Dual::variable(self, 0)).value()
     }
 }
 

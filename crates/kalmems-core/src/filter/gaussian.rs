@@ -174,8 +174,10 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         let p = &self.covariance;
         // A = I − K·H, the columns that no component sees being those of I.
         let bare = |j: usize| !(0..M).any(|m| H::depends(m, j));
-        let a: Mat<T, N, N> =
-            Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - sum(M, |m| gain.0[i][m] * h.0[m][j]));
+        let a: Mat<T, N, N> = Mat::from_fn(|i, j| {
+            let kh = sum(M, |m| gain.0[i][m] * h.0[m][j]);
+            if i == j { T::of(1.0) - kh } else { -kh }
+        });
         let ap: Mat<T, N, N> = Mat::from_fn(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
         let kr: Mat<T, N, M> = Mat::from_fn(|i, j| sum(M, |k| gain.0[i][k] * r.get(k, j)));
         Covariance::lower(|i, j| {

@@ -1,7 +1,7 @@
 //! Sigma points: what a function makes of a Gaussian.
 
-use crate::linalg::sum;
-use crate::{Mat, Scalar};
+use crate::linalg::{sum, sum_where, unrolled};
+use crate::{Mat, Measurement, Process, Scalar};
 use core::array;
 
 /// How the sigma points of an unscented filter are spread (van der Merwe's scaled form).
@@ -50,66 +50,155 @@ impl<T: Scalar> SigmaPoints<T> {
     }
 }
 
-/// What a function makes of the centre and of the pairs around it.
+/// How far each pair of points lies from the centre: the scaled columns of a lower triangular factor. Column `j`
+/// moves the states from `j` on, and is neither read nor added above.
+pub(super) struct Offsets<T, const N: usize>([[T; N]; N]);
+
+impl<T: Scalar, const N: usize> Offsets<T, N> {
+    /// x plus column `j`.
+    #[inline(always)]
+    fn above(&self, x: &[T; N], j: usize) -> [T; N] {
+        array::from_fn(|i| if i < j { x[i] } else { x[i] + self.0[j][i] })
+    }
+
+    /// x less column `j`.
+    #[inline(always)]
+    fn below(&self, x: &[T; N], j: usize) -> [T; N] {
+        array::from_fn(|i| if i < j { x[i] } else { x[i] - self.0[j][i] })
+    }
+
+    /// Where each point goes in one step.
+    #[inline(always)]
+    pub fn step<P: Process<T, N>>(&self, x: &[T; N], process: &P, u: &P::Input) -> Points<T, N, N> {
+        let centre = process.step(x, u);
+        let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
+        unrolled!(j < N {
+            points.plus[j] = process.step(&self.above(x, j), u);
+            points.minus[j] = process.step(&self.below(x, j), u);
+        });
+        points
+    }
+
+    /// What a sensor reads at each point. A pair that moves no state the sensor sees reads what the centre reads.
+    #[inline(always)]
+    pub fn read<H: Measurement<T, N, M>, const M: usize>(
+        &self,
+        x: &[T; N],
+        measurement: &H,
+    ) -> Points<T, N, M> {
+        let centre = measurement.predict(x);
+        let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
+        unrolled!(j < N {
+            if sees::<T, H, N, M>(j) {
+                points.plus[j] = measurement.predict(&self.above(x, j));
+                points.minus[j] = measurement.predict(&self.below(x, j));
+            }
+        });
+        points
+    }
+
+    /// What deviations are left when a linear law F of the offsets is taken from them.
+    #[inline(always)]
+    pub fn unexplained<const K: usize>(&self, d: &Points<T, N, K>, f: &Mat<T, K, N>) -> Points<T, N, K> {
+        let moved = |j: usize, i: usize| sum_where(N, |k| k >= j, |k| f.0[i][k] * self.0[j][k]);
+        Points {
+            centre: d.centre,
+            plus: array::from_fn(|j| array::from_fn(|i| d.plus[j][i] - moved(j, i))),
+            minus: array::from_fn(|j| array::from_fn(|i| d.minus[j][i] + moved(j, i))),
+        }
+    }
+
+    /// The deviations of the points themselves, less what a linear law explains of them.
+    #[inline(always)]
+    pub fn less<const K: usize>(
+        &self,
+        explained: &Points<T, N, K>,
+        law: impl Fn(usize, &[T; K]) -> T,
+    ) -> Points<T, N, N> {
+        let plus = |j: usize, i: usize| {
+            let rest = law(i, &explained.plus[j]);
+            if i < j { -rest } else { self.0[j][i] - rest }
+        };
+        let minus = |j: usize, i: usize| {
+            let rest = law(i, &explained.minus[j]);
+            if i < j { -rest } else { -self.0[j][i] - rest }
+        };
+        Points {
+            centre: array::from_fn(|i| -law(i, &explained.centre)),
+            plus: array::from_fn(|j| array::from_fn(|i| plus(j, i))),
+            minus: array::from_fn(|j| array::from_fn(|i| minus(j, i))),
+        }
+    }
+}
+
+/// Whether a measurement sees what column `j` of a lower triangular factor moves.
+#[inline(always)]
+pub(super) fn sees<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize>(j: usize) -> bool {
+    (0..M).any(|m| (j..N).any(|i| H::depends(m, i)))
+}
+
+/// Something of every sigma point: of the centre, and of the pairs around it.
 pub(super) struct Points<T, const N: usize, const K: usize> {
     pub centre: [T; K],
     pub plus: [[T; K]; N],
     pub minus: [[T; K]; N],
 }
 
-impl<T: Scalar, const N: usize> Points<T, N, N> {
-    /// The points themselves.
-    #[inline(always)]
-    pub fn around(x: &[T; N], offsets: &[[T; N]; N]) -> Self {
-        Self {
-            centre: *x,
-            plus: array::from_fn(|j| array::from_fn(|i| x[i] + offsets[j][i])),
-            minus: array::from_fn(|j| array::from_fn(|i| x[i] - offsets[j][i])),
-        }
-    }
-}
-
 impl<T: Scalar, const N: usize, const K: usize> Points<T, N, K> {
-    /// What a function makes of them.
+    /// The points' deviations from a mean.
     #[inline(always)]
-    pub fn through(x: &[T; N], offsets: &[[T; N]; N], f: impl Fn(&[T; N]) -> [T; K]) -> Self {
+    pub fn less(&self, mean: &[T; K]) -> Self {
+        let deviation = |p: &[T; K]| array::from_fn(|i| p[i] - mean[i]);
         Self {
-            centre: f(x),
-            plus: array::from_fn(|j| f(&array::from_fn(|i| x[i] + offsets[j][i]))),
-            minus: array::from_fn(|j| f(&array::from_fn(|i| x[i] - offsets[j][i]))),
+            centre: deviation(&self.centre),
+            plus: array::from_fn(|j| deviation(&self.plus[j])),
+            minus: array::from_fn(|j| deviation(&self.minus[j])),
         }
     }
 }
 
 impl<T: Scalar> Weights<T> {
-    /// How far out the points lie: the scaled columns of a factor.
+    /// The points' offsets, from a lower triangular factor of the covariance.
     #[inline(always)]
-    pub fn offsets<const N: usize>(&self, factor: &Mat<T, N, N>) -> [[T; N]; N] {
-        array::from_fn(|j| array::from_fn(|i| factor.0[i][j] * self.spread))
+    pub fn offsets<const N: usize>(&self, factor: &Mat<T, N, N>) -> Offsets<T, N> {
+        Offsets(array::from_fn(|j| {
+            array::from_fn(|i| if i < j { T::of(0.0) } else { factor.0[i][j] * self.spread })
+        }))
     }
 
-    /// The weighted mean, as a correction to the centre: exact to rounding however large the weights are.
+    /// The weighted mean, as a correction to the centre: exact to rounding however large the weights are. Pairs
+    /// that have not moved are passed over.
     #[inline(always)]
-    pub fn mean<const N: usize, const K: usize>(&self, points: &Points<T, N, K>) -> [T; K] {
+    pub fn mean<const N: usize, const K: usize>(
+        &self,
+        points: &Points<T, N, K>,
+        moved: impl Fn(usize) -> bool,
+    ) -> [T; K] {
         let c = &points.centre;
         array::from_fn(|i| {
-            c[i] + sum(N, |j| (points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i])) * self.outer
+            let pairs = sum_where(N, &moved, |j| (points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i]));
+            c[i] + pairs * self.outer
         })
     }
 
-    /// Weighted sums of products of deviations: covariances and cross-covariances.
+    /// The weighted sum of products of two components' deviations: one entry of a covariance.
     #[inline(always)]
-    pub fn moment<const N: usize, const A: usize, const B: usize>(
+    pub fn moment<const N: usize, const K: usize>(&self, d: &Points<T, N, K>, (i, k): (usize, usize)) -> T {
+        let pairs = sum(N, |j| (d.plus[j][i] * d.plus[j][k]).mac(d.minus[j][i], d.minus[j][k]));
+        (d.centre[i] * d.centre[k] * self.centre).mac(pairs, self.outer)
+    }
+
+    /// The covariance of state `i` with what deviates by `d` in component `k`. The centre does not deviate, and
+    /// its pairs do by the offsets.
+    #[inline(always)]
+    pub fn cross<const N: usize, const K: usize>(
         &self,
-        (a, a_mean): (&Points<T, N, A>, &[T; A]),
-        (b, b_mean): (&Points<T, N, B>, &[T; B]),
+        offsets: &Offsets<T, N>,
+        d: &Points<T, N, K>,
         (i, k): (usize, usize),
+        moved: impl Fn(usize) -> bool,
     ) -> T {
-        let centre = (a.centre[i] - a_mean[i]) * (b.centre[k] - b_mean[k]) * self.centre;
-        centre
-            + sum(N, |j| {
-                ((a.plus[j][i] - a_mean[i]) * (b.plus[j][k] - b_mean[k]))
-                    .mac(a.minus[j][i] - a_mean[i], b.minus[j][k] - b_mean[k])
-            }) * self.outer
+        let weigh = |j: usize| offsets.0[j][i] * (d.plus[j][k] - d.minus[j][k]);
+        sum_where(i + 1, moved, weigh) * self.outer
     }
 }

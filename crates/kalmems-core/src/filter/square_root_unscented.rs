@@ -95,15 +95,13 @@ impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
     }
 
     #[inline(always)]
-    fn spread<const K: usize>(&self, f: impl Fn(&[T; N]) -> [T; K]) -> Spread<T, N, K> {
-        let offsets = self.weights.offsets(&self.state.factor);
-        let points = Points::through(&self.state.mean, &offsets, f);
+    fn spread<const K: usize>(&self, points: &Points<T, N, K>) -> Spread<T, N, K> {
         let c = &points.centre;
         let bends: Mat<T, K, N> =
             Mat::from_fn(|i, j| ((points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i])) * self.root);
         let all: [T; K] = core::array::from_fn(|i| sum(N, |j| bends.0[i][j]));
         Spread {
-            mean: self.weights.mean(&points),
+            mean: self.weights.mean(points, |_| true),
             differences: Mat::from_fn(|i, j| (points.plus[j][i] - points.minus[j][i]) * self.root),
             bends: Mat::from_fn(|i, j| bends.0[i][j] + all[i] * self.shared),
             removed: all.map(|all| all * self.removed),
@@ -136,7 +134,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let next = self.spread(|x| process.step(x, u));
+        let offsets = self.weights.offsets(&self.state.factor);
+        let next = self.spread(&offsets.step(&self.state.mean, process, u));
         let noise = process.noise();
         let mut factor = triangularize(next.differences, next.bends, *noise.root());
         let mut refused = Refusal::none();
@@ -167,7 +166,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let seen = self.spread(|x| measurement.predict(x));
+        let offsets = self.weights.offsets(&self.state.factor);
+        let seen = self.spread(&offsets.read::<H, M>(&self.state.mean, measurement));
         let noise = Covariance::lower(|i, k| seen.bent(i, k) + r.get(i, k));
         let apart = Decorrelation::of(&noise);
         let own = Decorrelation::of(r).semidefinite;

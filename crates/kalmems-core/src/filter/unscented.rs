@@ -1,7 +1,7 @@
 //! The unscented Kalman filter.
 
 use super::gaussian::Refusal;
-use super::sigma::{Points, SigmaPoints, Weights};
+use super::sigma::{Offsets, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::linalg::{Ldl, sum};
 use crate::update::{Correction, Policy};
@@ -39,9 +39,9 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         Self { state: Gaussian { mean, covariance }, weights: points.weights::<N>() }
     }
 
-    /// The columns of the scaled Cholesky factor, and whether there is one.
+    /// How far the points lie out, and whether the covariance has a Cholesky factor.
     #[inline(always)]
-    fn offsets(&self) -> ([[T; N]; N], T::Mask) {
+    fn offsets(&self) -> (Offsets<T, N>, T::Mask) {
         let cholesky = Cholesky::of(&self.state.covariance);
         (self.weights.offsets(&cholesky.factor), cholesky.positive)
     }
@@ -67,39 +67,26 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
         let before = self.state.covariance;
-        let x = self.state.mean;
         let (offsets, positive) = self.offsets();
-        let points = Points::through(&x, &offsets, |x| process.step(x, u));
-        let mean = self.weights.mean(&points);
+        let points = offsets.step(&self.state.mean, process, u);
+        let mean = self.weights.mean(&points, |_| true);
+        let deviations = points.less(&mean);
         let q = process.noise().covariance();
         let next = Gaussian {
             mean,
-            covariance: Covariance::lower(|i, k| {
-                self.weights.moment((&points, &mean), (&points, &mean), (i, k)) + q.get(i, k)
-            }),
+            covariance: Covariance::lower(|i, k| self.weights.moment(&deviations, (i, k)) + q.get(i, k)),
         };
         let taken = self.state.accept(&next, &Refusal { covariance: positive.not(), ..Refusal::none() })?;
 
         // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
-        let sources = Points::around(&x, &offsets);
         let ldl = Ldl::of(&before);
-        let transition = Mat(array::from_fn(|i| {
-            ldl.solve(&array::from_fn(|k| self.weights.moment((&points, &mean), (&sources, &x), (i, k))))
+        let transition: Mat<T, N, N> = Mat(array::from_fn(|i| {
+            ldl.solve(&array::from_fn(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
         }));
         // Ω from what the regression leaves at each point: a sum of squares, where the difference P⁻ − F·P·Fᵀ
         // would leave rounding of the size of P⁻ in place of a small Ω.
-        let left = |to: &[T; N], offset: &dyn Fn(usize) -> T| -> [T; N] {
-            array::from_fn(|i| to[i] - mean[i] - sum(N, |k| transition.0[i][k] * offset(k)))
-        };
-        let residuals: Points<T, N, N> = Points {
-            centre: left(&points.centre, &|_| T::of(0.0)),
-            plus: array::from_fn(|j| left(&points.plus[j], &|k| offsets[j][k])),
-            minus: array::from_fn(|j| left(&points.minus[j], &|k| -offsets[j][k])),
-        };
-        let zero = [T::of(0.0); N];
-        let noise = Covariance::lower(|i, k| {
-            self.weights.moment((&residuals, &zero), (&residuals, &zero), (i, k)) + q.get(i, k)
-        });
+        let residuals = offsets.unexplained(&deviations, &transition);
+        let noise = Covariance::lower(|i, k| self.weights.moment(&residuals, (i, k)) + q.get(i, k));
         Ok(Link { transition, noise, taken })
     }
 
@@ -115,15 +102,13 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
     ) -> Result<Innovation<T, M>, FilterError> {
         let (offsets, positive) = self.offsets();
         let x = self.state.mean;
-        let xs = Points::around(&x, &offsets);
-        let ys = Points::through(&x, &offsets, |x| measurement.predict(x));
-        let predicted = self.weights.mean(&ys);
-        let s = Covariance::lower(|i, k| {
-            self.weights.moment((&ys, &predicted), (&ys, &predicted), (i, k)) + r.get(i, k)
-        });
+        let points = offsets.read::<H, M>(&x, measurement);
+        let predicted = self.weights.mean(&points, sees::<T, H, N, M>);
+        let seen = points.less(&predicted);
+        let s = Covariance::lower(|i, k| self.weights.moment(&seen, (i, k)) + r.get(i, k));
         let (mut innovation, ldl) = Innovation::new(y, &predicted, s);
         let gain: [[T; M]; N] = array::from_fn(|i| {
-            ldl.solve(&array::from_fn(|k| self.weights.moment((&xs, &x), (&ys, &predicted), (i, k))))
+            ldl.solve(&array::from_fn(|k| self.weights.cross(&offsets, &seen, (i, k), sees::<T, H, N, M>)))
         });
         let correction = Correction {
             change: array::from_fn(|i| sum(M, |k| gain[i][k] * innovation.residual[k])),
@@ -140,21 +125,12 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
             return refused.to_error().map(|()| innovation);
         }
 
-        let zero = [T::of(0.0); N];
-        let corrected = |xs: &[T; N], ys: &[T; M]| -> [T; N] {
-            array::from_fn(|i| xs[i] - x[i] - sum(M, |k| gain[i][k] * (ys[k] - predicted[k])))
-        };
-        let deviations = Points::<T, N, N> {
-            centre: corrected(&xs.centre, &ys.centre),
-            plus: array::from_fn(|j| corrected(&xs.plus[j], &ys.plus[j])),
-            minus: array::from_fn(|j| corrected(&xs.minus[j], &ys.minus[j])),
-        };
+        let deviations = offsets.less(&seen, |i, dy| sum(M, |k| gain[i][k] * dy[k]));
         let kr: [[T; M]; N] = array::from_fn(|i| array::from_fn(|j| sum(M, |k| gain[i][k] * r.get(k, j))));
         let next = Gaussian {
             mean: array::from_fn(|i| x[i] + correction.change[i]),
             covariance: Covariance::lower(|i, k| {
-                self.weights.moment((&deviations, &zero), (&deviations, &zero), (i, k))
-                    + sum(M, |l| kr[i][l] * gain[k][l])
+                self.weights.moment(&deviations, (i, k)) + sum(M, |l| kr[i][l] * gain[k][l])
             }),
         };
         innovation.taken = self.state.finish(&next, wanted, &refused)?;

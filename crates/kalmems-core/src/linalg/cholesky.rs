@@ -1,6 +1,6 @@
 //! The lower Cholesky factor.
 
-use super::{Mat, epsilon, sum, triangularize};
+use super::{Mat, epsilon, less, triangularize};
 use crate::{Covariance, Mask, Scalar};
 use core::array;
 
@@ -20,13 +20,13 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         let mut l = Mat::<T, N, N>::zero();
         let mut positive = T::of(0.0).is_finite();
         for j in 0..N {
-            let pivot = covariance.get(j, j) - sum(j, |k| l.0[j][k].sq());
+            let pivot = less(covariance.get(j, j), j, |k| l.0[j][k].sq());
             positive = positive.and(pivot.gt(T::of(0.0))).and(pivot.is_finite());
             let root = pivot.sqrt();
             let recip = root.recip();
             l.0[j][j] = root;
             for i in (j + 1)..N {
-                l.0[i][j] = (covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k])) * recip;
+                l.0[i][j] = less(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k]) * recip;
             }
         }
         Self { factor: l, positive }

@@ -28,6 +28,16 @@ pub(crate) fn sum_where<T: Scalar>(n: usize, keep: impl Fn(usize) -> bool, f: im
     total
 }
 
+/// `start` less `f(0) … f(n−1)`, and `start` itself where there is none: x − (−0.0) is an addition that stays.
+#[inline(always)]
+pub(crate) fn less<T: Scalar>(start: T, n: usize, f: impl Fn(usize) -> T) -> T {
+    let mut rest = start;
+    for i in 0..n {
+        rest = rest - f(i);
+    }
+    rest
+}
+
 /// A matrix of `R` rows and `C` columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mat<T, const R: usize, const C: usize>(pub [[T; C]; R]);

@@ -11,6 +11,7 @@ mod semidefinite;
 mod stacked;
 mod svd;
 mod triangular;
+mod unrolled;
 
 pub use cholesky::Cholesky;
 pub(crate) use contraction::Contraction;
@@ -19,8 +20,9 @@ pub(crate) use inverse::inverse;
 pub use ldl::Ldl;
 pub use lu::Lu;
 pub use mat::Mat;
-pub(crate) use mat::{sum, sum_where};
+pub(crate) use mat::{less, sum, sum_where};
 pub(crate) use semidefinite::{Semidefinite, epsilon};
 pub(crate) use stacked::{reduced, triangularised};
 pub use svd::Svd;
 pub(crate) use triangular::{inverse_times, times_inverse, triangularize};
+pub(crate) use unrolled::unrolled;

@@ -3,6 +3,7 @@
 use super::{Dynamics, Process, ProcessNoise};
 use crate::augmentation::{ParametricDynamics, ParametricProcess};
 use crate::discretize::discretize;
+use crate::linalg::unrolled;
 use crate::{Covariance, NoiseDensity, Over, Parameters, Scalar};
 use core::marker::PhantomData;
 
@@ -42,6 +43,7 @@ pub struct Rk4<D, T, const N: usize> {
 
 impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
     /// Steps of `interval` seconds, the noise linearised `at` a state and an input.
+    #[inline(always)]
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {
         let noise = discretize(&dynamics.jacobian(at.0, at.1), density, interval).noise;
         Self { dynamics, interval, noise: noise.into() }
@@ -132,9 +134,9 @@ pub(super) fn runge_kutta<T: Scalar, S: Over<T>, I, const N: usize>(
     let k4 = f.at(&moved(x, &k3, h), &u.end);
     let sixth = h * T::of(1.0 / 6.0);
     let mut next = *x;
-    for i in 0..N {
+    unrolled!(i < N {
         next[i] = x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth;
-    }
+    });
     next
 }
 
@@ -142,9 +144,9 @@ pub(super) fn runge_kutta<T: Scalar, S: Over<T>, I, const N: usize>(
 #[inline(always)]
 fn moved<T: Scalar, S: Over<T>, const N: usize>(x: &[S; N], k: &[S; N], h: T) -> [S; N] {
     let mut moved = *x;
-    for i in 0..N {
+    unrolled!(i < N {
         moved[i] = x[i] + k[i] * h;
-    }
+    });
     moved
 }
 

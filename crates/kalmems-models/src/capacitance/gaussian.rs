@@ -31,10 +31,14 @@ impl<P: Scalar> GaussianComb<P> {
         self.overlap(angle) * self.nominal + self.bias
     }
 
-    /// dC/dθ = −2·θ/θ₀²·C₀·exp(−(θ/θ₀)²) in F/rad.
+    /// dC/dθ = C″(0)·θ·exp(−(θ/θ₀)²) in F/rad.
     pub fn slope<S: Over<P>>(&self, angle: S) -> S {
-        let factor = self.nominal.twice() * self.angular_width.sq().recip();
-        -(angle * self.overlap(angle) * factor)
+        angle * (self.overlap(angle) * self.curvature_at_rest())
+    }
+
+    /// C″(0) = −2·C₀/θ₀² in F/rad².
+    pub fn curvature_at_rest(&self) -> P {
+        -(self.nominal.twice() * self.angular_width.sq().recip())
     }
 
     /// d²C/dθ² = (4·θ²/θ₀² − 2)/θ₀²·C₀·exp(−(θ/θ₀)²) in F/rad².
@@ -44,8 +48,8 @@ impl<P: Scalar> GaussianComb<P> {
         bracket * self.overlap(angle) * (self.nominal * per_width)
     }
 
-    /// exp(−(θ/θ₀)²).
-    fn overlap<S: Over<P>>(&self, angle: S) -> S {
-        (-(angle * self.angular_width.recip()).sq()).exp()
+    /// exp(−(θ/θ₀)²): what is left of the fingers' share at rest.
+    pub fn overlap<S: Over<P>>(&self, angle: S) -> S {
+        (angle.sq() * -self.angular_width.sq().recip()).exp()
     }
 }

@@ -15,3 +15,14 @@ use kalmems_macros::model;
 pub fn torque<P: Scalar, S: Over<P>>(slope: S, mean_square: P) -> S {
     slope * mean_square.half()
 }
+
+/// dT/dθ = ½·C″·V², in N·m/rad: how the torque changes with the angle where the capacitance has the curvature
+/// C″ in F/rad². Negative, it adds to the stiffness of a spring.
+///
+/// ```
+/// assert_eq!(kalmems_models::dynamics::torque_slope(-3e-10, 100.0), -1.5e-8);
+/// ```
+#[model]
+pub fn torque_slope<P: Scalar>(curvature: P, mean_square: P) -> P {
+    curvature.half() * mean_square
+}

@@ -6,6 +6,6 @@ mod parametric;
 mod resonator;
 
 pub use duffing::Duffing;
-pub use electrostatic::torque;
+pub use electrostatic::{torque, torque_slope};
 pub use parametric::ParametricScanner;
 pub use resonator::TorsionalResonator;

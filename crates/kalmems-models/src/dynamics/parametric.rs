@@ -1,6 +1,6 @@
 //! A scanner that is driven through the stiffness its own electrodes make.
 
-use super::{TorsionalResonator, torque};
+use super::{TorsionalResonator, torque_slope};
 use crate::capacitance::GaussianComb;
 use kalmems_core::{Dynamics, Over, Scalar};
 use kalmems_macros::{Parameters, model};
@@ -37,8 +37,13 @@ pub struct ParametricScanner<P> {
 impl<P: Scalar> ParametricScanner<P> {
     /// θ̈ in rad/s² with V in V.
     pub fn acceleration<S: Over<P>>(&self, angle: S, rate: S, voltage: P) -> S {
-        let pull = torque(self.comb.slope(angle), voltage.sq() + self.carrier_mean_square);
-        self.resonator.acceleration(angle, rate, pull)
+        // ½·C′(θ)·V² is ½·C″(0)·V²·θ·overlap(θ): the electrodes are a second spring.
+        let mean_square = voltage.sq() + self.carrier_mean_square;
+        let electrodes =
+            torque_slope(self.comb.curvature_at_rest() * self.resonator.inertia.recip(), mean_square);
+        let spring = self.resonator.square_rate();
+        let pull = angle.through(|angle| angle * (self.comb.overlap(angle) * electrodes - spring));
+        pull - self.resonator.braking(rate)
     }
 }
 

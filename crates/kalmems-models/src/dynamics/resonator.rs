@@ -18,12 +18,22 @@ pub struct TorsionalResonator<P> {
 impl<P: Scalar> TorsionalResonator<P> {
     /// θ̈ = (T − b·θ̇ − k·θ)/J in rad/s², with θ in rad, θ̇ in rad/s and T in N·m.
     pub fn acceleration<S: Over<P>>(&self, angle: S, rate: S, torque: S) -> S {
-        (torque - rate * self.damping - angle * self.stiffness) * self.inertia.recip()
+        torque * self.inertia.recip() - angle * self.square_rate() - self.braking(rate)
+    }
+
+    /// b·θ̇/J in rad/s²: what the damping takes from θ̈.
+    pub fn braking<S: Over<P>>(&self, rate: S) -> S {
+        rate * (self.damping * self.inertia.recip())
     }
 
     /// ω₀ = √(k/J) in rad/s.
     pub fn natural_rate(&self) -> P {
         (self.stiffness / self.inertia).sqrt()
+    }
+
+    /// ω₀² = k/J in rad²/s².
+    pub fn square_rate(&self) -> P {
+        self.stiffness * self.inertia.recip()
     }
 
     /// ½·J·θ̇² + ½·k·θ² in J.

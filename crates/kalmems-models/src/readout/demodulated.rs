@@ -1,7 +1,7 @@
 //! A carrier through the capacitance, demodulated.
 
 use crate::capacitance::GaussianComb;
-use kalmems_core::{Mat, Measurement, Over, Scalar};
+use kalmems_core::{Dual, Mat, Measurement, Over, Scalar};
 use kalmems_macros::{Parameters, model};
 
 /// y = a·C(θ) + b in V, on states that begin with θ in rad.
@@ -31,22 +31,31 @@ pub struct DemodulatedComb<P> {
     pub offset: P,
 }
 
+#[model]
+impl<T: Scalar> DemodulatedComb<T> {
+    /// y in V.
+    fn voltage<S: Over<T>>(&self, angle: S) -> S {
+        self.comb.capacitance(angle) * self.gain + self.offset
+    }
+}
+
 #[model(parametric)]
 impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DemodulatedComb<T> {
     fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
         const { assert!(N >= 1, "the first state is the angle") };
-        [self.comb.capacitance(x[0]) * self.gain + self.offset]
+        [self.voltage(x[0])]
     }
 
     fn depends(_: usize, state: usize) -> bool {
         state == 0
     }
 
-    /// By hand: one derivative, where dual numbers would carry `N`.
+    /// One derivative, where dual numbers of all states would carry `N`.
     fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
-        let slope = self.comb.slope(x[0]) * self.gain;
+        const { assert!(N >= 1, "the first state is the angle") };
+        let y = self.voltage(Dual::<T, 1>::variable(x[0], 0));
         let mut jacobian = Mat::zero();
-        jacobian.0[0][0] = slope;
-        (self.predict(x), jacobian)
+        [jacobian.0[0][0]] = y.gradient();
+        ([y.value()], jacobian)
     }
 }

@@ -1,0 +1,89 @@
+//! Times the filters against the same filters written by hand, and against other crates:
+//!
+//!     cargo bench -p kalmems-models --bench speed
+//!
+//! What is of interest is a ratio, on a machine that does other things as well. So the filters that are compared
+//! take turns, each over the whole signal for a fraction of a millisecond, in an order that rotates; each turn
+//! gives a ratio, and the table shows the median of the ratios and the range of their middle half. A slow moment
+//! of the machine meets all of them, or is an outlier that the median does not see. A harness that times one
+//! after the other, criterion for one, compares two different moments, and brings forty crates.
+//!
+//! Times are reported, and nothing fails because of them; the bench `instructions` is what gates.
+
+mod by_hand;
+mod cases;
+mod peers;
+mod system;
+
+use kalmems_core::Scalar;
+use std::hint::black_box;
+use std::time::Instant;
+use system::{Run, System};
+
+/// Samples of one turn.
+const LENGTH: usize = 4096;
+
+/// Turns of each filter.
+const TURNS: usize = 301;
+
+fn main() {
+    println!("ns per step, and times the first of each group: median (middle half) of {TURNS} turns");
+    compare_all::<f64>("f64", cases::EXTENDED_F64);
+    compare_all::<f32>("f32", cases::EXTENDED_F32);
+    let ours: Run<f64> = |s| cases::follow(cases::ekf(s), s, &s.euler_by_hand(), |d| d.start);
+    let peers: [(&str, Run<f64>); 5] = [
+        ("kalmems", ours),
+        ("nalgebra, by hand", peers::nalgebra),
+        ("kfilter", peers::kfilter),
+        ("minikalman", peers::minikalman),
+        ("adskalman", peers::adskalman),
+    ];
+    compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
+}
+
+fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {
+    let system = System::<T>::simulated(LENGTH);
+    for comparison in cases::comparisons(extended) {
+        let mut filters = vec![("by hand", comparison.by_hand)];
+        filters.extend(comparison.others.iter().map(|case| (case.name, case.run)));
+        compare(number, comparison.name, &system, &filters);
+    }
+}
+
+/// Times filters in turns and prints them.
+fn compare<T>(number: &str, group: &str, system: &System<T>, filters: &[(&str, Run<T>)]) {
+    // The first turn warms up.
+    let turns: Vec<Vec<f64>> = (0..=TURNS).map(|turn| take_turns(turn, system, filters)).skip(1).collect();
+    println!("\n{group}, {number}");
+    for (i, (name, _)) in filters.iter().enumerate() {
+        let time = quartiles(turns.iter().map(|turn| turn[i]));
+        let ratio = quartiles(turns.iter().map(|turn| turn[i] / turn[0]));
+        println!(
+            "    {name:<28}{:>7.1}  {:>6.3} ({:.3} to {:.3})",
+            time[1] / LENGTH as f64,
+            ratio[1],
+            ratio[0],
+            ratio[2]
+        );
+    }
+}
+
+/// ns of each filter for the whole signal, another one first in each turn.
+fn take_turns<T>(turn: usize, system: &System<T>, filters: &[(&str, Run<T>)]) -> Vec<f64> {
+    let mut times = vec![0.0; filters.len()];
+    for step in 0..filters.len() {
+        let i = (turn + step) % filters.len();
+        let start = Instant::now();
+        let outcome = black_box(filters[i].1)(black_box(system));
+        times[i] = start.elapsed().as_secs_f64() * 1e9;
+        assert!(black_box(outcome).is_ok(), "a filter refused a step");
+    }
+    times
+}
+
+/// The first quartile, the median and the third.
+fn quartiles(values: impl Iterator<Item = f64>) -> [f64; 3] {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    [1, 2, 3].map(|quarter| sorted[(sorted.len() - 1) * quarter / 4])
+}
