@@ -1,8 +1,8 @@
 //! The posterior Cramér–Rao bound: the accuracy that no estimator can beat on average.
 
-use crate::linalg::{Ldl, epsilon, sum};
+use crate::linalg::{Ldl, epsilon};
+use crate::notation::{lower, matrix, sum, vector};
 use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Scalar};
-use core::array;
 
 /// The bound on the covariance of the state, from sample to sample.
 ///
@@ -95,11 +95,11 @@ impl<T: Scalar<Mask = bool>, const N: usize> CramerRao<T, N> {
     #[inline(always)]
     fn informed(&self, information: &Covariance<T, N>) -> Result<Covariance<T, N>, FilterError> {
         let l = Cholesky::of_semidefinite(&self.covariance);
-        let transposed = Mat::from_fn(|i, j| l.0[j][i]);
+        let transposed = matrix!(|i, j| l.0[j][i]);
         let gained = information.transformed(&transposed);
         let ldl = Ldl::of(&gained.plus(&Covariance::from_variances([T::of(1.0); N])));
         let rows: [[T; N]; N] = l.0.map(|row| ldl.decorrelate(&row));
-        let next = Covariance::lower(|i, j| sum(N, |k| rows[i][k] * rows[j][k] / ldl.diagonal[k]));
+        let next = lower!(|i, j| sum!(N, |k| rows[i][k] * rows[j][k] / ldl.diagonal[k]));
         if ldl.positive.and(next.is_finite()) { Ok(next) } else { Err(FilterError::CovarianceNotPositive) }
     }
 }
@@ -129,7 +129,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> MeanTransition<T, N> {
             return Err(FilterError::CovarianceNotPositive);
         }
         let columns: [[T; N]; N] = Mat::<T, N, N>::identity().0.map(|unit| ldl.solve(&unit));
-        let inverse = Covariance::lower(|i, j| columns[j][i]);
+        let inverse = lower!(|i, j| columns[j][i]);
         Ok(Self { q: *q, inverse, count: T::of(0.0), mean: Mat::zero(), spread: Covariance::zero() })
     }
 
@@ -139,11 +139,11 @@ impl<T: Scalar<Mask = bool>, const N: usize> MeanTransition<T, N> {
         let before = self.count;
         self.count = before + T::of(1.0);
         let recip = self.count.recip();
-        let deviation = Mat::<T, N, N>::from_fn(|i, j| f.0[i][j] - self.mean.0[i][j]);
+        let deviation = matrix!(|i, j| f.0[i][j] - self.mean.0[i][j]);
         self.mean = self.mean.plus(&deviation.scaled(recip));
-        let square = self.inverse.transformed(&Mat::<T, N, N>::from_fn(|i, j| deviation.0[j][i]));
-        self.spread =
-            Covariance::lower(|i, j| (self.spread.get(i, j) + square.get(i, j) * recip) * (before * recip));
+        let transposed: Mat<T, N, N> = matrix!(|i, j| deviation.0[j][i]);
+        let square = self.inverse.transformed(&transposed);
+        self.spread = lower!(|i, j| (self.spread.get(i, j) + square.get(i, j) * recip) * (before * recip));
     }
 }
 
@@ -170,10 +170,10 @@ impl<T: Scalar<Mask = bool>, const N: usize> MeanInformation<T, N> {
         }
         self.count = self.count + T::of(1.0);
         let recip = self.count.recip();
-        let columns: [[T; M]; N] = array::from_fn(|j| array::from_fn(|m| h.0[m][j]));
+        let columns: [[T; M]; N] = vector!(|j| vector!(|m| h.0[m][j]));
         let weighted: [[T; M]; N] = columns.map(|column| noise.solve(&column));
-        self.mean = Covariance::lower(|i, j| {
-            let information = sum(M, |m| columns[i][m] * weighted[j][m]);
+        self.mean = lower!(|i, j| {
+            let information = sum!(M, |m| columns[i][m] * weighted[j][m]);
             self.mean.get(i, j) + (information - self.mean.get(i, j)) * recip
         });
         Ok(())

@@ -1,8 +1,8 @@
 //! Whether a filter is as good as it says.
 
-use crate::linalg::{Ldl, sum};
+use crate::linalg::Ldl;
+use crate::notation::{sum, vector};
 use crate::{Covariance, Innovation, Mask, Scalar};
-use core::array;
 
 /// The normalised estimation error squared eᵀ·P⁻¹·e: χ² with N degrees of freedom if the filter is right, N
 /// on average.
@@ -19,7 +19,7 @@ use core::array;
 pub fn nees<T: Scalar, const N: usize>(error: &[T; N], covariance: &Covariance<T, N>) -> T {
     let ldl = Ldl::of(covariance);
     let weighted = ldl.solve(error);
-    T::select(ldl.positive, sum(N, |i| error[i] * weighted[i]), T::of(f64::NAN))
+    T::select(ldl.positive, sum!(N, |i| error[i] * weighted[i]), T::of(f64::NAN))
 }
 
 /// The innovations of a whole recording in a few numbers, without keeping them.
@@ -92,7 +92,7 @@ impl<T: Scalar, const M: usize, const LAGS: usize> Consistency<T, M, LAGS> {
         let ldl = Ldl::of(&innovation.covariance);
         let seen = ldl.positive.and(innovation.nis.is_finite());
         let residual = ldl.decorrelate(&innovation.residual);
-        let z: [T; M] = array::from_fn(|i| T::select(seen, residual[i] / ldl.diagonal[i].sqrt(), zero));
+        let z: [T; M] = vector!(|i| T::select(seen, residual[i] / ldl.diagonal[i].sqrt(), zero));
         let present = T::select(seen, one, zero);
         self.samples.add(present);
         self.nis.add(T::select(seen, innovation.nis, zero));
@@ -101,7 +101,7 @@ impl<T: Scalar, const M: usize, const LAGS: usize> Consistency<T, M, LAGS> {
             total.add(*z);
         }
         for l in 0..LAGS {
-            self.products[l].add(sum(M, |i| z[i] * self.past[l][i]));
+            self.products[l].add(sum!(M, |i| z[i] * self.past[l][i]));
             self.pairs[l].add(present * self.present[l]);
         }
         self.shift(&z, present);
@@ -144,7 +144,7 @@ impl<T: Scalar, const M: usize, const LAGS: usize> Consistency<T, M, LAGS> {
 
     /// The mean of z: zero with a standard deviation of 1/√n in each component if the filter is right.
     pub fn mean(&self) -> [T; M] {
-        array::from_fn(|i| self.sums[i].value() / self.samples())
+        vector!(|i| self.sums[i].value() / self.samples())
     }
 
     /// The sum of ln p(y_k | past).
@@ -160,7 +160,7 @@ impl<T: Scalar, const M: usize, const LAGS: usize> Consistency<T, M, LAGS> {
     /// ρ_l = Σ z_k·z_{k−l} / Σ z_k·z_k for l = 1 … `LAGS`, the components pooled.
     pub fn autocorrelations(&self) -> [T; LAGS] {
         let recip = self.nis.value().recip();
-        array::from_fn(|l| self.products[l].value() * recip)
+        vector!(|l| self.products[l].value() * recip)
     }
 
     /// 1.96/√(n·M): 95 of 100 autocorrelations of a white sequence lie within ± this.

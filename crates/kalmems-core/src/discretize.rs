@@ -1,8 +1,7 @@
 //! From continuous time to one interval, exactly.
 
-use crate::linalg::sum;
+use crate::notation::{lower, matrix, sum, vector};
 use crate::{Covariance, Mat, NoiseDensity, Scalar};
-use core::array;
 
 /// A linear differential equation ẋ = A·x + B·u + w over one interval h.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +40,8 @@ pub fn discretize<T: Scalar<Mask = bool>, const N: usize>(
     interval: T,
 ) -> Discretization<T, N> {
     let scale = balance(a);
-    let a = Mat::from_fn(|i, j| a.0[i][j] * scale[j] / scale[i]);
-    let density = Covariance::lower(|i, j| density.get(i, j) / (scale[i] * scale[j]));
+    let a = matrix!(|i, j| a.0[i][j] * scale[j] / scale[i]);
+    let density = lower!(|i, j| density.get(i, j) / (scale[i] * scale[j]));
 
     let (h, doublings) = short_interval(&a, interval);
     let (mut transition, mut integral) = series(&a, h);
@@ -53,11 +52,11 @@ pub fn discretize<T: Scalar<Mask = bool>, const N: usize>(
         transition = transition.times(&transition);
     }
 
-    let unscaled = |m: &Mat<T, N, N>| Mat::from_fn(|i, j| m.0[i][j] * scale[i] / scale[j]);
+    let unscaled = |m: &Mat<T, N, N>| matrix!(|i, j| m.0[i][j] * scale[i] / scale[j]);
     Discretization {
         transition: unscaled(&transition),
         input_integral: unscaled(&integral),
-        noise: Covariance::lower(|i, j| noise.get(i, j) * scale[i] * scale[j]),
+        noise: lower!(|i, j| noise.get(i, j) * scale[i] * scale[j]),
     }
 }
 
@@ -72,7 +71,7 @@ pub(crate) fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) 
     // A bounded number of sweeps: a chain of integrators would go on for ever, and needs no balance.
     for _ in 0..16 {
         for i in 0..N {
-            let others = |f: &dyn Fn(usize) -> T| sum(N, |j| if i == j { T::of(0.0) } else { f(j).abs() });
+            let others = |f: &dyn Fn(usize) -> T| sum!(N, |j| if i == j { T::of(0.0) } else { f(j).abs() });
             let row = others(&|j| a.0[i][j] * d[j] / d[i]);
             let column = others(&|j| a.0[j][i] * d[i] / d[j]);
             let usable = T::of(0.0).lt(row) && T::of(0.0).lt(column) && (row / column).is_finite();
@@ -88,7 +87,7 @@ pub(crate) fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) 
 fn short_interval<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, interval: T) -> (T, u32) {
     let mut norm = T::of(0.0);
     for row in &a.0 {
-        let size = sum(N, |j| row[j].abs());
+        let size = sum!(N, |j| row[j].abs());
         norm = T::select(size.gt(norm), size, norm);
     }
     let (mut h, mut doublings) = (interval, 0);
@@ -117,13 +116,13 @@ fn noise_series<T: Scalar<Mask = bool>, const N: usize>(
     density: &Covariance<T, N>,
     h: T,
 ) -> Covariance<T, N> {
-    let mut term = Covariance::lower(|i, j| density.get(i, j) * h);
+    let mut term = lower!(|i, j| density.get(i, j) * h);
     let mut total = term;
     // Twice the terms: ‖L‖ ≤ 2·‖A‖.
     for k in 2..=(TERMS + 4) {
         let factor = h * T::of(1.0 / k as f64);
-        let ax: [[T; N]; N] = array::from_fn(|i| array::from_fn(|j| sum(N, |l| a.0[i][l] * term.get(l, j))));
-        term = Covariance::lower(|i, j| (ax[i][j] + ax[j][i]) * factor);
+        let ax: [[T; N]; N] = vector!(|i| vector!(|j| sum!(N, |l| a.0[i][l] * term.get(l, j))));
+        term = lower!(|i, j| (ax[i][j] + ax[j][i]) * factor);
         total = total.plus(&term);
     }
     total

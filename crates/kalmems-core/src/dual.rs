@@ -1,7 +1,7 @@
 //! Numbers that carry their derivatives.
 
+use crate::notation::vector;
 use crate::{Over, Scalar};
-use core::array;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A value and its gradient with respect to `N` variables: forward-mode differentiation.
@@ -36,17 +36,13 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
     /// The variable with this index.
     #[inline(always)]
     pub fn variable(value: T, index: usize) -> Self {
-        Self { value, gradient: array::from_fn(|i| T::of(if i == index { 1.0 } else { -0.0 })) }
+        Self { value, gradient: vector!(|i| T::of(if i == index { 1.0 } else { -0.0 })) }
     }
 
     /// All variables of a vector, each with its own index.
     #[inline(always)]
     pub fn variables(values: &[T; N]) -> [Self; N] {
-        let mut variables = values.map(Self::constant);
-        for (i, variable) in variables.iter_mut().enumerate() {
-            *variable = Self::variable(variable.value, i);
-        }
-        variables
+        vector!(|i| Self::variable(values[i], i))
     }
 
     /// The value.
@@ -64,16 +60,7 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
     /// `value`, with the gradient times `slope`: the chain rule.
     #[inline(always)]
     fn chain(self, value: T, slope: T) -> Self {
-        Self { value, gradient: self.gradient.map(|g| g * slope) }
-    }
-
-    #[inline(always)]
-    fn zip(self, other: Self, value: T, f: impl Fn(T, T) -> T) -> Self {
-        let mut gradient = self.gradient;
-        for (g, h) in gradient.iter_mut().zip(other.gradient) {
-            *g = f(*g, h);
-        }
-        Self { value, gradient }
+        Self { value, gradient: vector!(|i| self.gradient[i] * slope) }
     }
 }
 
@@ -81,7 +68,7 @@ impl<T: Scalar, const N: usize> Add for Dual<T, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        self.zip(other, self.value + other.value, |a, b| a + b)
+        Self { value: self.value + other.value, gradient: vector!(|i| self.gradient[i] + other.gradient[i]) }
     }
 }
 
@@ -89,7 +76,7 @@ impl<T: Scalar, const N: usize> Sub for Dual<T, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        self.zip(other, self.value - other.value, |a, b| a - b)
+        Self { value: self.value - other.value, gradient: vector!(|i| self.gradient[i] - other.gradient[i]) }
     }
 }
 
@@ -98,7 +85,7 @@ impl<T: Scalar, const N: usize> Mul for Dual<T, N> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         let (u, v) = (self.value, other.value);
-        self.zip(other, u * v, |a, b| (a * v).mac(u, b))
+        Self { value: u * v, gradient: vector!(|i| (self.gradient[i] * v).mac(u, other.gradient[i])) }
     }
 }
 
@@ -110,7 +97,10 @@ impl<T: Scalar, const N: usize> Div for Dual<T, N> {
         // The value exactly as plain numbers give it; the gradient may use the reciprocal.
         let quotient = self.value / other.value;
         let recip = other.value.recip();
-        self.zip(other, quotient, |a, b| (a - quotient * b) * recip)
+        Self {
+            value: quotient,
+            gradient: vector!(|i| (self.gradient[i] - quotient * other.gradient[i]) * recip),
+        }
     }
 }
 
@@ -118,7 +108,7 @@ impl<T: Scalar, const N: usize> Neg for Dual<T, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { value: -self.value, gradient: self.gradient.map(|g| -g) }
+        Self { value: -self.value, gradient: vector!(|i| -self.gradient[i]) }
     }
 }
 
@@ -152,9 +142,13 @@ impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
         Self::constant(value)
     }
     #[inline(always)]
-    fn through(self, f: impl FnOnce(Dual<T, 1>) -> Dual<T, 1>) -> Self {
-        let Dual { value, gradient: [slope] } = f(Dual::variable(self.value, 0));
-        self.chain(value, slope)
+    fn alone(self) -> Dual<T, 1> {
+        Dual::variable(self.value, 0)
+    }
+    #[inline(always)]
+    fn chained(self, y: Dual<T, 1>) -> Self {
+        let [slope] = y.gradient;
+        self.chain(y.value, slope)
     }
 }
 
@@ -175,7 +169,10 @@ impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
     }
     #[inline(always)]
     fn select(mask: T::Mask, yes: Self, no: Self) -> Self {
-        yes.zip(no, T::select(mask, yes.value, no.value), |a, b| T::select(mask, a, b))
+        Self {
+            value: T::select(mask, yes.value, no.value),
+            gradient: vector!(|i| T::select(mask, yes.gradient[i], no.gradient[i])),
+        }
     }
     #[inline(always)]
     fn sqrt(self) -> Self {

@@ -48,9 +48,12 @@ pub mod discretize;
 mod dual;
 mod error;
 pub mod filter;
+pub mod lanes;
 mod linalg;
+mod math;
 mod measurement;
 mod noise;
+mod notation;
 mod observability;
 mod parameters;
 mod process;
@@ -77,7 +80,7 @@ pub use observability::{Direction, Observability};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
     ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, IntervalError, LinearProcess, Nodes, Process,
-    ProcessNoise, Propagation, Rk4, jacobian,
+    ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

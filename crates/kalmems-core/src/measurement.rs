@@ -1,7 +1,7 @@
 //! What a sensor says of the state.
 
-use crate::process::jacobian;
-use crate::{Mat, Over, Scalar};
+use crate::process::derivatives;
+use crate::{Dual, Mat, Over, Scalar};
 
 /// A measurement y = h(x) + v of `M` numbers on a state of `N`.
 ///
@@ -39,7 +39,7 @@ pub trait Measurement<T: Scalar, const N: usize, const M: usize> {
     /// h(x) and ∂h/∂x, by dual numbers unless a model has something better.
     #[inline(always)]
     fn linearize(&self, x: &[T; N]) -> ([T; M], Mat<T, M, N>) {
-        jacobian(x, |x| self.predict(x))
+        derivatives(&self.predict(&Dual::variables(x)))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Noise: a continuous density and a covariance are different quantities, and different types.
 
-use crate::linalg::sum_where;
+use crate::notation::{lower, matrix, sum};
 use crate::{Mat, Scalar};
 
 /// A covariance matrix.
@@ -25,7 +25,7 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     /// Uncorrelated components with these variances.
     #[inline(always)]
     pub fn from_variances(variances: [T; N]) -> Self {
-        Self(Mat::from_fn(|i, j| if i == j { variances[i] } else { T::of(0.0) }))
+        Self(matrix!(|i, j| if i == j { variances[i] } else { T::of(0.0) }))
     }
 
     /// Uncorrelated components with these standard deviations.
@@ -49,14 +49,14 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     /// The whole symmetric matrix.
     #[inline(always)]
     pub fn to_full(&self) -> Mat<T, N, N> {
-        Mat::from_fn(|i, j| self.get(i, j))
+        matrix!(|i, j| self.get(i, j))
     }
 
     /// P + Q.
     #[inline(always)]
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
-        Self::lower(|i, j| self.get(i, j) + other.get(i, j))
+        lower!(|i, j| self.get(i, j) + other.get(i, j))
     }
 
     /// F·P·Fᵀ.
@@ -74,12 +74,11 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
         f: &Mat<T, R, N>,
         keep: impl Fn(usize, usize) -> bool,
     ) -> Covariance<T, R> {
-        let fp: Mat<T, R, N> =
-            Mat::from_fn(|i, j| sum_where(N, |k| keep(i, k), |k| f.0[i][k] * self.get(k, j)));
+        let fp: Mat<T, R, N> = matrix!(|i, j| sum!(N, |k| keep(i, k), |k| f.0[i][k] * self.get(k, j)));
         let kept = |i: usize| (0..N).filter(|k| keep(i, *k)).count();
-        let entry = |i: usize, j: usize| sum_where(N, |k| keep(j, k), |k| fp.0[i][k] * f.0[j][k]);
+        let entry = |i: usize, j: usize| sum!(N, |k| keep(j, k), |k| fp.0[i][k] * f.0[j][k]);
         // By the row with fewer entries; P is symmetric.
-        Covariance::lower(|i, j| if kept(i) < kept(j) { entry(j, i) } else { entry(i, j) })
+        lower!(|i, j| if kept(i) < kept(j) { entry(j, i) } else { entry(i, j) })
     }
 
     /// Computes `f(i, j)` for the lower triangle alone.
@@ -99,7 +98,7 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     /// `yes` where the mask is set, `no` elsewhere.
     #[inline(always)]
     pub(crate) fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
-        Self::lower(|i, j| T::select(mask, yes.get(i, j), no.get(i, j)))
+        lower!(|i, j| T::select(mask, yes.get(i, j), no.get(i, j)))
     }
 
     /// Whether every entry is finite.

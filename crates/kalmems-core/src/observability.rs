@@ -1,6 +1,7 @@
 //! What a sensor can tell of the state along a trajectory.
 
 use crate::linalg::{Ldl, Svd};
+use crate::notation::vector;
 use crate::{Covariance, Mat, Scalar};
 use core::array;
 
@@ -62,10 +63,10 @@ impl<T: Scalar, const N: usize> Observability<T, N> {
         let noise = Ldl::of(r);
         let rows = h.times(&self.transition);
         let columns: [[T; M]; N] =
-            array::from_fn(|j| noise.decorrelate(&array::from_fn(|m| rows.0[m][j] * self.scales[j])));
+            vector!(|j| noise.decorrelate(&vector!(|m| rows.0[m][j] * self.scales[j])));
         for m in 0..M {
             let weight = noise.diagonal[m].sqrt().recip();
-            self.insert(array::from_fn(|j| columns[j][m] * weight));
+            self.insert(vector!(|j| columns[j][m] * weight));
         }
     }
 
@@ -108,7 +109,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Observability<T, N> {
         let svd = Svd::of(&self.factor);
         array::from_fn(|j| Direction {
             singular_value: svd.values[j],
-            components: array::from_fn(|i| svd.right.0[i][j]),
+            components: vector!(|i| svd.right.0[i][j]),
         })
     }
 }

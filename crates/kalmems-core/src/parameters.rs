@@ -1,7 +1,7 @@
 //! Structures over a number: what a model holds, by index and by name.
 
 use crate::Scalar;
-use core::array;
+use crate::notation::vector;
 use core::fmt;
 
 /// A structure that holds numbers of type `T` and can hold those of another type in their place.
@@ -115,7 +115,7 @@ impl<T: Scalar, const K: usize> Parameters<T> for [T; K] {
 
     #[inline(always)]
     fn map_from<S: Scalar>(&self, first: usize, f: &mut impl FnMut(usize, T) -> S) -> [S; K] {
-        array::from_fn(|i| f(first + i, self[i]))
+        vector!(|i| f(first + i, self[i]))
     }
     fn index_of(name: &str) -> Option<usize> {
         let is_index = !name.starts_with('+') && (name == "0" || !name.starts_with('0'));

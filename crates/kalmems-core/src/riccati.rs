@@ -4,9 +4,10 @@
 //! together, so that the convergence is quadratic and a slow filter costs a few iterations more. Set-up work,
 //! without allocation.
 
-use crate::linalg::{Cholesky, Ldl, Lu, sum};
+use crate::linalg::{Cholesky, Ldl, Lu};
+use crate::notation::{lower, matrix, sum, vector};
 use crate::{Covariance, Mat, NoiseDensity, Scalar, discretize};
-use core::{array, fmt};
+use core::fmt;
 
 /// Why there is no steady state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +80,7 @@ pub fn discrete_riccati<T: Scalar<Mask = bool>, const N: usize, const M: usize>(
     let start = doubled(transposed(f), information, *q)?;
     refine(start, |p| {
         let gain = f.times(&kalman_gain(p, h, r));
-        let closed: Mat<T, N, N> = Mat::from_fn(|i, j| f.0[i][j] - sum(M, |k| gain.0[i][k] * h.0[k][j]));
+        let closed: Mat<T, N, N> = matrix!(|i, j| f.0[i][j] - sum!(M, |k| gain.0[i][k] * h.0[k][j]));
         discrete_lyapunov(&closed, &q.plus(&r.transformed(&gain)))
     })
 }
@@ -115,21 +116,21 @@ pub fn continuous_riccati<T: Scalar<Mask = bool>, const N: usize, const M: usize
     let balance = discretize::balance(a);
     let equation = |units: &[T; N]| {
         let (a, q) = in_units(units, a, q.matrix());
-        let h: Mat<T, M, N> = Mat::from_fn(|i, j| h.0[i][j] * units[j]);
+        let h: Mat<T, M, N> = matrix!(|i, j| h.0[i][j] * units[j]);
         (a, information(&h, r.matrix()), q)
     };
     let (scaled, seen, noise) = equation(&balance);
     let start = cayley(&scaled, &seen, &noise)?;
 
     // What is found says better what the size of each state is.
-    let units = array::from_fn(|i| balance[i] * one_if_zero(start.get(i, i).sqrt()));
+    let units = vector!(|i| balance[i] * one_if_zero(start.get(i, i).sqrt()));
     let (a, seen, q) = equation(&units);
-    let start = Covariance::lower(|i, j| start.get(i, j) * (balance[i] / units[i]) * (balance[j] / units[j]));
+    let start = lower!(|i, j| start.get(i, j) * (balance[i] / units[i]) * (balance[j] / units[j]));
     let p = refine(start, |p| {
         let closed = a.plus(&p.to_full().times(&seen.to_full()).scaled(T::of(-1.0)));
         continuous_lyapunov_balanced(&closed, &q.plus(&seen.transformed(&p.to_full())))
     })?;
-    Ok(Covariance::lower(|i, j| p.get(i, j) * units[i] * units[j]))
+    Ok(lower!(|i, j| p.get(i, j) * units[i] * units[j]))
 }
 
 /// K = P·Hᵀ·(H·P·Hᵀ + R)⁻¹ of a predicted covariance P.
@@ -202,7 +203,7 @@ pub fn continuous_lyapunov<T: Scalar<Mask = bool>, const N: usize>(
     let scale = discretize::balance(a);
     let (a, c) = in_units(&scale, a, c.matrix());
     let p = continuous_lyapunov_balanced(&a, &c)?;
-    Ok(Covariance::lower(|i, j| p.get(i, j) * scale[i] * scale[j]))
+    Ok(lower!(|i, j| p.get(i, j) * scale[i] * scale[j]))
 }
 
 /// A matrix and a covariance of states that are measured in these units.
@@ -211,10 +212,7 @@ fn in_units<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     c: &Covariance<T, N>,
 ) -> (Mat<T, N, N>, Covariance<T, N>) {
-    (
-        Mat::from_fn(|i, j| a.0[i][j] * units[j] / units[i]),
-        Covariance::lower(|i, j| c.get(i, j) / units[i] / units[j]),
-    )
+    (matrix!(|i, j| a.0[i][j] * units[j] / units[i]), lower!(|i, j| c.get(i, j) / units[i] / units[j]))
 }
 
 /// The same without the balance: with E = (A − γ)⁻¹, P = E·(A + γ)·P·(A + γ)ᵀ·Eᵀ + 2γ·E·C·Eᵀ for any γ > 0.
@@ -228,7 +226,7 @@ fn continuous_lyapunov_balanced<T: Scalar<Mask = bool>, const N: usize>(
     let lu = Lu::of(&shifted(-shift)).ok_or(RiccatiError::NonFinite)?;
     let inverse = lu.inverse();
     let noise = c.transformed(&inverse);
-    discrete_lyapunov(&lu.solve(&shifted(shift)), &Covariance::lower(|i, j| noise.get(i, j) * shift.twice()))
+    discrete_lyapunov(&lu.solve(&shifted(shift)), &lower!(|i, j| noise.get(i, j) * shift.twice()))
 }
 
 /// The continuous equation as a discrete one with the same solution, and that solution.
@@ -253,11 +251,7 @@ fn cayley<T: Scalar<Mask = bool>, const N: usize>(
     let transition = Mat::identity().plus(&transposed(&inverse).scaled(twice));
     let seen = bg.times(&inverse);
     let driven = m.solve(&q.times(&b.1.inverse()));
-    doubled(
-        transition,
-        Covariance::lower(|i, j| seen.0[i][j] * twice),
-        Covariance::lower(|i, j| driven.0[i][j] * twice),
-    )
+    doubled(transition, lower!(|i, j| seen.0[i][j] * twice), lower!(|i, j| driven.0[i][j] * twice))
 }
 
 /// The doubling: X = Aᵀ·X·(I + G·X)⁻¹·A + Q for A, G and Q.
@@ -278,8 +272,8 @@ fn doubled<T: Scalar<Mask = bool>, const N: usize>(
         let g_added = a.times(&lu.solve(&full.0)).times_transposed(&a);
         let q_added = transposed(&a).times(&full.1).times(&weighted);
         let next_a = a.times(&weighted);
-        let next_g: Covariance<T, N> = Covariance::lower(|i, j| g.get(i, j) + g_added.0[i][j]);
-        let next_q: Covariance<T, N> = Covariance::lower(|i, j| q.get(i, j) + q_added.0[i][j]);
+        let next_g: Covariance<T, N> = lower!(|i, j| g.get(i, j) + g_added.0[i][j]);
+        let next_q: Covariance<T, N> = lower!(|i, j| q.get(i, j) + q_added.0[i][j]);
         if !next_a.is_finite() || !next_g.is_finite() || !next_q.is_finite() {
             break;
         }
@@ -348,8 +342,8 @@ fn information<T: Scalar, const N: usize, const M: usize>(
     r: &Covariance<T, M>,
 ) -> Covariance<T, N> {
     let ldl = Ldl::of(r);
-    let weighted: [[T; M]; N] = array::from_fn(|j| ldl.solve(&array::from_fn(|k| h.0[k][j])));
-    Covariance::lower(|i, j| sum(M, |k| h.0[k][i] * weighted[j][k]))
+    let weighted: [[T; M]; N] = vector!(|j| ldl.solve(&vector!(|k| h.0[k][j])));
+    lower!(|i, j| sum!(M, |k| h.0[k][i] * weighted[j][k]))
 }
 
 /// P·Hᵀ·S⁻¹.
@@ -359,7 +353,7 @@ fn through_inverse<T: Scalar, const N: usize, const M: usize>(
     s: &Covariance<T, M>,
 ) -> Mat<T, N, M> {
     let ldl = Ldl::of(s);
-    Mat(array::from_fn(|i| ldl.solve(&array::from_fn(|k| sum(N, |j| h.0[k][j] * p.get(i, j))))))
+    Mat(vector!(|i| ldl.solve(&vector!(|k| sum!(N, |j| h.0[k][j] * p.get(i, j))))))
 }
 
 /// The largest relative change of a variance. Where none changes, no covariance does.
@@ -377,12 +371,12 @@ fn vanishes<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> bool {
 
 /// max Σ_j |a_ij|.
 pub(crate) fn largest_row_sum<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> T {
-    a.0.iter().fold(T::of(0.0), |most, row| largest(most, sum(N, |j| row[j].abs())))
+    a.0.iter().fold(T::of(0.0), |most, row| largest(most, sum!(N, |j| row[j].abs())))
 }
 
 /// The transposed matrix.
 fn transposed<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> Mat<T, N, N> {
-    Mat::from_fn(|i, j| a.0[j][i])
+    matrix!(|i, j| a.0[j][i])
 }
 
 /// A few ulps of one.

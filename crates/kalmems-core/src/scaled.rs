@@ -1,9 +1,10 @@
 //! States in units of their own size.
 
+use crate::notation::{lower, matrix, vector};
 use crate::{
     Covariance, Dynamics, Gaussian, Mat, Measurement, NoiseDensity, Over, Process, ProcessNoise, Scalar,
 };
-use core::{array, fmt};
+use core::fmt;
 
 /// A scale is not a positive finite number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,28 +91,28 @@ impl<T: Scalar, const N: usize> Scales<T, N> {
     #[inline(always)]
     #[must_use]
     pub fn scale_state<S: Over<T>>(&self, x: &[S; N]) -> [S; N] {
-        array::from_fn(|i| x[i] * self.recips[i])
+        vector!(|i| x[i] * self.recips[i])
     }
 
     /// z·s.
     #[inline(always)]
     #[must_use]
     pub fn restore_state<S: Over<T>>(&self, z: &[S; N]) -> [S; N] {
-        array::from_fn(|i| z[i] * self.sizes[i])
+        vector!(|i| z[i] * self.sizes[i])
     }
 
     /// P_ij/(s_i·s_j), by one after the other: their product may be out of range.
     #[inline(always)]
     #[must_use]
     pub fn scale_covariance(&self, p: &Covariance<T, N>) -> Covariance<T, N> {
-        Covariance::lower(|i, j| p.get(i, j) * self.recips[i] * self.recips[j])
+        lower!(|i, j| p.get(i, j) * self.recips[i] * self.recips[j])
     }
 
     /// P_ij·s_i·s_j.
     #[inline(always)]
     #[must_use]
     pub fn restore_covariance(&self, p: &Covariance<T, N>) -> Covariance<T, N> {
-        Covariance::lower(|i, j| p.get(i, j) * self.sizes[i] * self.sizes[j])
+        lower!(|i, j| p.get(i, j) * self.sizes[i] * self.sizes[j])
     }
 
     /// A Gaussian over x as one over z.
@@ -145,7 +146,7 @@ impl<T: Scalar, const N: usize> Scales<T, N> {
     /// F of x as F of z: F_ij·s_j/s_i.
     #[inline(always)]
     fn scale_matrix(&self, f: &Mat<T, N, N>) -> Mat<T, N, N> {
-        Mat::from_fn(|i, j| f.0[i][j] * self.sizes[j] * self.recips[i])
+        matrix!(|i, j| f.0[i][j] * self.sizes[j] * self.recips[i])
     }
 }
 
@@ -219,7 +220,7 @@ impl<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize> Measure
     #[inline(always)]
     fn linearize(&self, z: &[T; N]) -> ([T; M], Mat<T, M, N>) {
         let (y, h) = self.model.linearize(&self.scales.restore_state(z));
-        (y, Mat::from_fn(|i, j| h.0[i][j] * self.scales.sizes[j]))
+        (y, matrix!(|i, j| h.0[i][j] * self.scales.sizes[j]))
     }
 }
 

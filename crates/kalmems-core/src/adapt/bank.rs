@@ -1,8 +1,7 @@
 //! Several models, weighed by what they predicted.
 
-use crate::linalg::sum;
+use crate::notation::{lower, sum, vector};
 use crate::{Covariance, Filter, FilterError, Gaussian, Mask, Measurement, Process, Scalar};
-use core::array;
 
 /// `K` filters of one kind with models that differ, weighted by their likelihood: one of them is right, all
 /// the time.
@@ -101,7 +100,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
             let least = floor.ln();
             log_weights = normalized(&log_weights.map(|l| T::select(l.lt(least), least, l))).0;
         }
-        self.log_weights = array::from_fn(|k| T::select(taken, log_weights[k], self.log_weights[k]));
+        self.log_weights = vector!(|k| T::select(taken, log_weights[k], self.log_weights[k]));
         Ok(Evidence { log_likelihood, taken })
     }
 
@@ -125,14 +124,13 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
         let weights = self.weights();
         let mut mean = [T::of(0.0); N];
         for (filter, weight) in self.filters.iter().zip(weights) {
-            mean = array::from_fn(|i| mean[i] + filter.mean()[i] * weight);
+            mean = vector!(|i| mean[i] + filter.mean()[i] * weight);
         }
         let mut covariance = Covariance::zero();
         for (filter, weight) in self.filters.iter().zip(weights) {
             let (x, p) = (filter.mean(), filter.covariance());
-            covariance = covariance.plus(&Covariance::lower(|i, j| {
-                (p.get(i, j) + (x[i] - mean[i]) * (x[j] - mean[j])) * weight
-            }));
+            covariance = covariance
+                .plus(&lower!(|i, j| { (p.get(i, j) + (x[i] - mean[i]) * (x[j] - mean[j])) * weight }));
         }
         Gaussian { mean, covariance }
     }
@@ -145,6 +143,6 @@ fn normalized<T: Scalar, const K: usize>(log_weights: &[T; K]) -> ([T; K], T) {
     for l in log_weights {
         largest = T::select(l.gt(largest), *l, largest);
     }
-    let total = largest + sum(K, |k| (log_weights[k] - largest).exp()).ln();
+    let total = largest + sum!(K, |k| (log_weights[k] - largest).exp()).ln();
     (log_weights.map(|l| l - total), total)
 }

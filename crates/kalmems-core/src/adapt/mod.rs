@@ -17,6 +17,7 @@ pub use bank::{Bank, Evidence};
 pub use score::{Score, Step};
 pub use window::InnovationWindow;
 
+use crate::notation::{lower, vector};
 use crate::{Covariance, Mask, Scalar};
 use core::array;
 
@@ -67,7 +68,7 @@ impl<T: Scalar, const P: usize> Bounds<T, P> {
     pub fn hold(&self, value: [T; P]) -> Held<T, P> {
         let at_least: [T::Mask; P] = array::from_fn(|i| value[i].lt(self.least[i]));
         let at_most: [T::Mask; P] = array::from_fn(|i| value[i].gt(self.most[i]));
-        let value = array::from_fn(|i| {
+        let value = vector!(|i| {
             T::select(at_least[i], self.least[i], T::select(at_most[i], self.most[i], value[i]))
         });
         Held { value, at_least, at_most }
@@ -75,11 +76,11 @@ impl<T: Scalar, const P: usize> Bounds<T, P> {
 
     /// Holds the variances of a covariance within the bounds, and keeps its correlations.
     pub fn hold_variances(&self, covariance: &Covariance<T, P>) -> (Covariance<T, P>, Held<T, P>) {
-        let held = self.hold(array::from_fn(|i| covariance.get(i, i)));
-        let scales: [T; P] = array::from_fn(|i| {
+        let held = self.hold(vector!(|i| covariance.get(i, i)));
+        let scales: [T; P] = vector!(|i| {
             let changed = held.at_least[i].or(held.at_most[i]);
             T::select(changed, (held.value[i] / covariance.get(i, i)).sqrt(), T::of(1.0))
         });
-        (Covariance::lower(|i, j| covariance.get(i, j) * (scales[i] * scales[j])), held)
+        (lower!(|i, j| covariance.get(i, j) * (scales[i] * scales[j])), held)
     }
 }

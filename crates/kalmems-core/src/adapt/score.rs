@@ -1,8 +1,8 @@
 //! Parameters of the noise, or of anything else, by maximum likelihood while filtering.
 
-use crate::linalg::{Ldl, sum};
+use crate::linalg::Ldl;
+use crate::notation::{lower, sum, vector};
 use crate::{Covariance, Dual, Innovation, Mask, Scalar};
-use core::array;
 
 /// The slope of the log-likelihood with respect to `P` parameters, and how much the data say of them.
 ///
@@ -81,22 +81,21 @@ impl<T: Scalar, const P: usize> Score<T, P> {
         let roots = ldl.diagonal.map(|d| d.sqrt().recip());
         let white = |v: &[T; M]| -> [T; M] {
             let v = ldl.decorrelate(v);
-            array::from_fn(|i| v[i] * roots[i])
+            vector!(|i| v[i] * roots[i])
         };
-        let residuals: [[T; M]; P] =
-            array::from_fn(|p| white(&array::from_fn(|m| innovation.residual[m].gradient()[p])));
+        let residuals: [[T; M]; P] = vector!(|p| white(&vector!(|m| innovation.residual[m].gradient()[p])));
         // D^{-1/2}·L⁻¹·∂S·L⁻ᵀ·D^{-1/2}: first the columns, then the rows, of a symmetric matrix.
-        let spreads: [[[T; M]; M]; P] = array::from_fn(|p| {
+        let spreads: [[[T; M]; M]; P] = vector!(|p| {
             let half: [[T; M]; M] =
-                array::from_fn(|j| white(&array::from_fn(|i| innovation.covariance.get(i, j).gradient()[p])));
-            array::from_fn(|i| white(&array::from_fn(|j| half[j][i])))
+                vector!(|j| white(&vector!(|i| innovation.covariance.get(i, j).gradient()[p])));
+            vector!(|i| white(&vector!(|j| half[j][i])))
         });
         let gradient = innovation.log_likelihood().gradient();
         let zero = T::of(0.0);
-        self.score = array::from_fn(|p| self.score[p] + T::select(usable, gradient[p], zero));
-        self.information = Covariance::lower(|p, q| {
-            let mean = sum(M, |i| residuals[p][i] * residuals[q][i]);
-            let spread = sum(M, |i| sum(M, |j| spreads[p][i][j] * spreads[q][i][j])).half();
+        self.score = vector!(|p| self.score[p] + T::select(usable, gradient[p], zero));
+        self.information = lower!(|p, q| {
+            let mean = sum!(M, |i| residuals[p][i] * residuals[q][i]);
+            let spread = sum!(M, |i| sum!(M, |j| spreads[p][i][j] * spreads[q][i][j])).half();
             self.information.get(p, q) + T::select(usable, mean + spread, zero)
         });
     }
@@ -119,7 +118,7 @@ impl<T: Scalar<Mask = bool>, const P: usize> Score<T, P> {
     /// unknown.
     pub fn step(&self) -> Option<Step<T, P>> {
         // In units of each parameter's own standard deviation.
-        let units: [T; P] = array::from_fn(|p| self.information.get(p, p).sqrt().recip());
+        let units: [T; P] = vector!(|p| self.information.get(p, p).sqrt().recip());
         let ldl = Ldl::of(&Covariance::<T, P>::lower(|p, q| {
             if p == q { T::of(1.0) } else { self.information.get(p, q) * units[p] * units[q] }
         }));
@@ -128,11 +127,11 @@ impl<T: Scalar<Mask = bool>, const P: usize> Score<T, P> {
         if !(separable && told && ldl.positive) {
             return None;
         }
-        let change = ldl.solve(&array::from_fn(|p| self.score[p] * units[p]));
+        let change = ldl.solve(&vector!(|p| self.score[p] * units[p]));
         Some(Step {
-            change: array::from_fn(|p| change[p] * units[p]),
-            standard_deviation: array::from_fn(|p| {
-                let column = ldl.solve(&array::from_fn(|q| T::of(if p == q { 1.0 } else { 0.0 })));
+            change: vector!(|p| change[p] * units[p]),
+            standard_deviation: vector!(|p| {
+                let column = ldl.solve(&vector!(|q| T::of(if p == q { 1.0 } else { 0.0 })));
                 column[p].sqrt() * units[p]
             }),
         })

@@ -1,8 +1,8 @@
 //! R, or the scale of Q, from the innovations themselves.
 
-use crate::linalg::{Ldl, sum};
+use crate::linalg::Ldl;
+use crate::notation::{lower, sum, vector};
 use crate::{Covariance, Innovation, Mask, Mat, Scalar};
-use core::array;
 
 /// What the innovations of the last samples say of the noise.
 ///
@@ -86,18 +86,18 @@ impl<T: Scalar, const M: usize> InnovationWindow<T, M> {
         let usable = ldl.positive.and(innovation.nis.is_finite());
         let weighted = ldl.solve(&innovation.residual);
         // R·S⁻¹ and S − R = H·P·Hᵀ.
-        let share: Mat<T, M, M> = Mat(array::from_fn(|i| ldl.solve(&array::from_fn(|k| r.get(k, i)))));
+        let share: Mat<T, M, M> = Mat(vector!(|i| ldl.solve(&vector!(|k| r.get(k, i)))));
         let state = Covariance::<T, M>::lower(|i, j| s.get(i, j) - r.get(i, j));
-        let after: [T; M] = array::from_fn(|i| sum(M, |k| r.get(i, k) * weighted[k]));
+        let after: [T; M] = vector!(|i| sum!(M, |k| r.get(i, k) * weighted[k]));
 
         let keep = |old: T, new: T| T::select(usable, old * self.forgetting + new, old);
-        self.noise = Covariance::lower(|i, j| {
-            let term = after[i] * after[j] + sum(M, |k| share.0[i][k] * state.get(k, j));
+        self.noise = lower!(|i, j| {
+            let term = after[i] * after[j] + sum!(M, |k| share.0[i][k] * state.get(k, j));
             keep(self.noise.get(i, j), term)
         });
-        let pushed = sum(M, |i| sum(M, |j| weighted[i] * state.get(i, j) * weighted[j]));
-        let trace = sum(M, |j| {
-            let column = ldl.solve(&array::from_fn(|i| state.get(i, j)));
+        let pushed = sum!(M, |i| sum!(M, |j| weighted[i] * state.get(i, j) * weighted[j]));
+        let trace = sum!(M, |j| {
+            let column = ldl.solve(&vector!(|i| state.get(i, j)));
             column[j]
         });
         self.found = keep(self.found, pushed);
@@ -115,7 +115,7 @@ impl<T: Scalar, const M: usize> InnovationWindow<T, M> {
     /// R̂. Not a number where nothing was counted.
     pub fn measurement_noise(&self) -> Covariance<T, M> {
         let recip = self.weight.recip();
-        Covariance::lower(|i, j| self.noise.get(i, j) * recip)
+        lower!(|i, j| self.noise.get(i, j) * recip)
     }
 
     /// α̂: Q·α̂ is the better process noise. Not a number where nothing was counted.

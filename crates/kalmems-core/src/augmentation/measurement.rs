@@ -2,9 +2,9 @@
 
 use super::slots::Slots;
 use super::{AddedState, AugmentationError, ParametricMeasurement};
+use crate::notation::vector;
 use crate::parameters::Parameters;
 use crate::{Dual, Mat, Measurement, Over, Scalar};
-use core::array;
 
 /// A measurement of `N` states with `A` added states behind them: y = h(x, nominal + scale·s) + v.
 ///
@@ -40,7 +40,7 @@ where
     #[inline(always)]
     pub fn model_at<const NA: usize>(&self, x: &[T; NA]) -> H::Of<T> {
         const { assert!(NA == N + A, "the augmented state has N + A components") };
-        self.slots.vary(&self.measurement, &array::from_fn(|i| x[N + i]))
+        self.slots.vary(&self.measurement, &vector!(|i| x[N + i]))
     }
 }
 
@@ -53,8 +53,8 @@ where
     #[inline(always)]
     fn predict<S: Over<T>>(&self, x: &[S; NA]) -> [S; M] {
         const { assert!(NA == N + A, "the augmented state has N + A components") };
-        let varied = self.slots.vary(&self.measurement, &array::from_fn(|i| x[N + i]));
-        H::predict_of(&varied, &array::from_fn(|i| x[i]))
+        let varied = self.slots.vary(&self.measurement, &vector!(|i| x[N + i]));
+        H::predict_of(&varied, &vector!(|i| x[i]))
     }
 
     /// Which parameters the added states enter is not known before the program runs: all of them may matter.
@@ -67,9 +67,9 @@ where
     #[inline(always)]
     fn linearize(&self, x: &[T; NA]) -> ([T; M], Mat<T, M, NA>) {
         const { assert!(NA == N + A, "the augmented state has N + A components") };
-        let added = array::from_fn(|i| x[N + i]);
+        let added = vector!(|i| x[N + i]);
         let varied = self.slots.differentiate::<_, NA>(&self.measurement, &added, N);
-        let y = H::predict_of(&varied, &array::from_fn(|i| Dual::variable(x[i], i)));
-        (y.map(Dual::value), Mat(array::from_fn(|i| y[i].gradient())))
+        let y = H::predict_of(&varied, &vector!(|i| Dual::variable(x[i], i)));
+        (y.map(Dual::value), Mat(vector!(|i| y[i].gradient())))
     }
 }

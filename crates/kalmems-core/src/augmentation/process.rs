@@ -2,9 +2,9 @@
 
 use super::slots::Slots;
 use super::{AddedState, AugmentationError, ParametricProcess};
+use crate::notation::{lower, matrix, vector};
 use crate::parameters::Parameters;
-use crate::{Covariance, Dual, Mat, Over, Process, ProcessNoise, Scalar};
-use core::array;
+use crate::{Dual, Mat, Over, Process, ProcessNoise, Scalar};
 
 /// A step with `A` added states behind the `N` states of its model, `NA = N + A` in all.
 ///
@@ -38,7 +38,7 @@ where
         let slots = Slots::new::<P::Model>(added, enters)?;
         let steps = added.map(|state| state.drift.over(process.interval()));
         let of_model = process.noise().covariance();
-        let noise = Covariance::lower(|i, j| match (i < N, i == j) {
+        let noise = lower!(|i, j| match (i < N, i == j) {
             (true, _) => of_model.get(i, j),
             (false, true) => steps[i - N].1,
             (false, false) => T::of(0.0),
@@ -61,14 +61,14 @@ where
 
 /// The first `N` states.
 #[inline(always)]
-fn of_model<S: Copy, const N: usize, const NA: usize>(x: &[S; NA]) -> [S; N] {
-    array::from_fn(|i| x[i])
+fn of_model<S: Scalar, const N: usize, const NA: usize>(x: &[S; NA]) -> [S; N] {
+    vector!(|i| x[i])
 }
 
 /// The last `A` states.
 #[inline(always)]
-fn added<S: Copy, const A: usize, const NA: usize>(x: &[S; NA]) -> [S; A] {
-    array::from_fn(|i| x[NA - A + i])
+fn added<S: Scalar, const A: usize, const NA: usize>(x: &[S; NA]) -> [S; A] {
+    vector!(|i| x[NA - A + i])
 }
 
 impl<P, T, const N: usize, const A: usize, const NA: usize> Process<T, NA> for Augmented<P, T, N, A, NA>
@@ -82,7 +82,7 @@ where
     fn step<S: Over<T>>(&self, x: &[S; NA], u: &P::Input) -> [S; NA] {
         let model = self.slots.vary(self.process.model(), &added(x));
         let moved = self.process.step_of(&model, &of_model(x), u);
-        array::from_fn(|i| if i < N { moved[i] } else { x[i] * self.persistence[i - N] })
+        vector!(|i| if i < N { moved[i] } else { x[i] * self.persistence[i - N] })
     }
 
     #[inline(always)]
@@ -99,10 +99,10 @@ where
     #[inline(always)]
     fn linearize(&self, x: &[T; NA], u: &P::Input) -> ([T; NA], Mat<T, NA, NA>) {
         let model = self.slots.differentiate::<_, NA>(self.process.model(), &added(x), N);
-        let states: [Dual<T, NA>; N] = array::from_fn(|i| Dual::variable(x[i], i));
+        let states: [Dual<T, NA>; N] = vector!(|i| Dual::variable(x[i], i));
         let moved = self.process.step_of(&model, &states, u);
-        let mean = array::from_fn(|i| if i < N { moved[i].value() } else { x[i] * self.persistence[i - N] });
-        let jacobian = Mat::from_fn(|i, j| match (i < N, i == j) {
+        let mean = vector!(|i| if i < N { moved[i].value() } else { x[i] * self.persistence[i - N] });
+        let jacobian = matrix!(|i, j| match (i < N, i == j) {
             (true, _) => moved[i].gradient()[j],
             (false, true) => self.persistence[i - N],
             (false, false) => T::of(0.0),

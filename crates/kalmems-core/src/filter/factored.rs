@@ -2,10 +2,10 @@
 
 use super::Innovation;
 use super::gaussian::Refusal;
-use crate::linalg::{Contraction, Decorrelation, sum, sum_where, triangularize};
+use crate::linalg::{Contraction, Decorrelation, triangularize};
+use crate::notation::{lower, sum, vector};
 use crate::update::{Correction, Policy};
 use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Scalar};
-use core::array;
 
 /// A Gaussian over the state, its covariance P = S·Sᵀ held as S: lower triangular, not negative on its
 /// diagonal.
@@ -29,7 +29,7 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
     /// S·Sᵀ.
     #[inline(always)]
     pub fn covariance(&self) -> Covariance<T, N> {
-        Covariance::lower(|i, j| sum(j + 1, |k| self.factor.0[i][k] * self.factor.0[j][k]))
+        lower!(|i, j| sum!(j + 1, |k| self.factor.0[i][k] * self.factor.0[j][k]))
     }
 
     #[inline(always)]
@@ -37,7 +37,10 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         let mut finite = T::of(0.0).is_finite();
         for i in 0..N {
             finite = finite.and(self.mean[i].is_finite());
-            for j in 0..=i {
+            for j in 0..N {
+                if j > i {
+                    break;
+                }
                 finite = finite.and(self.factor.0[i][j].is_finite());
             }
         }
@@ -59,9 +62,9 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         if taken.all() {
             *self = *next;
         } else {
-            self.mean = array::from_fn(|i| T::select(taken, next.mean[i], self.mean[i]));
+            self.mean = vector!(|i| T::select(taken, next.mean[i], self.mean[i]));
             for i in 0..N {
-                for j in 0..=i {
+                for j in 0..(i + 1).min(N) {
                     self.factor.0[i][j] = T::select(taken, next.factor.0[i][j], self.factor.0[i][j]);
                 }
             }
@@ -88,7 +91,7 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         const { assert!(M > 0, "a measurement has at least one component") };
         // What a component shares with those before it brings in what they see.
         let sees_apart = |i: usize, j: usize| (0..=i).any(|c| sees(c, j));
-        let residual: [T; M] = array::from_fn(|i| y[i] - predicted[i]);
+        let residual: [T; M] = vector!(|i| y[i] - predicted[i]);
         let mut rest = apart.of_vector(&residual);
         let mut rows = apart.of_rows(f);
         let mut factor = self.factor;
@@ -105,23 +108,19 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
             pivots[c] = contraction.total;
             let weighted = rest[c] * contraction.recip_total;
             nis = nis + rest[c] * weighted;
-            // From the last column down, as the contraction sums them.
-            let along = |row: &[T; N], last: usize| {
-                sum_where(last + 1, |k| sees_apart(c, last - k), |k| row[last - k] * rows.0[c][last - k])
-            };
             for i in 0..N {
-                change[i] = change[i] + along(&factor.0[i], i) * weighted;
+                change[i] = change[i] + along(&factor.0[i], &rows.0[c], i, |k| sees_apart(c, k)) * weighted;
             }
             for i in (c + 1)..M {
-                rest[i] = rest[i] - along(&rows.0[i], N - 1) * weighted;
+                rest[i] = rest[i] - along(&rows.0[i], &rows.0[c], N - 1, |k| sees_apart(c, k)) * weighted;
             }
         }
 
-        let covariance = Covariance::lower(|i, j| {
-            noise.get(i, j) + sum_where(N, |k| sees(i, k) && sees(j, k), |k| f.0[i][k] * f.0[j][k])
+        let covariance = lower!(|i, j| {
+            noise.get(i, j) + sum!(N, |k| sees(i, k) && sees(j, k), |k| f.0[i][k] * f.0[j][k])
         });
         let mut innovation = Innovation::of_pivots(residual, covariance, nis, pivots);
-        let variance = array::from_fn(|i| sum(i + 1, |k| factor.0[i][k].sq()));
+        let variance = vector!(|i| sum!(i + 1, |k| factor.0[i][k].sq()));
         let wanted = policy.take(&innovation, &Correction { change, variance });
         let finite = Refusal::<T>::of_measurement(y);
         let refused = Refusal {
@@ -135,10 +134,27 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         }
 
         let next = Self {
-            mean: array::from_fn(|i| self.mean[i] + change[i]),
+            mean: vector!(|i| self.mean[i] + change[i]),
             factor: contraction.applied(factor, |k| sees_apart(M - 1, k), |i, j| i >= j),
         };
         innovation.taken = self.take(&next, wanted, &refused)?;
         Ok(innovation)
     }
+}
+
+/// The products of two rows up to column `last`, summed from there down, as the contraction sums them.
+#[inline(always)]
+fn along<T: Scalar, const N: usize>(
+    row: &[T; N],
+    other: &[T; N],
+    last: usize,
+    seen: impl Fn(usize) -> bool,
+) -> T {
+    let mut total = T::of(-0.0);
+    for k in (0..N).rev() {
+        if k <= last && seen(k) {
+            total = total + row[k] * other[k];
+        }
+    }
+    total
 }

@@ -1,11 +1,10 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
 use super::{Innovation, Link};
-use crate::linalg::{sum, sum_where};
+use crate::notation::{finite, lower, matrix, sum, vector};
 use crate::process::ProcessNoise;
 use crate::update::{Correction, Policy};
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
-use core::array;
 
 /// A Gaussian over the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +35,7 @@ impl<T: Scalar> Refusal<T> {
     /// Where a measurement is not finite.
     #[inline(always)]
     pub fn of_measurement<const M: usize>(y: &[T; M]) -> Self {
-        let finite = y.iter().fold(T::of(0.0).is_finite(), |finite, y| finite.and(y.is_finite()));
-        Self { measurement: finite.not(), ..Self::none() }
+        Self { measurement: finite(y).not(), ..Self::none() }
     }
 
     /// Every lane that was refused.
@@ -67,7 +65,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// Whether mean and covariance are finite.
     #[inline(always)]
     pub(super) fn is_finite(&self) -> T::Mask {
-        self.mean.iter().fold(self.covariance.is_finite(), |finite, m| finite.and(m.is_finite()))
+        finite(&self.mean).and(self.covariance.is_finite())
     }
 
     /// Takes `next` where it may be, and keeps itself elsewhere.
@@ -77,7 +75,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         if taken.all() {
             *self = *next;
         } else {
-            self.mean = array::from_fn(|i| T::select(taken, next.mean[i], self.mean[i]));
+            self.mean = vector!(|i| T::select(taken, next.mean[i], self.mean[i]));
             self.covariance = Covariance::select(taken, &next.covariance, &self.covariance);
         }
     }
@@ -123,7 +121,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
             return refused.to_error().map(|()| innovation);
         }
         let next = Self {
-            mean: array::from_fn(|i| self.mean[i] + correction.change[i]),
+            mean: vector!(|i| self.mean[i] + correction.change[i]),
             covariance: self.joseph::<H, M>(&gain, h, r),
         };
         innovation.taken = self.finish(&next, wanted, &refused)?;
@@ -142,11 +140,10 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         let p = &self.covariance;
         let seen = |i: usize, k: usize| H::depends(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
-        let hp: Mat<T, M, N> = Mat::from_fn(|i, j| sum_where(N, |k| seen(i, k), |k| h.0[i][k] * p.get(k, j)));
-        let s =
-            Covariance::lower(|i, j| r.get(i, j) + sum_where(N, |k| seen(j, k), |k| hp.0[i][k] * h.0[j][k]));
+        let hp: Mat<T, M, N> = matrix!(|i, j| sum!(N, |k| seen(i, k), |k| h.0[i][k] * p.get(k, j)));
+        let s = lower!(|i, j| r.get(i, j) + sum!(N, |k| seen(j, k), |k| hp.0[i][k] * h.0[j][k]));
         let (innovation, ldl) = Innovation::new(y, predicted, s);
-        (innovation, Mat(array::from_fn(|i| ldl.solve(&array::from_fn(|j| hp.0[j][i])))))
+        (innovation, Mat(vector!(|i| ldl.solve(&vector!(|j| hp.0[j][i])))))
     }
 
     /// What a gain would do with a residual.
@@ -157,8 +154,8 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         residual: &[T; M],
     ) -> Correction<T, N> {
         Correction {
-            change: array::from_fn(|i| sum(M, |k| gain.0[i][k] * residual[k])),
-            variance: array::from_fn(|i| self.covariance.get(i, i)),
+            change: vector!(|i| sum!(M, |k| gain.0[i][k] * residual[k])),
+            variance: vector!(|i| self.covariance.get(i, i)),
         }
     }
 
@@ -174,14 +171,14 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         let p = &self.covariance;
         // A = I − K·H, the columns that no component sees being those of I.
         let bare = |j: usize| !(0..M).any(|m| H::depends(m, j));
-        let a: Mat<T, N, N> = Mat::from_fn(|i, j| {
-            let kh = sum(M, |m| gain.0[i][m] * h.0[m][j]);
+        let a: Mat<T, N, N> = matrix!(|i, j| {
+            let kh = sum!(M, |m| gain.0[i][m] * h.0[m][j]);
             if i == j { T::of(1.0) - kh } else { -kh }
         });
-        let ap: Mat<T, N, N> = Mat::from_fn(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
-        let kr: Mat<T, N, M> = Mat::from_fn(|i, j| sum(M, |k| gain.0[i][k] * r.get(k, j)));
-        Covariance::lower(|i, j| {
-            row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum(M, |k| kr.0[i][k] * gain.0[j][k])
+        let ap: Mat<T, N, N> = matrix!(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
+        let kr: Mat<T, N, M> = matrix!(|i, j| sum!(M, |k| gain.0[i][k] * r.get(k, j)));
+        lower!(|i, j| {
+            row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum!(M, |k| kr.0[i][k] * gain.0[j][k])
         })
     }
 
@@ -209,5 +206,5 @@ fn row_times<T: Scalar, const N: usize>(
     bare: impl Fn(usize) -> bool,
     f: impl Fn(usize) -> T,
 ) -> T {
-    sum_where(N, |k| !bare(k) || k == i, |k| if bare(k) { f(k) } else { row[k] * f(k) })
+    sum!(N, |k| !bare(k) || k == i, |k| if bare(k) { f(k) } else { row[k] * f(k) })
 }

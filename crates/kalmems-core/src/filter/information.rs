@@ -1,10 +1,10 @@
 //! A start without any knowledge.
 
 use super::Gaussian;
-use crate::linalg::{Mat, epsilon, inverse, sum};
+use crate::linalg::{Mat, epsilon, inverse};
+use crate::notation::{sum, vector};
 use crate::smooth::Backward;
 use crate::{Cholesky, Covariance, LinearMeasurement, LinearProcess, Process, Scalar};
-use core::array;
 use core::fmt;
 
 /// What is known of a state, as a square root of information: R·x = z + e with e ~ N(0, I), R upper
@@ -105,9 +105,9 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         for i in 0..M {
             let recip = l[i][i].recip();
             for j in 0..N {
-                h[i][j] = (h[i][j] - sum(i, |k| l[i][k] * h[k][j])) * recip;
+                h[i][j] = (h[i][j] - sum!(i, |k| l[i][k] * h[k][j])) * recip;
             }
-            y[i] = (y[i] - sum(i, |k| l[i][k] * y[k])) * recip;
+            y[i] = (y[i] - sum!(i, |k| l[i][k] * y[k])) * recip;
         }
         let mut next = *self;
         for (row, y) in h.iter().zip(y) {
@@ -137,7 +137,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         for i in 0..N {
             let mut on_nu = on_noise.0[i].map(|a| -a);
             let mut on_x = on_state.0[i];
-            let mut sought = self.sought[i] + sum(N, |k| on_x[k] * known[k]);
+            let mut sought = self.sought[i] + sum!(N, |k| on_x[k] * known[k]);
             for j in 0..N {
                 let (c, s) = rotation(noise.root.0[j][j], on_nu[j]);
                 rotate(&mut noise.root.0[j], &mut on_nu, c, s);
@@ -153,7 +153,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         let x_from = back.plus(&lead.times(&cross));
         let offset = lead.times_vector(&noise.sought);
         let start = back.times_vector(&known);
-        let mean = array::from_fn(|i| -(start[i] + offset[i]));
+        let mean = vector!(|i| -(start[i] + offset[i]));
         let step = Backward::from_parts(mean, x_from, crate::linalg::triangularised([lead]));
         self.replace(next)?;
         Ok(step)
@@ -165,8 +165,8 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
     /// of what each adds; one that adds less than √ε of its length to those before it would have a variance
     /// that rounding in the others' swamps, and is not counted.
     pub fn rank(&self) -> usize {
-        let column = |j: usize| -> [T; N] { array::from_fn(|i| self.root.0[i][j]) };
-        let mut columns: [[T; N]; N] = array::from_fn(|j| {
+        let column = |j: usize| -> [T; N] { vector!(|i| self.root.0[i][j]) };
+        let mut columns: [[T; N]; N] = vector!(|j| {
             let length = norm(&column(j));
             let scale = T::select(length.gt(T::of(0.0)), length, T::of(1.0)).recip();
             column(j).map(|x| x * scale)
@@ -187,8 +187,8 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
             }
             rank += 1;
             for column in &mut columns {
-                let along = sum(N, |i| column[i] * direction[i]);
-                *column = array::from_fn(|i| column[i] - along * direction[i]);
+                let along = sum!(N, |i| column[i] * direction[i]);
+                *column = vector!(|i| column[i] - along * direction[i]);
             }
         }
         rank
@@ -224,7 +224,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         for j in 0..N {
             a.0[j][j] = r[j][j].recip();
             for i in (0..j).rev() {
-                a.0[i][j] = -sum(j - i, |k| r[i][i + 1 + k] * a.0[i + 1 + k][j]) / r[i][i];
+                a.0[i][j] = -sum!(j - i, |k| r[i][i + 1 + k] * a.0[i + 1 + k][j]) / r[i][i];
             }
         }
         a
@@ -264,5 +264,5 @@ fn rotate<T: Scalar, const N: usize>(upper: &mut [T; N], lower: &mut [T; N], c: 
 }
 
 fn norm<T: Scalar, const N: usize>(v: &[T; N]) -> T {
-    sum(N, |i| v[i].sq()).sqrt()
+    sum!(N, |i| v[i].sq()).sqrt()
 }

@@ -1,8 +1,8 @@
 //! What a measurement said against its prediction.
 
-use crate::linalg::{Ldl, sum};
+use crate::linalg::Ldl;
+use crate::notation::{sum, vector};
 use crate::{Covariance, Mask, Scalar};
-use core::array;
 
 /// What a measurement said against its prediction.
 #[derive(Clone, Copy, Debug)]
@@ -26,10 +26,10 @@ impl<T: Scalar, const M: usize> Innovation<T, M> {
     /// The innovation and the factors of its covariance `s`.
     #[inline(always)]
     pub(crate) fn new(y: &[T; M], predicted: &[T; M], s: Covariance<T, M>) -> (Self, Ldl<T, M>) {
-        let residual: [T; M] = array::from_fn(|i| y[i] - predicted[i]);
+        let residual: [T; M] = vector!(|i| y[i] - predicted[i]);
         let ldl = Ldl::of(&s);
         let weighted = ldl.solve(&residual);
-        let nis = sum(M, |i| residual[i] * weighted[i]);
+        let nis = sum!(M, |i| residual[i] * weighted[i]);
         (Self { residual, covariance: s, nis, taken: ldl.positive, pivots: ldl.diagonal }, ldl)
     }
 
@@ -38,15 +38,17 @@ impl<T: Scalar, const M: usize> Innovation<T, M> {
     #[inline(always)]
     pub(crate) fn of_pivots(residual: [T; M], covariance: Covariance<T, M>, nis: T, pivots: [T; M]) -> Self {
         let zero = T::of(0.0);
-        let positive =
-            pivots.iter().fold(zero.is_finite(), |all, pivot| all.and(pivot.gt(zero)).and(pivot.is_finite()));
+        let mut positive = zero.is_finite();
+        for pivot in &pivots {
+            positive = positive.and(pivot.gt(zero)).and(pivot.is_finite());
+        }
         Self { residual, covariance, nis, taken: positive, pivots }
     }
 
     /// ln p(y | past) = −½·(M·ln 2π + ln det S + NIS).
     #[inline(always)]
     pub fn log_likelihood(&self) -> T {
-        let ln_det = sum(M, |i| self.pivots[i].ln());
+        let ln_det = sum!(M, |i| self.pivots[i].ln());
         -(T::of(M as f64 * LN_2PI) + ln_det + self.nis).half()
     }
 }

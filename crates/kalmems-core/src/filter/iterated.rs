@@ -2,9 +2,9 @@
 
 use super::gaussian::Refusal;
 use super::{Filter, Gaussian, Innovation, Link};
+use crate::notation::{matrix, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
-use core::array;
+use crate::{Covariance, FilterError, Mask, Measurement, Process, Scalar};
 
 /// The extended Kalman filter that linearises a measurement again where it leads: `STEPS` Gauss–Newton steps
 /// towards the most probable state given the prediction and the measurement.
@@ -96,7 +96,7 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
             return refused.to_error().map(|()| innovation);
         }
 
-        let mut mean: [T; N] = array::from_fn(|i| prior.mean[i] + correction.change[i]);
+        let mut mean: [T; N] = vector!(|i| prior.mean[i] + correction.change[i]);
         let mut still = self.moves(&prior.mean, &mean);
         for _ in 1..STEPS {
             if !still.any() {
@@ -104,15 +104,15 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
             }
             let (at, jacobian) = measurement.linearize(&mean);
             // What the linearisation at this point says of the prediction.
-            let offset: [T; N] = array::from_fn(|i| prior.mean[i] - mean[i]);
+            let offset: [T; N] = vector!(|i| prior.mean[i] - mean[i]);
             let moved = jacobian.times_vector(&offset);
-            let expected = array::from_fn(|i| at[i] + moved[i]);
+            let expected = vector!(|i| at[i] + moved[i]);
             let (next_innovation, next_gain) = prior.weigh::<H, M>((y, &expected), &jacobian, r);
             refused.innovation = refused.innovation.or(still.and(next_innovation.taken.not()));
             let change = prior.correction(&next_gain, &next_innovation.residual).change;
-            let next: [T; N] = array::from_fn(|i| T::select(still, prior.mean[i] + change[i], mean[i]));
-            h = Mat::from_fn(|i, j| T::select(still, jacobian.0[i][j], h.0[i][j]));
-            gain = Mat::from_fn(|i, j| T::select(still, next_gain.0[i][j], gain.0[i][j]));
+            let next: [T; N] = vector!(|i| T::select(still, prior.mean[i] + change[i], mean[i]));
+            h = matrix!(|i, j| T::select(still, jacobian.0[i][j], h.0[i][j]));
+            gain = matrix!(|i, j| T::select(still, next_gain.0[i][j], gain.0[i][j]));
             still = still.and(self.moves(&mean, &next));
             mean = next;
         }

@@ -1,9 +1,10 @@
 //! Observers by the poles of their error.
 
-use crate::linalg::{Lu, sum};
+use crate::linalg::Lu;
+use crate::notation::{matrix, sum, vector};
 use crate::riccati::{RiccatiError, largest_row_sum, rounding};
 use crate::{Dynamics, Mat, Measurement, Over, Scalar, discretize};
-use core::{array, fmt};
+use core::fmt;
 
 /// One or two eigenvalues of the error of an observer, so that their polynomial is real.
 ///
@@ -60,11 +61,11 @@ impl<T: Scalar> Pole<T> {
     fn factor_times<const N: usize>(&self, a: &Mat<T, N, N>, v: &[T; N]) -> [T; N] {
         let av = a.times_vector(v);
         match *self {
-            Self::Real(real) => array::from_fn(|i| av[i] - real * v[i]),
+            Self::Real(real) => vector!(|i| av[i] - real * v[i]),
             Self::Pair { real, imaginary } => {
                 let aav: [T; N] = a.times_vector(&av);
                 let square = real.sq() + imaginary.sq();
-                array::from_fn(|i| aav[i] - real.twice() * av[i] + square * v[i])
+                vector!(|i| aav[i] - real.twice() * av[i] + square * v[i])
             }
         }
     }
@@ -151,20 +152,20 @@ pub fn place_poles<T: Scalar<Mask = bool>, const N: usize>(
     // Balanced states, and a unit of time in which A is of size one: an eigenvalue of 10⁵/s would otherwise be
     // there to the power of N − 1.
     let scale = discretize::balance(a);
-    let a: Mat<T, N, N> = Mat::from_fn(|i, j| a.0[i][j] * scale[j] / scale[i]);
+    let a: Mat<T, N, N> = matrix!(|i, j| a.0[i][j] * scale[j] / scale[i]);
     let size = largest_row_sum(&a);
     let rate = if size.gt(T::of(0.0)) { size } else { T::of(1.0) };
     let a = a.scaled(rate.recip());
 
     // O with rows of size one, and the size that its last row had.
-    let mut row: [T; N] = array::from_fn(|j| h.0[0][j] * scale[j]);
+    let mut row: [T; N] = vector!(|j| h.0[0][j] * scale[j]);
     let mut last = T::of(1.0);
     let mut observability = Mat::<T, N, N>::zero();
     for (i, normalised) in observability.0.iter_mut().enumerate() {
         if i > 0 {
-            row = array::from_fn(|j| sum(N, |k| row[k] * a.0[k][j]));
+            row = vector!(|j| sum!(N, |k| row[k] * a.0[k][j]));
         }
-        let size = sum(N, |j| row[j].abs());
+        let size = sum!(N, |j| row[j].abs());
         last = last * size;
         row = row.map(|entry| entry / size);
         *normalised = row;
@@ -176,12 +177,12 @@ pub fn place_poles<T: Scalar<Mask = bool>, const N: usize>(
         return Err(ObserverError::NotObservable { condition });
     }
 
-    let unit: [T; N] = array::from_fn(|i| if i + 1 == N { last.recip() } else { T::of(0.0) });
+    let unit: [T; N] = vector!(|i| if i + 1 == N { last.recip() } else { T::of(0.0) });
     let mut gain: [T; N] = inverse.times_vector(&unit);
     for pole in poles {
         gain = pole.scaled(rate.recip()).factor_times(&a, &gain);
     }
-    let gain = Mat(array::from_fn(|i| [gain[i] * scale[i] * rate]));
+    let gain = Mat(vector!(|i| [gain[i] * scale[i] * rate]));
     if gain.is_finite() { Ok(Placement { gain, condition }) } else { Err(ObserverError::NonFinite) }
 }
 
@@ -228,6 +229,6 @@ where
     fn derivative<S: Over<T>>(&self, x: &[S; N], (u, y): &(D::Input, [T; M])) -> [S; N] {
         let moved = self.dynamics.derivative(x, u);
         let predicted = self.measurement.predict(x);
-        array::from_fn(|i| moved[i] - sum(M, |k| (predicted[k] - y[k]) * self.gain.0[i][k]))
+        vector!(|i| moved[i] - sum!(M, |k| (predicted[k] - y[k]) * self.gain.0[i][k]))
     }
 }

@@ -2,9 +2,9 @@
 
 use super::gaussian::Refusal;
 use super::{Filter, Gaussian, Innovation, Link};
+use crate::notation::{matrix, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
-use core::array;
+use crate::{Covariance, FilterError, Mask, Measurement, Process, Scalar};
 
 /// The extended Kalman filter with consider states: uncertain parameters that no measurement corrects.
 ///
@@ -79,7 +79,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
     ) -> Result<Innovation<T, M>, FilterError> {
         let (predicted, h) = measurement.linearize(&self.state.mean);
         let (mut innovation, full) = self.state.weigh::<H, M>((y, &predicted), &h, r);
-        let gain = Mat::from_fn(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
+        let gain = matrix!(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
         let correction = self.state.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
         let refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
@@ -88,7 +88,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
             return refused.to_error().map(|()| innovation);
         }
         let next = Gaussian {
-            mean: array::from_fn(|i| self.state.mean[i] + correction.change[i]),
+            mean: vector!(|i| self.state.mean[i] + correction.change[i]),
             covariance: self.state.joseph::<H, M>(&gain, &h, r),
         };
         innovation.taken = self.state.finish(&next, wanted, &refused)?;

@@ -1,8 +1,8 @@
 //! Sigma points: what a function makes of a Gaussian.
 
-use crate::linalg::{sum, sum_where, unrolled};
+use crate::linalg::unrolled;
+use crate::notation::{sum, vector};
 use crate::{Mat, Measurement, Process, Scalar};
-use core::array;
 
 /// How the sigma points of an unscented filter are spread (van der Merwe's scaled form).
 ///
@@ -58,13 +58,13 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
     /// x plus column `j`.
     #[inline(always)]
     fn above(&self, x: &[T; N], j: usize) -> [T; N] {
-        array::from_fn(|i| if i < j { x[i] } else { x[i] + self.0[j][i] })
+        vector!(|i| if i < j { x[i] } else { x[i] + self.0[j][i] })
     }
 
     /// x less column `j`.
     #[inline(always)]
     fn below(&self, x: &[T; N], j: usize) -> [T; N] {
-        array::from_fn(|i| if i < j { x[i] } else { x[i] - self.0[j][i] })
+        vector!(|i| if i < j { x[i] } else { x[i] - self.0[j][i] })
     }
 
     /// Where each point goes in one step.
@@ -100,35 +100,41 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
     /// What deviations are left when a linear law F of the offsets is taken from them.
     #[inline(always)]
     pub fn unexplained<const K: usize>(&self, d: &Points<T, N, K>, f: &Mat<T, K, N>) -> Points<T, N, K> {
-        let moved = |j: usize, i: usize| sum_where(N, |k| k >= j, |k| f.0[i][k] * self.0[j][k]);
         Points {
             centre: d.centre,
-            plus: array::from_fn(|j| array::from_fn(|i| d.plus[j][i] - moved(j, i))),
-            minus: array::from_fn(|j| array::from_fn(|i| d.minus[j][i] + moved(j, i))),
+            plus: vector!(|j| vector!(|i| d.plus[j][i] - self.through(f, i, j))),
+            minus: vector!(|j| vector!(|i| d.minus[j][i] + self.through(f, i, j))),
         }
     }
 
-    /// The deviations of the points themselves, less what a linear law explains of them.
+    /// Component `i` of F times column `j`.
     #[inline(always)]
-    pub fn less<const K: usize>(
-        &self,
-        explained: &Points<T, N, K>,
-        law: impl Fn(usize, &[T; K]) -> T,
-    ) -> Points<T, N, N> {
-        let plus = |j: usize, i: usize| {
-            let rest = law(i, &explained.plus[j]);
-            if i < j { -rest } else { self.0[j][i] - rest }
-        };
-        let minus = |j: usize, i: usize| {
-            let rest = law(i, &explained.minus[j]);
-            if i < j { -rest } else { -self.0[j][i] - rest }
-        };
+    fn through<const K: usize>(&self, f: &Mat<T, K, N>, i: usize, j: usize) -> T {
+        sum!(N, |k| k >= j, |k| f.0[i][k] * self.0[j][k])
+    }
+
+    /// The deviations of the points themselves, less what a gain explains of them by those seen.
+    #[inline(always)]
+    pub fn corrected<const M: usize>(&self, seen: &Points<T, N, M>, gain: &Mat<T, N, M>) -> Points<T, N, N> {
+        let (plus, minus) = (&seen.plus, &seen.minus);
         Points {
-            centre: array::from_fn(|i| -law(i, &explained.centre)),
-            plus: array::from_fn(|j| array::from_fn(|i| plus(j, i))),
-            minus: array::from_fn(|j| array::from_fn(|i| minus(j, i))),
+            centre: vector!(|i| -along(gain, i, &seen.centre)),
+            plus: vector!(|j| vector!(|i| {
+                let rest = along(gain, i, &plus[j]);
+                if i < j { -rest } else { self.0[j][i] - rest }
+            })),
+            minus: vector!(|j| vector!(|i| {
+                let rest = along(gain, i, &minus[j]);
+                if i < j { -rest } else { -self.0[j][i] - rest }
+            })),
         }
     }
+}
+
+/// Row `i` of a gain times a deviation.
+#[inline(always)]
+fn along<T: Scalar, const N: usize, const M: usize>(gain: &Mat<T, N, M>, i: usize, d: &[T; M]) -> T {
+    sum!(M, |k| gain.0[i][k] * d[k])
 }
 
 /// Whether a measurement sees what column `j` of a lower triangular factor moves.
@@ -147,12 +153,11 @@ pub(super) struct Points<T, const N: usize, const K: usize> {
 impl<T: Scalar, const N: usize, const K: usize> Points<T, N, K> {
     /// The points' deviations from a mean.
     #[inline(always)]
-    pub fn less(&self, mean: &[T; K]) -> Self {
-        let deviation = |p: &[T; K]| array::from_fn(|i| p[i] - mean[i]);
+    pub fn deviations(&self, mean: &[T; K]) -> Self {
         Self {
-            centre: deviation(&self.centre),
-            plus: array::from_fn(|j| deviation(&self.plus[j])),
-            minus: array::from_fn(|j| deviation(&self.minus[j])),
+            centre: vector!(|i| self.centre[i] - mean[i]),
+            plus: vector!(|j| vector!(|i| self.plus[j][i] - mean[i])),
+            minus: vector!(|j| vector!(|i| self.minus[j][i] - mean[i])),
         }
     }
 }
@@ -161,9 +166,7 @@ impl<T: Scalar> Weights<T> {
     /// The points' offsets, from a lower triangular factor of the covariance.
     #[inline(always)]
     pub fn offsets<const N: usize>(&self, factor: &Mat<T, N, N>) -> Offsets<T, N> {
-        Offsets(array::from_fn(|j| {
-            array::from_fn(|i| if i < j { T::of(0.0) } else { factor.0[i][j] * self.spread })
-        }))
+        Offsets(vector!(|j| { vector!(|i| if i < j { T::of(0.0) } else { factor.0[i][j] * self.spread }) }))
     }
 
     /// The weighted mean, as a correction to the centre: exact to rounding however large the weights are. Pairs
@@ -175,8 +178,8 @@ impl<T: Scalar> Weights<T> {
         moved: impl Fn(usize) -> bool,
     ) -> [T; K] {
         let c = &points.centre;
-        array::from_fn(|i| {
-            let pairs = sum_where(N, &moved, |j| (points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i]));
+        vector!(|i| {
+            let pairs = sum!(N, |j| moved(j), |j| (points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i]));
             c[i] + pairs * self.outer
         })
     }
@@ -184,7 +187,7 @@ impl<T: Scalar> Weights<T> {
     /// The weighted sum of products of two components' deviations: one entry of a covariance.
     #[inline(always)]
     pub fn moment<const N: usize, const K: usize>(&self, d: &Points<T, N, K>, (i, k): (usize, usize)) -> T {
-        let pairs = sum(N, |j| (d.plus[j][i] * d.plus[j][k]).mac(d.minus[j][i], d.minus[j][k]));
+        let pairs = sum!(N, |j| (d.plus[j][i] * d.plus[j][k]).mac(d.minus[j][i], d.minus[j][k]));
         (d.centre[i] * d.centre[k] * self.centre).mac(pairs, self.outer)
     }
 
@@ -198,7 +201,6 @@ impl<T: Scalar> Weights<T> {
         (i, k): (usize, usize),
         moved: impl Fn(usize) -> bool,
     ) -> T {
-        let weigh = |j: usize| offsets.0[j][i] * (d.plus[j][k] - d.minus[j][k]);
-        sum_where(i + 1, moved, weigh) * self.outer
+        sum!(i + 1, |j| moved(j), |j| offsets.0[j][i] * (d.plus[j][k] - d.minus[j][k])) * self.outer
     }
 }

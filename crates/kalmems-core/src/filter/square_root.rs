@@ -3,7 +3,8 @@
 use super::factored::Factored;
 use super::gaussian::Refusal;
 use super::{Filter, Innovation, Link};
-use crate::linalg::{Decorrelation, sum_where, triangularize};
+use crate::linalg::{Decorrelation, triangularize};
+use crate::notation::{matrix, sum};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
 
@@ -75,9 +76,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
     ) -> Result<Link<T, N>, FilterError> {
         let (mean, transition) = process.linearize(&self.state.mean, u);
         let s = &self.state.factor;
-        let moved = Mat::from_fn(|i, j| {
-            sum_where(N, |k| k >= j && P::depends(i, k), |k| transition.0[i][k] * s.0[k][j])
-        });
+        let moved =
+            matrix!(|i, j| { sum!(N, |k| k >= j && P::depends(i, k), |k| transition.0[i][k] * s.0[k][j]) });
         let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise().root());
         let every = T::of(0.0).is_finite();
         let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;
@@ -94,7 +94,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
     ) -> Result<Innovation<T, M>, FilterError> {
         let (predicted, h) = measurement.linearize(&self.state.mean);
         let s = &self.state.factor;
-        let f = Mat::from_fn(|i, j| sum_where(N, |k| k >= j && H::depends(i, k), |k| h.0[i][k] * s.0[k][j]));
+        let f = matrix!(|i, j| sum!(N, |k| k >= j && H::depends(i, k), |k| h.0[i][k] * s.0[k][j]));
         let apart = Decorrelation::of(r);
         let refused = Refusal { innovation: apart.semidefinite.not(), ..Refusal::none() };
         self.state.correct((y, &predicted), &f, sees::<T, H, N, M>, (r, &apart), policy, &refused)

@@ -5,7 +5,8 @@ use super::gaussian::Refusal;
 use super::sigma::{Points, SigmaPoints, Weights};
 use super::square_root::sees;
 use super::{Filter, Innovation, Link};
-use crate::linalg::{Contraction, Decorrelation, inverse_times, sum, times_inverse, triangularize};
+use crate::linalg::{Contraction, Decorrelation, inverse_times, times_inverse, triangularize};
+use crate::notation::{lower, matrix, sum, vector};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
 
@@ -98,13 +99,13 @@ impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
     fn spread<const K: usize>(&self, points: &Points<T, N, K>) -> Spread<T, N, K> {
         let c = &points.centre;
         let bends: Mat<T, K, N> =
-            Mat::from_fn(|i, j| ((points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i])) * self.root);
-        let all: [T; K] = core::array::from_fn(|i| sum(N, |j| bends.0[i][j]));
+            matrix!(|i, j| ((points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i])) * self.root);
+        let all: [T; K] = vector!(|i| sum!(N, |j| bends.0[i][j]));
         Spread {
             mean: self.weights.mean(points, |_| true),
-            differences: Mat::from_fn(|i, j| (points.plus[j][i] - points.minus[j][i]) * self.root),
-            bends: Mat::from_fn(|i, j| bends.0[i][j] + all[i] * self.shared),
-            removed: all.map(|all| all * self.removed),
+            differences: matrix!(|i, j| (points.plus[j][i] - points.minus[j][i]) * self.root),
+            bends: matrix!(|i, j| bends.0[i][j] + all[i] * self.shared),
+            removed: vector!(|i| all[i] * self.removed),
         }
     }
 
@@ -142,7 +143,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         if self.removes() {
             // P − v·vᵀ = L·(I − z·zᵀ)·Lᵀ with z = L⁻¹·v, possible where zᵀ·z < 1.
             let z = inverse_times(&factor, &next.removed);
-            let left = T::of(1.0) - sum(N, |k| z[k].sq());
+            let left = T::of(1.0) - sum!(N, |k| z[k].sq());
             refused.covariance = left.gt(T::of(0.0)).not().and(next.finite());
             factor = Contraction::new(z, left, |_| true).applied(factor, |_| true, |i, j| i >= j);
         }
@@ -150,7 +151,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         // The regression of the new state on the old, Cov(x′, x)·P⁻¹ = o·Sᵀ·(S·Sᵀ)⁻¹, leaves the bends.
         let link = Link {
             transition: times_inverse(&next.differences, &self.state.factor),
-            noise: Covariance::lower(|i, k| next.bent(i, k) + noise.covariance().get(i, k)),
+            noise: lower!(|i, k| next.bent(i, k) + noise.covariance().get(i, k)),
             taken: T::of(0.0).is_finite(),
         };
         let state = Factored { mean: next.mean, factor };
@@ -168,7 +169,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
     ) -> Result<Innovation<T, M>, FilterError> {
         let offsets = self.weights.offsets(&self.state.factor);
         let seen = self.spread(&offsets.read::<H, M>(&self.state.mean, measurement));
-        let noise = Covariance::lower(|i, k| seen.bent(i, k) + r.get(i, k));
+        let noise = lower!(|i, k| seen.bent(i, k) + r.get(i, k));
         let apart = Decorrelation::of(&noise);
         let own = Decorrelation::of(r).semidefinite;
         let refused = Refusal {
@@ -191,7 +192,7 @@ impl<T: Scalar, const N: usize, const K: usize> Spread<T, N, K> {
     /// What the bends add to the covariance.
     #[inline(always)]
     fn bent(&self, i: usize, k: usize) -> T {
-        sum(N, |j| self.bends.0[i][j] * self.bends.0[k][j]) - self.removed[i] * self.removed[k]
+        sum!(N, |j| self.bends.0[i][j] * self.bends.0[k][j]) - self.removed[i] * self.removed[k]
     }
 
     /// Where the function was finite at every point.

@@ -3,10 +3,10 @@
 use super::gaussian::Refusal;
 use super::observer::{ObserverError, Pole, place_poles};
 use super::{Gaussian, Innovation};
-use crate::linalg::{Lu, sum};
+use crate::linalg::Lu;
+use crate::notation::{finite, matrix, sum, vector};
 use crate::riccati::{RiccatiError, discrete_lyapunov, discrete_riccati, kalman_gain};
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
-use core::array;
 
 /// A linear, or linearised, system: what a constant gain is computed from.
 #[derive(Clone, Copy, Debug)]
@@ -206,7 +206,7 @@ impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
         let predicted = measurement.predict(&self.mean);
         // The factors, and the NIS, cost nothing where nobody looks at them.
         let (mut innovation, _) = Innovation::new(y, &predicted, self.innovation);
-        let next = array::from_fn(|i| self.mean[i] + sum(M, |k| self.gain.0[i][k] * innovation.residual[k]));
+        let next = vector!(|i| self.mean[i] + sum!(M, |k| self.gain.0[i][k] * innovation.residual[k]));
         innovation.taken = self.take(&next, || Refusal::of_measurement(y))?;
         Ok(innovation)
     }
@@ -215,11 +215,11 @@ impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
     /// is not, so that its own check is left to where the reason is asked for.
     #[inline(always)]
     fn take(&mut self, next: &[T; N], reason: impl Fn() -> Refusal<T>) -> Result<T::Mask, FilterError> {
-        let finite = next.iter().fold(T::of(0.0).is_finite(), |finite, x| finite.and(x.is_finite()));
+        let finite = finite(next);
         if !finite.any() {
             Refusal { state: finite.not(), ..reason() }.to_error()?;
         }
-        self.mean = array::from_fn(|i| T::select(finite, next[i], self.mean[i]));
+        self.mean = vector!(|i| T::select(finite, next[i], self.mean[i]));
         Ok(finite)
     }
 }
@@ -230,5 +230,5 @@ fn remaining<T: Scalar, const N: usize, const M: usize>(
     h: &Mat<T, M, N>,
 ) -> Mat<T, N, N> {
     let seen = gain.times(h);
-    Mat::from_fn(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - seen.0[i][j])
+    matrix!(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) - seen.0[i][j])
 }

@@ -3,10 +3,10 @@
 use super::gaussian::Refusal;
 use super::sigma::{Offsets, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, Link};
-use crate::linalg::{Ldl, sum};
+use crate::linalg::Ldl;
+use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
 use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
-use core::array;
 
 /// The unscented Kalman filter with additive noise: sigma points through the models, no Jacobian.
 ///
@@ -70,23 +70,23 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         let (offsets, positive) = self.offsets();
         let points = offsets.step(&self.state.mean, process, u);
         let mean = self.weights.mean(&points, |_| true);
-        let deviations = points.less(&mean);
+        let deviations = points.deviations(&mean);
         let q = process.noise().covariance();
         let next = Gaussian {
             mean,
-            covariance: Covariance::lower(|i, k| self.weights.moment(&deviations, (i, k)) + q.get(i, k)),
+            covariance: lower!(|i, k| self.weights.moment(&deviations, (i, k)) + q.get(i, k)),
         };
         let taken = self.state.accept(&next, &Refusal { covariance: positive.not(), ..Refusal::none() })?;
 
         // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
         let ldl = Ldl::of(&before);
-        let transition: Mat<T, N, N> = Mat(array::from_fn(|i| {
-            ldl.solve(&array::from_fn(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
+        let transition: Mat<T, N, N> = Mat(vector!(|i| {
+            ldl.solve(&vector!(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
         }));
         // Ω from what the regression leaves at each point: a sum of squares, where the difference P⁻ − F·P·Fᵀ
         // would leave rounding of the size of P⁻ in place of a small Ω.
         let residuals = offsets.unexplained(&deviations, &transition);
-        let noise = Covariance::lower(|i, k| self.weights.moment(&residuals, (i, k)) + q.get(i, k));
+        let noise = lower!(|i, k| self.weights.moment(&residuals, (i, k)) + q.get(i, k));
         Ok(Link { transition, noise, taken })
     }
 
@@ -104,15 +104,16 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         let x = self.state.mean;
         let points = offsets.read::<H, M>(&x, measurement);
         let predicted = self.weights.mean(&points, sees::<T, H, N, M>);
-        let seen = points.less(&predicted);
-        let s = Covariance::lower(|i, k| self.weights.moment(&seen, (i, k)) + r.get(i, k));
+        let seen = points.deviations(&predicted);
+        let s = lower!(|i, k| self.weights.moment(&seen, (i, k)) + r.get(i, k));
         let (mut innovation, ldl) = Innovation::new(y, &predicted, s);
-        let gain: [[T; M]; N] = array::from_fn(|i| {
-            ldl.solve(&array::from_fn(|k| self.weights.cross(&offsets, &seen, (i, k), sees::<T, H, N, M>)))
-        });
+        let gain: Mat<T, N, M> = Mat(vector!(|i| {
+            let cross = vector!(|k| self.weights.cross(&offsets, &seen, (i, k), sees::<T, H, N, M>));
+            ldl.solve(&cross)
+        }));
         let correction = Correction {
-            change: array::from_fn(|i| sum(M, |k| gain[i][k] * innovation.residual[k])),
-            variance: array::from_fn(|i| self.state.covariance.get(i, i)),
+            change: vector!(|i| sum!(M, |k| gain.0[i][k] * innovation.residual[k])),
+            variance: vector!(|i| self.state.covariance.get(i, i)),
         };
         let wanted = policy.take(&innovation, &correction);
         let refused = Refusal {
@@ -125,12 +126,12 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
             return refused.to_error().map(|()| innovation);
         }
 
-        let deviations = offsets.less(&seen, |i, dy| sum(M, |k| gain[i][k] * dy[k]));
-        let kr: [[T; M]; N] = array::from_fn(|i| array::from_fn(|j| sum(M, |k| gain[i][k] * r.get(k, j))));
+        let deviations = offsets.corrected(&seen, &gain);
+        let kr: Mat<T, N, M> = matrix!(|i, j| sum!(M, |k| gain.0[i][k] * r.get(k, j)));
         let next = Gaussian {
-            mean: array::from_fn(|i| x[i] + correction.change[i]),
-            covariance: Covariance::lower(|i, k| {
-                self.weights.moment(&deviations, (i, k)) + sum(M, |l| kr[i][l] * gain[k][l])
+            mean: vector!(|i| x[i] + correction.change[i]),
+            covariance: lower!(|i, k| {
+                self.weights.moment(&deviations, (i, k)) + sum!(M, |l| kr.0[i][l] * gain.0[k][l])
             }),
         };
         innovation.taken = self.state.finish(&next, wanted, &refused)?;

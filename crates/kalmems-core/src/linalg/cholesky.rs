@@ -1,8 +1,8 @@
 //! The lower Cholesky factor.
 
-use super::{Mat, epsilon, less, triangularize};
+use super::{Mat, epsilon, triangularize};
+use crate::notation::{less, matrix, vector};
 use crate::{Covariance, Mask, Scalar};
-use core::array;
 
 /// P = L·Lᵀ with L lower triangular.
 #[derive(Clone, Copy, Debug)]
@@ -20,13 +20,13 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         let mut l = Mat::<T, N, N>::zero();
         let mut positive = T::of(0.0).is_finite();
         for j in 0..N {
-            let pivot = less(covariance.get(j, j), j, |k| l.0[j][k].sq());
+            let pivot = less!(covariance.get(j, j), j, |k| l.0[j][k].sq());
             positive = positive.and(pivot.gt(T::of(0.0))).and(pivot.is_finite());
             let root = pivot.sqrt();
             let recip = root.recip();
             l.0[j][j] = root;
             for i in (j + 1)..N {
-                l.0[i][j] = less(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k]) * recip;
+                l.0[i][j] = less!(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k]) * recip;
             }
         }
         Self { factor: l, positive }
@@ -46,31 +46,35 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
     pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let rounding = epsilon::<T>() * T::of(8.0 * N as f64);
-        let or_one = |mask: T::Mask, x: T| T::select(mask, x, one);
-        let whole: [T; N] = array::from_fn(|i| {
+        let whole: [T; N] = vector!(|i| {
             let variance = covariance.get(i, i);
-            T::select(variance.gt(zero), or_one(variance.gt(zero), variance).recip(), zero)
+            T::select(variance.gt(zero), T::select(variance.gt(zero), variance, one).recip(), zero)
         });
         let mut left = covariance.to_full();
         let mut root = Mat::<T, N, N>::zero();
         for _ in 0..N {
-            let share: [T; N] = array::from_fn(|i| left.0[i][i] * whole[i]);
-            let most = share.iter().fold(zero, |most, share| T::select(share.gt(most), *share, most));
+            let share: [T; N] = vector!(|i| left.0[i][i] * whole[i]);
+            let mut most = zero;
+            for share in share {
+                most = T::select(share.gt(most), share, most);
+            }
             let mut open = most.gt(rounding);
-            let chosen: [T::Mask; N] = array::from_fn(|i| {
-                let this = open.and(share[i].lt(most).not());
-                open = open.and(this.not());
-                this
-            });
+            let mut chosen = [open; N];
+            for i in 0..N {
+                chosen[i] = open.and(share[i].lt(most).not());
+                open = open.and(chosen[i].not());
+            }
             // A row of zeros where none is chosen.
-            let picked =
-                |f: &dyn Fn(usize) -> T| (0..N).fold(zero, |picked, i| T::select(chosen[i], f(i), picked));
-            let pivot = picked(&|i| left.0[i][i]);
-            let recip = or_one(pivot.gt(zero), pivot).sqrt().recip();
-            let column: [T; N] =
-                array::from_fn(|i| T::select(chosen[i], pivot.sqrt(), picked(&|j| left.0[i][j]) * recip));
-            root = Mat::from_fn(|i, j| T::select(chosen[j], column[i], root.0[i][j]));
-            left = Mat::from_fn(|i, j| {
+            let mut pivot = zero;
+            let mut row = [zero; N];
+            for i in 0..N {
+                pivot = T::select(chosen[i], left.0[i][i], pivot);
+                row = vector!(|j| T::select(chosen[i], left.0[j][i], row[j]));
+            }
+            let recip = T::select(pivot.gt(zero), pivot, one).sqrt().recip();
+            let column: [T; N] = vector!(|i| T::select(chosen[i], pivot.sqrt(), row[i] * recip));
+            root = matrix!(|i, j| T::select(chosen[j], column[i], root.0[i][j]));
+            left = matrix!(|i, j| {
                 let rest = left.0[i][j] - column[i] * column[j];
                 T::select(chosen[i].or(chosen[j]), zero, rest)
             });

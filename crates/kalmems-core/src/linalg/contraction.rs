@@ -26,13 +26,12 @@ impl<T: Scalar, const N: usize> Contraction<T, N> {
     /// For f, which is zero where `seen` is not set, and ρ ≥ 0.
     #[inline(always)]
     pub fn new(f: [T; N], rho: T, seen: impl Fn(usize) -> bool) -> Self {
-        let recip = |alpha: T| T::select(alpha.gt(T::of(0.0)), alpha, T::of(1.0)).recip();
         let (mut after, mut recips) = ([rho; N], [rho; N]);
-        let (mut total, mut recip_total) = (rho, recip(rho));
+        let (mut total, mut recip_total) = (rho, recip_or_one(rho));
         for k in (0..N).rev() {
             if seen(k) {
                 total = total + f[k].sq();
-                recip_total = recip(total);
+                recip_total = recip_or_one(total);
                 (after[k], recips[k]) = (total, recip_total);
             }
         }
@@ -77,4 +76,10 @@ impl<T: Scalar, const N: usize> Contraction<T, N> {
         }
         a
     }
+}
+
+/// 1/α, and 1 where α is not positive.
+#[inline(always)]
+fn recip_or_one<T: Scalar>(alpha: T) -> T {
+    T::select(alpha.gt(T::of(0.0)), alpha, T::of(1.0)).recip()
 }

@@ -1,8 +1,8 @@
 //! Correlated measurement noise, taken apart.
 
-use super::{Mat, sum};
+use super::Mat;
+use crate::notation::{matrix, sum, vector};
 use crate::{Covariance, Mask, Scalar};
-use core::array;
 
 /// R = L·D·Lᵀ with L unit lower triangular and D ≥ 0: the components of L⁻¹·y have uncorrelated noise of
 /// variances D.
@@ -26,12 +26,12 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
         let mut d = [zero; M];
         let mut semidefinite = zero.is_finite();
         for j in 0..M {
-            d[j] = covariance.get(j, j) - sum(j, |k| l.0[j][k].sq() * d[k]);
+            d[j] = covariance.get(j, j) - sum!(j, |k| l.0[j][k].sq() * d[k]);
             semidefinite = semidefinite.and(d[j].lt(zero).not()).and(d[j].is_finite());
             let positive = d[j].gt(zero);
             let recip = T::select(positive, d[j], T::of(1.0)).recip();
             for i in (j + 1)..M {
-                let entry = covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k] * d[k]);
+                let entry = covariance.get(i, j) - sum!(j, |k| l.0[i][k] * l.0[j][k] * d[k]);
                 let nothing = entry.lt(zero).or(entry.gt(zero)).not();
                 semidefinite = semidefinite.and(positive.or(nothing)).and(entry.is_finite());
                 l.0[i][j] = entry * recip;
@@ -46,7 +46,7 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
     pub fn of_vector(&self, v: &[T; M]) -> [T; M] {
         let mut x = *v;
         for i in 0..M {
-            x[i] = x[i] - sum(i, |k| self.lower.0[i][k] * x[k]);
+            x[i] = x[i] - sum!(i, |k| self.lower.0[i][k] * x[k]);
         }
         x
     }
@@ -55,7 +55,7 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
     #[inline(always)]
     #[must_use]
     pub fn of_rows<const N: usize>(&self, a: &Mat<T, M, N>) -> Mat<T, M, N> {
-        let columns: [[T; M]; N] = array::from_fn(|j| self.of_vector(&array::from_fn(|i| a.0[i][j])));
-        Mat::from_fn(|i, j| columns[j][i])
+        let columns: [[T; M]; N] = vector!(|j| self.of_vector(&vector!(|i| a.0[i][j])));
+        matrix!(|i, j| columns[j][i])
     }
 }

@@ -1,14 +1,15 @@
 //! The inverse of a small matrix.
 
-use super::{Mat, epsilon, sum};
+use super::{Mat, epsilon};
 use crate::Scalar;
+use crate::notation::sum;
 
 /// A⁻¹ by Gauss–Jordan elimination with row pivoting; `None` where a pivot is zero to rounding beside the
 /// rest of its column as it was. For set-up code: it branches.
 pub(crate) fn inverse<T: Scalar<Mask = bool>, const N: usize>(matrix: &Mat<T, N, N>) -> Option<Mat<T, N, N>> {
     let (mut a, mut inverse) = (*matrix, Mat::identity());
     for j in 0..N {
-        let whole = sum(N, |i| matrix.0[i][j].abs());
+        let whole = sum!(N, |i| matrix.0[i][j].abs());
         let mut best = j;
         for i in (j + 1)..N {
             if a.0[i][j].abs().gt(a.0[best][j].abs()) {

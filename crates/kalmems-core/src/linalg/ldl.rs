@@ -1,6 +1,7 @@
 //! The square-root-free factorisation of an innovation covariance.
 
-use super::{Mat, less, sum};
+use super::Mat;
+use crate::notation::{less, sum};
 use crate::{Covariance, Mask, Scalar};
 
 /// S = L·D·Lᵀ with L unit lower triangular and D diagonal.
@@ -25,11 +26,11 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
         let mut recip = d;
         let mut positive = T::of(0.0).is_finite();
         for j in 0..M {
-            d[j] = less(covariance.get(j, j), j, |k| l.0[j][k].sq() * d[k]);
+            d[j] = less!(covariance.get(j, j), j, |k| l.0[j][k].sq() * d[k]);
             positive = positive.and(d[j].gt(T::of(0.0))).and(d[j].is_finite());
             recip[j] = d[j].recip();
             for i in (j + 1)..M {
-                l.0[i][j] = less(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k] * d[k]) * recip[j];
+                l.0[i][j] = less!(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k] * d[k]) * recip[j];
             }
         }
         Self { lower: l, diagonal: d, recip, positive }
@@ -41,7 +42,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
     pub fn decorrelate(&self, v: &[T; M]) -> [T; M] {
         let mut x = *v;
         for i in 0..M {
-            x[i] = x[i] - sum(i, |k| self.lower.0[i][k] * x[k]);
+            x[i] = x[i] - sum!(i, |k| self.lower.0[i][k] * x[k]);
         }
         x
     }
@@ -52,7 +53,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
     pub fn solve(&self, v: &[T; M]) -> [T; M] {
         let mut x = *v;
         for i in 0..M {
-            x[i] = less(x[i], i, |k| self.lower.0[i][k] * x[k]);
+            x[i] = less!(x[i], i, |k| self.lower.0[i][k] * x[k]);
         }
         for i in 0..M {
             x[i] = x[i] * self.recip[i];

@@ -1,7 +1,8 @@
 //! Linear equations with a general matrix.
 
-use super::{Mat, sum};
+use super::Mat;
 use crate::Scalar;
+use crate::notation::sum;
 
 /// P·A = L·U with partial pivoting (L unit lower triangular, U upper triangular, P a permutation of rows).
 ///
@@ -63,10 +64,10 @@ impl<T: Scalar<Mask = bool>, const N: usize> Lu<T, N> {
         }
         for k in 0..K {
             for i in 0..N {
-                x.0[i][k] = x.0[i][k] - sum(i, |j| a.0[i][j] * x.0[j][k]);
+                x.0[i][k] = x.0[i][k] - sum!(i, |j| a.0[i][j] * x.0[j][k]);
             }
             for i in (0..N).rev() {
-                let above = sum(N - i - 1, |j| a.0[i][i + 1 + j] * x.0[i + 1 + j][k]);
+                let above = sum!(N - i - 1, |j| a.0[i][i + 1 + j] * x.0[i + 1 + j][k]);
                 x.0[i][k] = (x.0[i][k] - above) / a.0[i][i];
             }
         }

@@ -1,42 +1,8 @@
 //! Matrices and their products.
 
 use crate::Scalar;
-use core::array;
+use crate::notation::{matrix, sum, vector};
 use core::ops::{Index, IndexMut};
-
-/// The sum of `f(0) … f(n−1)`.
-///
-/// It starts at −0.0, the neutral element that a compiler may drop; 0.0 would turn −0.0 into 0.0 and stays.
-#[inline(always)]
-pub(crate) fn sum<T: Scalar>(n: usize, f: impl Fn(usize) -> T) -> T {
-    let mut total = T::of(-0.0);
-    for i in 0..n {
-        total = total + f(i);
-    }
-    total
-}
-
-/// The sum of `f(k)` over those `k < n` that a pattern keeps; the pattern is constant and costs nothing.
-#[inline(always)]
-pub(crate) fn sum_where<T: Scalar>(n: usize, keep: impl Fn(usize) -> bool, f: impl Fn(usize) -> T) -> T {
-    let mut total = T::of(-0.0);
-    for k in 0..n {
-        if keep(k) {
-            total = total + f(k);
-        }
-    }
-    total
-}
-
-/// `start` less `f(0) … f(n−1)`, and `start` itself where there is none: x − (−0.0) is an addition that stays.
-#[inline(always)]
-pub(crate) fn less<T: Scalar>(start: T, n: usize, f: impl Fn(usize) -> T) -> T {
-    let mut rest = start;
-    for i in 0..n {
-        rest = rest - f(i);
-    }
-    rest
-}
 
 /// A matrix of `R` rows and `C` columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,20 +31,20 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
     #[inline(always)]
     #[must_use]
     pub fn times<const K: usize>(&self, other: &Mat<T, C, K>) -> Mat<T, R, K> {
-        Mat::from_fn(|i, j| sum(C, |k| self.0[i][k] * other.0[k][j]))
+        matrix!(|i, j| sum!(C, |k| self.0[i][k] * other.0[k][j]))
     }
 
     /// A·Bᵀ.
     #[inline(always)]
     #[must_use]
     pub fn times_transposed<const K: usize>(&self, other: &Mat<T, K, C>) -> Mat<T, R, K> {
-        Mat::from_fn(|i, j| sum(C, |k| self.0[i][k] * other.0[j][k]))
+        matrix!(|i, j| sum!(C, |k| self.0[i][k] * other.0[j][k]))
     }
 
     /// A·v.
     #[inline(always)]
     pub fn times_vector<S: crate::Over<T>>(&self, v: &[S; C]) -> [S; R] {
-        array::from_fn(|i| sum(C, |k| v[k] * self.0[i][k]))
+        vector!(|i| sum!(C, |k| v[k] * self.0[i][k]))
     }
 
     /// A + B.

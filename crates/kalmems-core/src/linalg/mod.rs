@@ -20,7 +20,6 @@ pub(crate) use inverse::inverse;
 pub use ldl::Ldl;
 pub use lu::Lu;
 pub use mat::Mat;
-pub(crate) use mat::{less, sum, sum_where};
 pub(crate) use semidefinite::{Semidefinite, epsilon};
 pub(crate) use stacked::{reduced, triangularised};
 pub use svd::Svd;

@@ -1,6 +1,7 @@
 //! Factors of a covariance that may be singular.
 
-use super::{Mat, sum};
+use super::Mat;
+use crate::notation::sum;
 use crate::{Covariance, Mask, Scalar};
 
 /// P = L·Lᵀ with L lower triangular and zero columns where P is singular to rounding.
@@ -33,7 +34,7 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
         let mut sound = covariance.is_finite();
         for j in 0..N {
             let whole = covariance.get(j, j);
-            let pivot = whole - sum(j, |k| l.0[j][k].sq());
+            let pivot = whole - sum!(j, |k| l.0[j][k].sq());
             let rounding = whole.abs() * tolerance;
             let usable = pivot.gt(rounding);
             sound = sound.and(pivot.lt(-rounding).not());
@@ -41,7 +42,7 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
             let recip = T::select(usable, root, one).recip();
             l.0[j][j] = root;
             for i in (j + 1)..N {
-                let left = covariance.get(i, j) - sum(j, |k| l.0[i][k] * l.0[j][k]);
+                let left = covariance.get(i, j) - sum!(j, |k| l.0[i][k] * l.0[j][k]);
                 let possible = left.sq().gt((whole * covariance.get(i, i)).twice()).not();
                 sound = sound.and(usable.or(possible));
                 l.0[i][j] = T::select(usable, left * recip, zero);

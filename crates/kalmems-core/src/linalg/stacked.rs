@@ -1,8 +1,8 @@
 //! Sums of squares without forming them.
 
-use super::{Mat, epsilon, sum};
+use super::{Mat, epsilon};
 use crate::Scalar;
-use core::array;
+use crate::notation::{sum, vector};
 
 /// The lower triangular X with X·Xᵀ = Σ B·Bᵀ over the blocks of `top`, by Householder reflections of [B₁ B₂
 /// …] from the right (Householder, J. ACM 5, 339, 1958). No square is formed: X keeps the digits that Σ B·Bᵀ
@@ -21,12 +21,12 @@ pub(crate) fn reduced<T: Scalar, const N: usize, const K: usize, const B: usize>
 ) -> (Mat<T, N, N>, [Mat<T, N, N>; B]) {
     let (zero, one) = (T::of(0.0), T::of(1.0));
     let tolerance = (epsilon::<T>() * T::of(8.0 * N as f64)).sq();
-    let square_of = |row: &[[T; N]; K]| sum(K, |b| sum(N, |k| row[b][k].sq()));
-    let whole: [T; N] = array::from_fn(|i| square_of(&array::from_fn(|b| top[b].0[i])));
+    let square_of = |row: &[[T; N]; K]| sum!(K, |b| sum!(N, |k| row[b][k].sq()));
+    let whole: [T; N] = vector!(|i| square_of(&vector!(|b| top[b].0[i])));
     let (mut x, mut y) = (Mat::zero(), [Mat::zero(); B]);
     for j in 0..N {
         // Row j becomes a single number. The columns that earlier rows took are zero here by now.
-        let mut v: [[T; N]; K] = array::from_fn(|b| top[b].0[j]);
+        let mut v: [[T; N]; K] = vector!(|b| top[b].0[j]);
         let square = square_of(&v);
         let norm = square.sqrt();
         let news = square.gt(whole[j] * tolerance);
@@ -39,7 +39,7 @@ pub(crate) fn reduced<T: Scalar, const N: usize, const K: usize, const B: usize>
         v[0][j] = T::select(negative, head - norm, head + norm);
         // The reflected head is ∓‖row‖: the column changes its sign where that is negative.
         let reflect = |blocks: &mut [Mat<T, N, N>; K], i: usize| -> T {
-            let along = sum(K, |b| sum(N, |k| blocks[b].0[i][k] * v[b][k])) * scale;
+            let along = sum!(K, |b| sum!(N, |k| blocks[b].0[i][k] * v[b][k])) * scale;
             for b in 0..K {
                 for k in 0..N {
                     blocks[b].0[i][k] = blocks[b].0[i][k] - along * v[b][k];

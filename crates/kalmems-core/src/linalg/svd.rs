@@ -1,7 +1,8 @@
 //! Singular values by one-sided Jacobi rotations.
 
-use super::{Mat, epsilon, sum};
+use super::{Mat, epsilon};
 use crate::Scalar;
+use crate::notation::{sum, vector};
 
 /// A = U·Σ·Vᵀ of a matrix with at least as many rows as columns, without U.
 ///
@@ -38,8 +39,8 @@ impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
             let mut orthogonal = true;
             for p in 0..C {
                 for q in (p + 1)..C {
-                    let (pp, qq) = (sum(R, |i| a.0[i][p].sq()), sum(R, |i| a.0[i][q].sq()));
-                    let pq = sum(R, |i| a.0[i][p] * a.0[i][q]);
+                    let (pp, qq) = (sum!(R, |i| a.0[i][p].sq()), sum!(R, |i| a.0[i][q].sq()));
+                    let pq = sum!(R, |i| a.0[i][p] * a.0[i][q]);
                     // The root of a product of squares could underflow; that of each cannot.
                     if !pq.abs().gt(tolerance * (pp.sqrt() * qq.sqrt())) {
                         continue;
@@ -54,7 +55,7 @@ impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
                 break;
             }
         }
-        let mut svd = Self { values: core::array::from_fn(|j| sum(R, |i| a.0[i][j].sq()).sqrt()), right };
+        let mut svd = Self { values: vector!(|j| sum!(R, |i| a.0[i][j].sq()).sqrt()), right };
         svd.sort();
         svd
     }

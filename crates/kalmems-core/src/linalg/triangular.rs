@@ -5,8 +5,9 @@
 //! by as many digits as a number holds. A rotation mixes two columns without a difference of nearly equal
 //! numbers; the others lose the small ones.
 
-use super::{Mat, sum};
+use super::Mat;
 use crate::Scalar;
+use crate::notation::sum;
 
 /// The rotation that turns (p, e) into (√(p² + e²), 0).
 #[derive(Clone, Copy)]
@@ -64,7 +65,7 @@ pub(crate) fn triangularize<T: Scalar, const N: usize, const K: usize>(
     for j in 0..N {
         if j + 1 == N {
             // No row below: the length is all that is wanted.
-            let squares = a.0[j][j].sq() + (sum(K, |k| b.0[j][k].sq()) + sum(N, |k| c.0[j][k].sq()));
+            let squares = a.0[j][j].sq() + (sum!(K, |k| b.0[j][k].sq()) + sum!(N, |k| c.0[j][k].sq()));
             a.0[j][j] = squares.sqrt();
             break;
         }
@@ -82,7 +83,10 @@ pub(crate) fn triangularize<T: Scalar, const N: usize, const K: usize>(
                 (a.0[i][j], b.0[i][k]) = rotation.turned(a.0[i][j], b.0[i][k]);
             }
         }
-        for k in 0..=j {
+        for k in 0..N {
+            if k > j {
+                break;
+            }
             let rotation = pivot.absorb(c.0[j][k]);
             for i in (j + 1)..N {
                 (a.0[i][j], c.0[i][k]) = rotation.turned(a.0[i][j], c.0[i][k]);
@@ -104,7 +108,7 @@ pub(crate) fn times_inverse<T: Scalar, const R: usize, const N: usize>(
         let some = l.0[j][j].gt(T::of(0.0));
         let recip = T::select(some, l.0[j][j], T::of(1.0)).recip();
         for row in &mut x.0 {
-            let rest = row[j] - sum(N - j - 1, |k| row[j + 1 + k] * l.0[j + 1 + k][j]);
+            let rest = row[j] - sum!(N, |k| k > j, |k| row[k] * l.0[k][j]);
             row[j] = T::select(some, rest * recip, T::of(0.0));
         }
     }
@@ -118,7 +122,7 @@ pub(crate) fn inverse_times<T: Scalar, const N: usize>(l: &Mat<T, N, N>, v: &[T;
     for i in 0..N {
         let some = l.0[i][i].gt(T::of(0.0));
         let recip = T::select(some, l.0[i][i], T::of(1.0)).recip();
-        x[i] = T::select(some, (x[i] - sum(i, |k| l.0[i][k] * x[k])) * recip, T::of(0.0));
+        x[i] = T::select(some, (x[i] - sum!(i, |k| l.0[i][k] * x[k])) * recip, T::of(0.0));
     }
     x
 }

@@ -2,9 +2,8 @@
 
 use super::{Process, ProcessNoise};
 use crate::discretize::discretize;
-use crate::linalg::sum;
+use crate::notation::{sum, vector};
 use crate::{Mat, NoiseDensity, Over, Scalar};
-use core::array;
 
 /// x′ = Φ·x + Γ·u + w.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +31,7 @@ impl<T: Scalar, const N: usize, const U: usize> Process<T, N> for LinearProcess<
     #[inline(always)]
     fn step<S: Over<T>>(&self, x: &[S; N], u: &[T; U]) -> [S; N] {
         let moved = self.transition.times_vector(x);
-        array::from_fn(|i| moved[i] + sum(U, |k| self.input.0[i][k] * u[k]))
+        vector!(|i| moved[i] + sum!(U, |k| self.input.0[i][k] * u[k]))
     }
 
     #[inline(always)]

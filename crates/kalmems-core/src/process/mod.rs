@@ -10,8 +10,8 @@ pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
 pub use stepper::{Euler, Nodes, Rk4};
 
+use crate::notation::vector;
 use crate::{Dual, Mat, Over, Scalar};
-use core::array;
 
 /// A differential equation ẋ = f(x, u) on `N` states.
 ///
@@ -47,7 +47,7 @@ pub trait Dynamics<T: Scalar, const N: usize> {
     /// ∂f/∂x at one point.
     #[inline(always)]
     fn jacobian(&self, x: &[T; N], u: &Self::Input) -> Mat<T, N, N> {
-        jacobian(x, |x| self.derivative(x, u)).1
+        derivatives(&self.derivative(&Dual::variables(x), u)).1
     }
 }
 
@@ -95,16 +95,24 @@ pub trait Process<T: Scalar, const N: usize> {
     /// f(x, u) and ∂f/∂x, by dual numbers unless a model has something better.
     #[inline(always)]
     fn linearize(&self, x: &[T; N], u: &Self::Input) -> ([T; N], Mat<T, N, N>) {
-        jacobian(x, |x| self.step(x, u))
+        derivatives(&self.step(&Dual::variables(x), u))
     }
 }
 
 /// The value and the Jacobian of a function at `x`, by dual numbers.
+///
+/// For a large function in lanes rather use [`Dual::variables`] and [`derivatives`]: a closure cannot be marked for
+/// inlining.
 #[inline(always)]
 pub fn jacobian<T: Scalar, const N: usize, const M: usize>(
     x: &[T; N],
     f: impl Fn(&[Dual<T, N>; N]) -> [Dual<T, N>; M],
 ) -> ([T; M], Mat<T, M, N>) {
-    let y = f(&Dual::variables(x));
-    (y.map(Dual::value), Mat(array::from_fn(|i| y[i].gradient())))
+    derivatives(&f(&Dual::variables(x)))
+}
+
+/// What a function made of dual numbers: its value and its Jacobian.
+#[inline(always)]
+pub fn derivatives<T: Scalar, const N: usize, const M: usize>(y: &[Dual<T, N>; M]) -> ([T; M], Mat<T, M, N>) {
+    (vector!(|i| y[i].value()), Mat(vector!(|i| y[i].gradient())))
 }

@@ -50,6 +50,14 @@ impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
     }
 }
 
+impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
+    /// Steps of `interval` seconds with this noise per step: in lanes, what [`Rk4::new`] found for each device.
+    #[inline(always)]
+    pub fn with_noise(dynamics: D, interval: T, noise: ProcessNoise<T, N>) -> Self {
+        Self { dynamics, interval, noise }
+    }
+}
+
 impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N> {
     type Input = Nodes<D::Input>;
 

@@ -1,8 +1,8 @@
 //! The backward step of Rauch, Tung and Striebel, in square-root form.
 
-use crate::linalg::{Semidefinite, reduced, sum, triangularised};
+use crate::linalg::{Semidefinite, reduced, triangularised};
+use crate::notation::{matrix, sum, vector};
 use crate::{Covariance, FilterError, Gaussian, Link, Mask, Mat, Scalar};
-use core::array;
 
 /// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,7 +136,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
             let asked = pivot.gt(T::of(0.0));
             let recip = T::select(asked, T::select(asked, pivot, T::of(1.0)).recip(), T::of(0.0));
             for i in 0..N {
-                let known = sum(N - j - 1, |k| gain.0[i][j + 1 + k] * x.0[j + 1 + k][j]);
+                let known = sum!(N - j - 1, |k| gain.0[i][j + 1 + k] * x.0[j + 1 + k][j]);
                 gain.0[i][j] = (y[(i, j)] - known) * recip;
             }
         }
@@ -145,9 +145,8 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         let identity = Self::identity();
         let covariances = state.sound.and(noise.sound).or(taken.not());
         let finite = gain.is_finite().and(root.is_finite()).or(taken.not());
-        let either = |yes: &Mat<T, N, N>, no: &Mat<T, N, N>| {
-            Mat::from_fn(|i, j| T::select(taken, yes.0[i][j], no.0[i][j]))
-        };
+        let either =
+            |yes: &Mat<T, N, N>, no: &Mat<T, N, N>| matrix!(|i, j| T::select(taken, yes.0[i][j], no.0[i][j]));
         let step = Self {
             mean: before.mean,
             gain: either(&gain, &identity.gain),
@@ -200,7 +199,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     /// m + G·(x⁺ − p).
     #[inline(always)]
     fn mean_given(&self, later: &[T; N]) -> [T; N] {
-        let news: [T; N] = array::from_fn(|i| later[i] - self.predicted[i]);
-        array::from_fn(|i| self.mean[i] + sum(N, |k| self.gain.0[i][k] * news[k]))
+        let news: [T; N] = vector!(|i| later[i] - self.predicted[i]);
+        vector!(|i| self.mean[i] + sum!(N, |k| self.gain.0[i][k] * news[k]))
     }
 }

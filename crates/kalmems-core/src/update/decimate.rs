@@ -1,5 +1,6 @@
 //! Every k-th sample.
 
+use crate::notation::lower;
 use crate::{Covariance, FilterError, Kalman, LinearMeasurement, LinearProcess, Scalar};
 use core::fmt;
 use core::num::NonZeroU32;
@@ -18,7 +19,7 @@ use core::num::NonZeroU32;
 /// use core::num::NonZeroU32;
 /// use kalmems_core::update::Decimation;
 /// let mut third = Decimation::every(NonZeroU32::new(3).unwrap());
-/// let due: [bool; 7] = core::array::from_fn(|_| third.due());
+/// let due: [bool; 7] = std::array::from_fn(|_| third.due());
 /// assert_eq!(due, [true, false, false, true, false, false, true]);
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +139,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> SteadyDecimation<T, N> {
             if settled {
                 let total = total.plus(&after);
                 let share = T::of(f64::from(every.get())).recip();
-                let mean = Covariance::lower(|i, j| total.get(i, j) * share);
+                let mean = lower!(|i, j| total.get(i, j) * share);
                 return Ok(Self { before, after, mean });
             }
             last = after;

@@ -2,8 +2,8 @@
 
 use super::{Always, Correction, Policy};
 use crate::linalg::Ldl;
+use crate::notation::{lower, vector};
 use crate::{Covariance, Filter, FilterError, Innovation, Mask, Mat, Measurement, Over, Scalar};
-use core::array;
 
 /// Takes the `M` components of a measurement one by one, each with one division and no matrix to factor.
 ///
@@ -74,13 +74,13 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
         policy: &impl Policy<T, N>,
     ) -> Result<Sequence<T, M>, FilterError> {
         let (zero, yes) = (T::of(0.0), T::of(0.0).is_finite());
-        let y: [T; M] = array::from_fn(|i| T::select(present[i], y[i], zero));
+        let y: [T; M] = vector!(|i| T::select(present[i], y[i], zero));
         let finite = y.iter().fold(yes, |finite, y| finite.and(y.is_finite()));
         if !finite.any() {
             return Err(FilterError::NonFiniteMeasurement);
         }
         // An absent component becomes one of its own, uncorrelated with the others, and is then skipped.
-        let noise = Ldl::of(&Covariance::lower(|i, j| {
+        let noise = Ldl::of(&lower!(|i, j| {
             let alone = T::of(if i == j { 1.0 } else { 0.0 });
             T::select(present[i].and(present[j]), r.get(i, j), alone)
         }));
@@ -90,7 +90,7 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
         }
         let y = noise.decorrelate(&y);
         let inverse: [[T; M]; M] =
-            array::from_fn(|k| noise.decorrelate(&array::from_fn(|i| T::of(if i == k { 1.0 } else { 0.0 }))));
+            vector!(|k| noise.decorrelate(&vector!(|i| T::of(if i == k { 1.0 } else { 0.0 }))));
 
         let before = self.clone();
         let mut sequence = Sequence::none();
@@ -99,7 +99,7 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
             if !wanted.any() {
                 continue;
             }
-            let component = Combination { measurement, weights: array::from_fn(|k| inverse[k][i]) };
+            let component = Combination { measurement, weights: vector!(|k| inverse[k][i]) };
             let variance = Covariance::from_variances([noise.diagonal[i]]);
             match self.update_where(&component, &[y[i]], &variance, &Within(wanted, policy)) {
                 Ok(innovation) => sequence.add(i, &innovation, wanted),
@@ -196,7 +196,7 @@ impl<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize> Measure
     #[inline(always)]
     fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
         let (y, h) = self.measurement.linearize(x);
-        ([self.sum(|m| y[m])], Mat::from_fn(|_, j| self.sum(|m| h.0[m][j])))
+        ([self.sum(|m| y[m])], Mat([vector!(|j| self.sum(|m| h.0[m][j]))]))
     }
 }
 

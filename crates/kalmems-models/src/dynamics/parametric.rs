@@ -42,8 +42,9 @@ impl<P: Scalar> ParametricScanner<P> {
         let electrodes =
             torque_slope(self.comb.curvature_at_rest() * self.resonator.inertia.recip(), mean_square);
         let spring = self.resonator.square_rate();
-        let pull = angle.through(|angle| angle * (self.comb.overlap(angle) * electrodes - spring));
-        pull - self.resonator.braking(rate)
+        let alone = angle.alone();
+        let pull = alone * (self.comb.overlap(alone) * electrodes - spring);
+        angle.chained(pull) - self.resonator.braking(rate)
     }
 }
 
