@@ -1,7 +1,7 @@
 //! A start without any knowledge.
 
 use super::Gaussian;
-use crate::linalg::{Mat, epsilon, inverse};
+use crate::linalg::{Lu, Mat, epsilon, triangularize};
 use crate::notation::{sum, vector};
 use crate::smooth::Backward;
 use crate::{Cholesky, Covariance, LinearMeasurement, LinearProcess, Process, Scalar};
@@ -154,7 +154,8 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         let offset = lead.times_vector(&noise.sought);
         let start = back.times_vector(&known);
         let mean = vector!(|i| -(start[i] + offset[i]));
-        let step = Backward::from_parts(mean, x_from, crate::linalg::triangularised([lead]));
+        let step =
+            Backward::from_parts(mean, x_from, triangularize(lead, Mat::<T, N, 0>::zero(), Mat::zero()));
         self.replace(next)?;
         Ok(step)
     }
@@ -265,4 +266,22 @@ fn rotate<T: Scalar, const N: usize>(upper: &mut [T; N], lower: &mut [T; N], c: 
 
 fn norm<T: Scalar, const N: usize>(v: &[T; N]) -> T {
     sum!(N, |i| v[i].sq()).sqrt()
+}
+
+/// Φ⁻¹; `None` where Φ is singular to rounding.
+fn inverse<T: Scalar<Mask = bool>, const N: usize>(transition: &Mat<T, N, N>) -> Option<Mat<T, N, N>> {
+    let inverse = Lu::of(transition)?.inverse();
+    // ‖Φ‖·‖Φ⁻¹‖, each by its largest row sum, is how much an error may grow.
+    let condition = largest_row(transition) * largest_row(&inverse);
+    (condition * epsilon::<T>()).lt(T::of(1.0)).then_some(inverse)
+}
+
+/// The largest sum of the sizes of a row's entries.
+fn largest_row<T: Scalar<Mask = bool>, const N: usize>(matrix: &Mat<T, N, N>) -> T {
+    let mut largest = T::of(0.0);
+    for row in &matrix.0 {
+        let size = sum!(N, |j| row[j].abs());
+        largest = T::select(size.gt(largest), size, largest);
+    }
+    largest
 }

@@ -62,18 +62,14 @@ pub(crate) fn reduced<T: Scalar, const N: usize, const K: usize, const B: usize>
     (x, y)
 }
 
-/// The lower triangular L with L·Lᵀ = Σ B·Bᵀ over the blocks: [`reduced`] with nothing below.
-#[inline(always)]
-pub(crate) fn triangularised<T: Scalar, const N: usize, const K: usize>(
-    blocks: [Mat<T, N, N>; K],
-) -> Mat<T, N, N> {
-    reduced(blocks, &mut []).0
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{reduced, triangularised};
+    use super::reduced;
     use crate::Mat;
+
+    fn triangularised<const K: usize, const N: usize>(blocks: [Mat<f64, N, N>; K]) -> Mat<f64, N, N> {
+        reduced(blocks, &mut []).0
+    }
 
     #[test]
     fn the_squares_add_up_and_the_factor_is_triangular() {

@@ -1,7 +1,7 @@
 //! The backward step of Rauch, Tung and Striebel, in square-root form.
 
-use crate::linalg::{Semidefinite, reduced, triangularised};
-use crate::notation::{matrix, sum, vector};
+use crate::linalg::{Semidefinite, reduced, times_inverse, triangularize};
+use crate::notation::{finite, matrix, sum, vector};
 use crate::{Covariance, FilterError, Gaussian, Link, Mask, Mat, Scalar};
 
 /// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
@@ -128,23 +128,15 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         let (state, noise) = (Semidefinite::of(&before.covariance), Semidefinite::of(&link.noise));
         let mut below = [[state.root, Mat::zero()]];
         let (x, [y]) = reduced([link.transition.times(&state.root), noise.root], &mut below);
-        let root = triangularised(below[0]);
-        // G·X = Y, from the last column on; a column of zeros asks for nothing.
-        let mut gain = Mat::<T, N, N>::zero();
-        for j in (0..N).rev() {
-            let pivot = x.0[j][j];
-            let asked = pivot.gt(T::of(0.0));
-            let recip = T::select(asked, T::select(asked, pivot, T::of(1.0)).recip(), T::of(0.0));
-            for i in 0..N {
-                let known = sum!(N - j - 1, |k| gain.0[i][j + 1 + k] * x.0[j + 1 + k][j]);
-                gain.0[i][j] = (y[(i, j)] - known) * recip;
-            }
-        }
+        let [[rest, noise_rest]] = below;
+        let root = triangularize(rest, noise_rest, Mat::zero());
+        // G·X = Y; a column of zeros asks for nothing.
+        let gain = times_inverse(&y, &x);
 
         let taken = link.taken;
         let identity = Self::identity();
         let covariances = state.sound.and(noise.sound).or(taken.not());
-        let finite = gain.is_finite().and(root.is_finite()).or(taken.not());
+        let numbers = gain.is_finite().and(root.is_finite()).or(taken.not());
         let either =
             |yes: &Mat<T, N, N>, no: &Mat<T, N, N>| matrix!(|i, j| T::select(taken, yes.0[i][j], no.0[i][j]));
         let step = Self {
@@ -153,7 +145,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
             // Where it was not taken, before and after are one.
             predicted: *predicted,
             root: either(&root, &identity.root),
-            sound: covariances.and(finite),
+            sound: covariances.and(numbers),
         };
         if step.sound.any() {
             Ok(step)
@@ -167,8 +159,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     /// x = m + G·x⁺ + e with e ~ N(0, Z·Zᵀ), from what an information filter knows.
     #[inline(always)]
     pub(crate) fn from_parts(mean: [T; N], gain: Mat<T, N, N>, root: Mat<T, N, N>) -> Self {
-        let finite = gain.is_finite().and(root.is_finite());
-        let sound = mean.iter().fold(finite, |finite, m| finite.and(m.is_finite()));
+        let sound = finite(&mean).and(gain.is_finite()).and(root.is_finite());
         Self { mean, gain, predicted: [T::of(0.0); N], root, sound }
     }
 
@@ -178,7 +169,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     pub fn apply(&self, later: &Smoothed<T, N>) -> Smoothed<T, N> {
         Smoothed {
             mean: self.mean_given(&later.mean),
-            root: triangularised([self.gain.times(&later.root), self.root]),
+            root: triangularize(self.gain.times(&later.root), Mat::<T, N, 0>::zero(), self.root),
             sound: self.sound.and(later.sound),
         }
     }
@@ -191,7 +182,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
             mean: self.mean_given(&later.mean),
             gain: self.gain.times(&later.gain),
             predicted: later.predicted,
-            root: triangularised([self.gain.times(&later.root), self.root]),
+            root: triangularize(self.gain.times(&later.root), Mat::<T, N, 0>::zero(), self.root),
             sound: self.sound.and(later.sound),
         }
     }
