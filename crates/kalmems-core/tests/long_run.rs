@@ -56,7 +56,7 @@ fn a_hundred_thousand_steps() {
 }
 
 #[test]
-#[ignore = "seconds optimised, minutes otherwise: cargo test --release -p kalmems-core --test long_run -- --ignored"]
-fn a_hundred_million_steps() {
+#[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
+fn slow_a_hundred_million_steps() {
     run(100_000_000);
 }
