@@ -27,7 +27,13 @@ const LENGTH: usize = 4096;
 const TURNS: usize = 301;
 
 fn main() {
-    println!("ns per step, and times the first of each group: median (middle half) of {TURNS} turns");
+    // `cargo test --benches` runs them too, without this; only `cargo bench` optimises as a release is.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return;
+    }
+    println!(
+        "times: ns per step, and ratio to the first of each group: median (middle half) of {TURNS} turns"
+    );
     compare_all::<f64>("f64", cases::EXTENDED_F64);
     compare_all::<f32>("f32", cases::EXTENDED_F32);
     let ours: Run<f64> = |s| cases::follow(cases::ekf(s), s, &s.euler_by_hand(), |d| d.start);

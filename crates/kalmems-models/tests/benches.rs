@@ -10,7 +10,7 @@ mod peers;
 #[path = "../benches/system/mod.rs"]
 mod system;
 
-use kalmems_core::Scalar;
+use kalmems_core::{FilterError, Nodes, Scalar};
 use system::{Outcome, Run, System};
 
 /// Samples: more than the filter remembers.
@@ -59,6 +59,52 @@ fn generic_filters_are_the_ones_by_hand() {
 #[test]
 fn generic_filters_are_the_ones_by_hand_in_single_precision() {
     assert_all_equal::<f32>(1e-3);
+}
+
+/// A filter that checks less would be a fast one.
+#[test]
+fn filters_by_hand_refuse_what_generic_ones_refuse() {
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut measured = System::<f64>::simulated(LENGTH);
+        (measured.samples[7].signal, measured.held[7].signal) = (bad, bad);
+        let mut driven = System::<f64>::simulated(LENGTH);
+        driven.samples[7].drive = Nodes::held(bad);
+        driven.held[7].torque = bad;
+        for (system, error) in
+            [(measured, FilterError::NonFiniteMeasurement), (driven, FilterError::NonFiniteState)]
+        {
+            for comparison in cases::comparisons::<f64>(0.0) {
+                for run in comparison.runs() {
+                    assert_eq!(run(&system).err(), Some(error), "{}, {bad}", comparison.name);
+                }
+            }
+        }
+    }
+}
+
+fn assert_fixed_gain_is_the_same_to_the_bit<T: Scalar<Mask = bool> + Into<f64>>() {
+    let system = System::<T>::simulated(LENGTH);
+    let comparison = cases::fixed_gain_filters::<T>();
+    for case in &comparison.others {
+        assert_equal(comparison.name, &system, [comparison.by_hand, case.run], 0.0);
+    }
+}
+
+/// Both compute the same operations in the same order.
+#[test]
+fn fixed_gain_is_the_one_by_hand_to_the_bit() {
+    assert_fixed_gain_is_the_same_to_the_bit::<f64>();
+    assert_fixed_gain_is_the_same_to_the_bit::<f32>();
+}
+
+/// Or the comparison would be of something useless. The mean of `LENGTH` squares of standard normal numbers deviates
+/// from 1 by √(2/3000) = 0.026; the readout's curvature over the swing adds to it.
+#[test]
+fn fixed_gain_follows_the_mirror_that_is_held() {
+    let system = System::<f64>::simulated(LENGTH);
+    let outcome = (cases::fixed_gain_filters::<f64>().by_hand)(&system).expect("no step is refused");
+    let nis = outcome.innovations.expect("the filter gives its innovations").nis / LENGTH as f64;
+    assert!((nis - 1.0).abs() < 0.1, "the normalised innovations squared are {nis} on average");
 }
 
 /// P − K·H·P loses some digits where P is much larger than R, at the start.

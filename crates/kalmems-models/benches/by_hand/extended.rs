@@ -1,6 +1,6 @@
 //! The extended Kalman filter by hand.
 
-use super::{Readout, State};
+use super::{Readout, State, Step};
 use crate::system::{Innovations, Laws, Outcome, System};
 use kalmems_core::{FilterError, Nodes, Scalar};
 
@@ -11,16 +11,6 @@ pub struct Extended<T> {
     readout: Readout<T>,
     q: [T; 3],
     innovations: Innovations<T>,
-}
-
-/// x′ and ∂x′/∂x.
-struct Step<T> {
-    angle: T,
-    rate: T,
-    f00: T,
-    f01: T,
-    f10: T,
-    f11: T,
 }
 
 impl<T: Scalar<Mask = bool>> Extended<T> {
@@ -65,8 +55,8 @@ impl<T: Scalar<Mask = bool>> Extended<T> {
     /// Runge–Kutta's step, with the variational equation through the same four stages.
     #[inline(always)]
     pub fn predict_runge_kutta(&mut self, voltage: &Nodes<T>) -> Result<(), FilterError> {
-        let State { p00, p10, p11, .. } = self.state;
-        let Step { angle, rate, f00, f01, f10, f11 } = self.runge_kutta(voltage);
+        let State { angle, rate, p00, p10, p11 } = self.state;
+        let Step { angle, rate, f00, f01, f10, f11 } = Step::runge_kutta(&self.laws, angle, rate, voltage);
         let fp00 = f00 * p00 + f01 * p10;
         let fp01 = f00 * p10 + f01 * p11;
         let fp10 = f10 * p00 + f11 * p10;
@@ -80,42 +70,6 @@ impl<T: Scalar<Mask = bool>> Extended<T> {
         }
         .checked()?;
         Ok(())
-    }
-
-    /// Stage by stage: the first row of each derivative is the second row of what it is taken at.
-    #[inline(always)]
-    fn runge_kutta(&self, voltage: &Nodes<T>) -> Step<T> {
-        let State { angle, rate, .. } = self.state;
-        let one = T::of(1.0);
-        let (h, half) = (self.laws.interval, self.laws.interval.half());
-        let damping = self.laws.damping;
-
-        let (a1, s1) = self.laws.acceleration_and_slope(angle, rate, voltage.start);
-
-        let rate2 = rate + a1 * half;
-        let (a2, s2) = self.laws.acceleration_and_slope(angle + rate * half, rate2, voltage.middle);
-        let m2 = (s1 * half, one - damping * half);
-        let k2 = (s2 - damping * m2.0, s2 * half - damping * m2.1);
-
-        let rate3 = rate + a2 * half;
-        let (a3, s3) = self.laws.acceleration_and_slope(angle + rate2 * half, rate3, voltage.middle);
-        let m3 = (k2.0 * half, one + k2.1 * half);
-        let k3 = (s3 * (one + m2.0 * half) - damping * m3.0, s3 * (m2.1 * half) - damping * m3.1);
-
-        let rate4 = rate + a3 * h;
-        let (a4, s4) = self.laws.acceleration_and_slope(angle + rate3 * h, rate4, voltage.end);
-        let m4 = (k3.0 * h, one + k3.1 * h);
-        let k4 = (s4 * (one + m3.0 * h) - damping * m4.0, s4 * (m3.1 * h) - damping * m4.1);
-
-        let sixth = h * T::of(1.0 / 6.0);
-        Step {
-            angle: angle + (rate + (rate2 + rate3).twice() + rate4) * sixth,
-            rate: rate + (a1 + (a2 + a3).twice() + a4) * sixth,
-            f00: one + ((m2.0 + m3.0).twice() + m4.0) * sixth,
-            f01: (one + (m2.1 + m3.1).twice() + m4.1) * sixth,
-            f10: (s1 + (k2.0 + k3.0).twice() + k4.0) * sixth,
-            f11: one + ((k2.1 + k3.1).twice() + k4.1 - damping) * sixth,
-        }
     }
 
     /// H = [h, 0], so that A = I − K·H has its second column from I. Joseph's form.

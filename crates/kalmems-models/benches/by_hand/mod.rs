@@ -3,10 +3,17 @@
 //! generic filters compute and refuse.
 
 mod extended;
+mod fixed_gain;
+mod square_root;
+mod step;
 mod unscented;
 
 pub use extended::Extended;
+pub use fixed_gain::FixedGain;
+pub use square_root::SquareRoot;
 pub use unscented::Unscented;
+
+use step::Step;
 
 use crate::system::{Innovations, Outcome, System};
 use kalmems_core::{FilterError, Scalar};

@@ -4,7 +4,7 @@
 
 use crate::by_hand;
 use crate::system::{Innovations, Outcome, Run, System};
-use kalmems_core::{Ekf, Filter, FilterError, Nodes, Process, Scalar, SigmaPoints, Ukf};
+use kalmems_core::{Ekf, Filter, FilterError, Nodes, Process, Scalar, SigmaPoints, SquareRootEkf, Ukf};
 
 /// A filter against another that does the same.
 pub struct Case<T> {
@@ -34,9 +34,26 @@ pub const EXTENDED_F64: f64 = 1.10;
 /// The bound of the generic extended filter in f32.
 pub const EXTENDED_F32: f64 = 1.15;
 
+/// The bound of the generic square-root filter.
+const SQUARE_ROOT: f64 = 1.10;
+
+/// The bound of the generic filter with a constant gain.
+const FIXED_GAIN: f64 = 1.03;
+
 /// The generic filters against the ones by hand; `extended` is the bound of the generic extended filter.
 pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> {
-    let case = |name, run, bound| Case { name, run, bound };
+    let mut all = extended_filters(extended);
+    all.extend(unscented_filters());
+    all.extend(square_root_filters());
+    all.push(fixed_gain_filters());
+    all
+}
+
+fn case<T>(name: &'static str, run: Run<T>, bound: f64) -> Case<T> {
+    Case { name, run, bound }
+}
+
+fn extended_filters<T: Scalar<Mask = bool>>(bound: f64) -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "EKF, Euler",
@@ -52,7 +69,7 @@ pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> 
                 case(
                     "generic, Jacobian by hand",
                     |s| follow(ekf(s), s, &s.euler_by_hand(), |d| d.start),
-                    extended,
+                    bound,
                 ),
                 case("generic, Jacobian by Dual", |s| follow(ekf(s), s, &s.euler(), |d| d.start), 1.12),
             ],
@@ -73,6 +90,11 @@ pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> 
                 1.12,
             )],
         },
+    ]
+}
+
+fn unscented_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
+    vec![
         Comparison {
             name: "UKF, Euler",
             by_hand: |system| {
@@ -100,12 +122,94 @@ pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> 
     ]
 }
 
+fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
+    vec![
+        Comparison {
+            name: "SR-EKF, Euler",
+            by_hand: |system| {
+                let mut filter = by_hand::SquareRoot::new(system);
+                for sample in &system.samples {
+                    filter.predict_euler(sample.drive.start)?;
+                    filter.update(sample.signal)?;
+                }
+                Ok(filter.outcome())
+            },
+            others: vec![
+                case(
+                    "generic, Jacobian by hand",
+                    |s| follow(square_root(s), s, &s.euler_by_hand(), |d| d.start),
+                    SQUARE_ROOT,
+                ),
+                case(
+                    "generic, Jacobian by Dual",
+                    |s| follow(square_root(s), s, &s.euler(), |d| d.start),
+                    SQUARE_ROOT,
+                ),
+            ],
+        },
+        Comparison {
+            name: "SR-EKF, Runge–Kutta",
+            by_hand: |system| {
+                let mut filter = by_hand::SquareRoot::new(system);
+                for sample in &system.samples {
+                    filter.predict_runge_kutta(&sample.drive)?;
+                    filter.update(sample.signal)?;
+                }
+                Ok(filter.outcome())
+            },
+            others: vec![case(
+                "generic, Jacobian by Dual",
+                |s| follow(square_root(s), s, &s.runge_kutta(), |d| *d),
+                SQUARE_ROOT,
+            )],
+        },
+    ]
+}
+
+/// The filter with a constant gain, in the same operations as the one by hand.
+pub fn fixed_gain_filters<T: Scalar<Mask = bool>>() -> Comparison<T> {
+    Comparison {
+        name: "Fixed gain, exact",
+        by_hand: |system| {
+            let mut filter = by_hand::FixedGain::new(system);
+            for sample in &system.held {
+                filter.predict(sample.torque)?;
+                filter.update(sample.signal)?;
+            }
+            Ok(filter.outcome())
+        },
+        others: vec![case("generic", fixed_gain, FIXED_GAIN)],
+    }
+}
+
 pub fn ekf<T: Scalar>(system: &System<T>) -> Ekf<T, 2> {
     Ekf::new(system.start_mean, system.start_covariance)
 }
 
 fn ukf<T: Scalar>(system: &System<T>) -> Ukf<T, 2> {
     Ukf::new(system.start_mean, system.start_covariance, SigmaPoints::standard())
+}
+
+fn square_root<T: Scalar>(system: &System<T>) -> SquareRootEkf<T, 2> {
+    SquareRootEkf::new(system.start_mean, system.start_covariance)
+}
+
+/// The filter with a constant gain, through the public interface.
+#[inline(always)]
+fn fixed_gain<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
+    let (mut filter, process) = (system.settled(), system.resonator());
+    let mut innovations = Innovations::none();
+    for sample in &system.held {
+        filter.predict(&process, &[sample.torque])?;
+        let innovation = filter.update(&system.readout, &[sample.signal])?;
+        innovations.add(innovation.residual[0], innovation.covariance.get(0, 0), innovation.nis);
+    }
+    let p = filter.filtered_covariance();
+    Ok(Outcome {
+        mean: *filter.mean(),
+        covariance: [p.get(0, 0), p.get(1, 0), p.get(1, 1)],
+        innovations: Some(innovations),
+    })
 }
 
 /// Any filter, through the public interface.

@@ -2,6 +2,9 @@
 //!
 //! Two states [θ, θ̇], one measurement through one exp. By Euler's method, as in the published filters, a step has
 //! one exp in the process and one in the measurement; by Runge–Kutta's, as the workbench runs it, four and one.
+//!
+//! The filter with a constant gain needs a linear process: the same mirror and readout, held at an angle by a torque
+//! in place of the electrodes.
 
 #![allow(dead_code)] // each bench and test uses its part
 
@@ -9,9 +12,12 @@ mod by_hand;
 mod signal;
 
 pub use by_hand::{EulerByHand, Laws};
-pub use signal::Sample;
+pub use signal::{HeldSample, Sample};
 
-use kalmems_core::{Covariance, Euler, FilterError, NoiseDensity, Process, Rk4, Scalar};
+use kalmems_core::{
+    Covariance, Euler, FilterError, FixedGain, LinearProcess, NoiseDensity, OperatingPoint, Process, Rk4,
+    Scalar,
+};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
@@ -27,6 +33,9 @@ const ACCELERATION_DENSITY: f64 = 1e10;
 /// V² per sample.
 const READOUT_VARIANCE: f64 = 1.92e-4;
 
+/// The angle at which the torque holds the mirror, in rad: where the readout has its slope.
+const HELD_ANGLE: f64 = 0.1;
+
 /// Models, start and signal, in the number that a filter runs in.
 pub struct System<T> {
     pub scanner: ParametricScanner<T>,
@@ -39,12 +48,16 @@ pub struct System<T> {
     pub start_mean: [T; 2],
     pub start_covariance: Covariance<T, 2>,
     pub samples: Vec<Sample<T>>,
+    /// Those of the mirror that a torque holds.
+    pub held: Vec<HeldSample<T>>,
 }
 
 impl<T: Scalar<Mask = bool>> System<T> {
     /// With a simulated signal of `length` samples.
     pub fn simulated(length: usize) -> Self {
-        Self { samples: signal::simulated(&System::parts(), length), ..Self::parts() }
+        let (samples, held) =
+            (signal::simulated(&System::parts(), length), signal::held(&System::parts(), length));
+        Self { samples, held, ..Self::parts() }
     }
 
     /// Without a signal. No number in it is known to the compiler.
@@ -73,6 +86,7 @@ impl<T: Scalar<Mask = bool>> System<T> {
             start_mean: [of(0.12), of(0.0)],
             start_covariance: Covariance::from_standard_deviations([of(0.05), of(5e3)]),
             samples: Vec::new(),
+            held: Vec::new(),
         }
     }
 
@@ -90,6 +104,23 @@ impl<T: Scalar<Mask = bool>> System<T> {
     pub fn runge_kutta(&self) -> Rk4<ParametricScanner<T>, T, 2> {
         let density = NoiseDensity::none().on::<1>(T::of(ACCELERATION_DENSITY));
         Rk4::new(self.scanner, self.interval, &density, (&[T::of(0.0), T::of(0.0)], &T::of(0.0)))
+    }
+
+    /// One exact step of the mirror that a torque holds.
+    pub fn resonator(&self) -> LinearProcess<T, 2, 1> {
+        self.scanner.resonator.exact(self.interval, T::of(ACCELERATION_DENSITY))
+    }
+
+    /// That mirror at the angle where it is held.
+    pub fn operating_point(&self) -> OperatingPoint<T, 2, 1> {
+        let at = (&[T::of(HELD_ANGLE), T::of(0.0)], &[T::of(0.0)]);
+        OperatingPoint::of(&self.resonator(), (&self.readout, self.r()), at)
+    }
+
+    /// The filter with the constant gain of that point.
+    pub fn settled(&self) -> FixedGain<T, 2, 1> {
+        FixedGain::steady_state([T::of(HELD_ANGLE), T::of(0.0)], &self.operating_point())
+            .expect("the angle is seen and moved")
     }
 
     /// The variance of one sample as the filters take it.

@@ -1,6 +1,6 @@
 //! What the filters are given.
 
-use super::{INTERVAL, System};
+use super::{HELD_ANGLE, INTERVAL, System};
 use kalmems_core::{Measurement, Nodes, NoiseDensity, Process, Rk4, Scalar};
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -31,6 +31,36 @@ pub fn simulated<T: Scalar>(system: &System<f64>, length: usize) -> Vec<Sample<T
                     middle: T::of(nodes.middle),
                     end: T::of(nodes.end),
                 },
+                signal: T::of(seen + noise.next() * system.readout_variance.sqrt()),
+            }
+        })
+        .collect();
+    black_box(samples)
+}
+
+/// One sample of the mirror that a torque holds.
+#[derive(Clone, Copy, Debug)]
+pub struct HeldSample<T> {
+    /// The torque over the interval before it, in N·m.
+    pub torque: T,
+    /// The demodulated signal, in V.
+    pub signal: T,
+}
+
+/// An angle that swings by a tenth about where it is held, seen with noise.
+pub fn held<T: Scalar>(system: &System<f64>, length: usize) -> Vec<HeldSample<T>> {
+    let process = system.resonator();
+    let stiffness = system.scanner.resonator.stiffness;
+    let mut noise = Noise(0x9e37_79b9_7f4a_7c15);
+    let mut truth = [HELD_ANGLE, 0.0];
+    let samples: Vec<HeldSample<T>> = (0..length)
+        .map(|k| {
+            let swing = 1.0 + 0.1 * f64::sin(TAU * 1e3 * k as f64 * INTERVAL);
+            let torque = stiffness * HELD_ANGLE * swing;
+            truth = process.step(&truth, &[torque]);
+            let [seen] = system.readout.predict(&truth);
+            HeldSample {
+                torque: T::of(torque),
                 signal: T::of(seen + noise.next() * system.readout_variance.sqrt()),
             }
         })
