@@ -21,6 +21,8 @@ pub enum Command {
     Estimate(EstimateArguments),
     /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
     Inspect(InspectArguments),
+    /// Compute a recording from the `[simulate]` table of an experiment file.
+    Simulate(SimulateArguments),
     /// Print the JSON schema of experiment files, for editors.
     Schema,
 }
@@ -51,6 +53,24 @@ pub struct InspectArguments {
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
     /// Print JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct SimulateArguments {
+    /// The experiment file, such as `examples/shared_scanner/simulation.toml`.
+    pub experiment: PathBuf,
+    /// The folder for the recording [default: out/simulated/<name of the experiment>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a simulation of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// Which noise, instead of the one that the file says.
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u32>,
+    /// Print the figures as JSON instead of text.
     #[arg(long)]
     pub json: bool,
 }

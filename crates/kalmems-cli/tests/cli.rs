@@ -350,3 +350,157 @@ fn an_interruption_leaves_nothing_behind() {
         assert_eq!(left, ["experiment.toml", "recording.csv"]);
     }
 }
+
+const SIMULATION: &str = "examples/shared_scanner/simulation.toml";
+
+/// The example with its text changed, simulated in a folder of its own.
+fn simulated(change: impl Fn(&mut String), arguments: &[&str]) -> (Output, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut toml = std::fs::read_to_string(root().join(SIMULATION)).unwrap();
+    change(&mut toml);
+    std::fs::write(folder.path().join("experiment.toml"), toml).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_kalmems"))
+        .current_dir(folder.path())
+        .args(["simulate", "experiment.toml", "--out", "result"])
+        .args(arguments)
+        .output()
+        .unwrap();
+    (output, folder)
+}
+
+#[test]
+fn a_simulation_is_the_same_bytes_and_can_be_estimated() {
+    let short = |toml: &mut String| *toml = toml.replace("60 ms", "2 ms");
+    let written = |arguments: &[&str]| {
+        let (output, folder) = simulated(short, arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let mut files = files(&folder.path().join("result"));
+        let run = text(&files["run.toml"]);
+        let (start, end) = (run.find("[timing]").unwrap(), run.find("[experiment]").unwrap());
+        files.insert("run.toml".to_owned(), format!("{}{}", &run[..start], &run[end..]).into_bytes());
+        files
+    };
+    let (first, again, other) = (written(&[]), written(&[]), written(&["--seed", "2"]));
+    assert_eq!(
+        first.keys().collect::<Vec<_>>(),
+        ["experiment.toml", "recording.csv", "reference.csv", "run.toml"]
+    );
+    for (name, bytes) in &first {
+        assert!(bytes == &again[name], "{name} differs");
+        let of_noise = ["recording.csv", "run.toml"].contains(&name.as_str());
+        assert_eq!(bytes == &other[name], !of_noise, "{name}");
+    }
+    assert!(text(&other["run.toml"]).contains("seed = 2"));
+
+    // The whole example; the estimate takes what was written as it is.
+    let folder = tempfile::tempdir().unwrap();
+    let [there, estimate] = ["simulation", "estimate"].map(|name| folder.path().join(name));
+    let output = run(&["simulate", SIMULATION, "--out", there.to_str().unwrap()]);
+    insta::assert_snapshot!(text(&output.stdout));
+    let experiment = there.join("experiment.toml");
+    let arguments = ["estimate", experiment.to_str().unwrap(), "--out", estimate.to_str().unwrap(), "--json"];
+    let output = run(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ekf = &metrics["recordings"][0]["segments"][0]["estimators"][0];
+    // White noise of the stated variance on the model itself: the filter cannot but be consistent.
+    assert_eq!(ekf["verdict"], "consistent", "{ekf}");
+}
+
+#[test]
+fn a_device_that_cannot_oscillate_is_told_so() {
+    let published = |toml: &mut String| *toml = toml.replace("90 V", "30 V").replace("60 ms", "2 ms");
+    let (output, _folder) = simulated(published, &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let expected = "cannot oscillate at this drive: the pump depth is 4.5 times below threshold\n";
+    assert!(text(&output.stdout).starts_with(expected), "{}", text(&output.stdout));
+}
+
+#[test]
+fn a_simulation_that_cannot_be_made_is_named_and_leaves_nothing() {
+    type Change = fn(&mut String);
+    let from = |toml: &str| toml.find("[simulate.drive").unwrap()..toml.find("# For `kalmems").unwrap();
+    let recorded =
+        "[simulate.drive.recorded]\nfile = \"drive.csv\"\nclock = { column = \"time_s\" }\ncolumn = ";
+    let cases: [(&str, Change); 6] = [
+        ("no simulation", |toml| *toml = std::fs::read_to_string(root().join(EXAMPLE)).unwrap()),
+        ("a start at zero", |toml| {
+            *toml = toml.replace("\"1e-4 rad\", rate = \"0 rad/s\" } #", "\"0 rad\", rate = \"0 rad/s\" } #");
+        }),
+        ("an unknown state", |toml| {
+            *toml = toml.replace(
+                "start = { angle = \"1e-4 rad\", rate = \"0 rad/s\" } #",
+                "start = { angel = \"1e-4 rad\" } #",
+            );
+        }),
+        ("a carrier in a computed drive", |toml| {
+            *toml = toml.replace("included_in_drive = false", "included_in_drive = true");
+        }),
+        ("a device that explodes", |toml| {
+            *toml = toml.replace("10 MHz", "20 kHz").replace("1 MHz", "20 kHz");
+        }),
+        ("uneven rates", |toml| *toml = toml.replace("10 MHz", "10.5 MHz")),
+    ];
+    let mut report = String::new();
+    let mut note = |name: &str, output: &Output, folder: &Path| {
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", text(&output.stderr));
+        assert!(!folder.join("result").exists() && output.stdout.is_empty(), "{name}");
+        report += &format!("## {name}\n{}\n", text(&output.stderr));
+    };
+    for (name, change) in cases {
+        let (output, folder) = simulated(change, &[]);
+        note(name, &output, folder.path());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{name}");
+    }
+    for (name, drive) in [
+        ("a drive too short", "time_s,drive_V\n0,90\n0.001,90\n0.002,90\n"),
+        ("a drive with a hole", "time_s,drive_V\n0,90\n0.03,\n0.06,90\n"),
+        ("a drive that is a time", "time_s,drive_s\n0,90\n0.03,90\n0.06,90\n"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut toml = std::fs::read_to_string(root().join(SIMULATION)).unwrap();
+        let column = drive.split(['\n', ',']).nth(1).unwrap();
+        toml.replace_range(from(&toml), &format!("{recorded}\"{column}\"\n"));
+        std::fs::write(folder.path().join("experiment.toml"), toml).unwrap();
+        std::fs::write(folder.path().join("drive.csv"), drive).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_kalmems"))
+            .current_dir(folder.path())
+            .args(["simulate", "experiment.toml", "--out", "result"])
+            .output()
+            .unwrap();
+        note(name, &output, folder.path());
+    }
+    insta::assert_snapshot!(report);
+}
+
+/// The drive of a simulation, recorded at 1 MHz and simulated again, moves the mirror as the sine itself did.
+#[test]
+fn a_recorded_drive_moves_the_device_as_its_sine_did() {
+    let short =
+        |toml: &mut String| *toml = toml.replace("60 ms", "2 ms").replace("\"1e-4 rad\"", "\"0.15 rad\"");
+    let (output, first) = simulated(short, &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let (output, second) = simulated(
+        |toml| {
+            short(toml);
+            let range = toml.find("[simulate.drive").unwrap()..toml.find("# For `kalmems").unwrap();
+            let file = first.path().join("result/recording.csv");
+            let drive = format!(
+                "[simulate.drive.recorded]\nfile = \"{}\"\nclock = {{ column = \"time_s\" }}\ncolumn = \"drive_V\"\n",
+                file.display()
+            );
+            toml.replace_range(range, &drive);
+        },
+        &[],
+    );
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let angles = |folder: &tempfile::TempDir| -> Vec<f64> {
+        let csv = std::fs::read_to_string(folder.path().join("result/reference.csv")).unwrap();
+        csv.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect()
+    };
+    let (sine, recorded) = (angles(&first), angles(&second));
+    assert_eq!((sine.len(), recorded.len()), (2001, 2001));
+    let worst = sine.iter().zip(&recorded).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // The cubic is off by 5 mV between samples of 180 V.
+    assert!(worst > 0.0 && worst.to_degrees() < 0.001, "{}", worst.to_degrees());
+}

@@ -39,5 +39,6 @@ pub mod report;
 pub mod results;
 pub mod rigs;
 pub mod signal;
+pub mod simulate;
 pub mod units;
 pub mod workflow;

@@ -15,6 +15,8 @@ const SETS: [&str; 6] = [
     "threshold-nominal",
 ];
 
+const SIMULATION: &str = "../../examples/shared_scanner/simulation.toml";
+
 fn file(set: &str) -> PathBuf {
     Path::new("tests/experiments").join(set).with_extension("toml")
 }
@@ -44,6 +46,19 @@ fn written_out_and_read_again_is_the_same() {
         assert_eq!(again, experiment);
         assert_eq!(again.to_toml().unwrap(), text);
     }
+}
+
+/// A simulation needs no recording; what is left out of it is written out.
+#[test]
+fn a_simulation_alone_is_an_experiment() {
+    let path = Path::new(SIMULATION);
+    let experiment = Experiment::load(path).unwrap_or_else(|e| panic!("{e}"));
+    assert!(experiment.recordings.is_empty());
+    let text = experiment.to_toml().unwrap();
+    assert!(text.contains("noise = true") && text.contains("seed = 1"), "{text}");
+    assert_eq!(Experiment::parse(&text, path).unwrap(), experiment);
+    let simulate = experiment.simulate.unwrap();
+    assert_eq!((simulate.samples(), simulate.steps_per_sample()), (60_001, 10));
 }
 
 #[test]
@@ -82,6 +97,7 @@ fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
     for set in SETS {
         schemas.validate(&json(&file(set)), compiled).unwrap_or_else(|e| panic!("{set}: {e:#}"));
     }
+    schemas.validate(&json(Path::new(SIMULATION)), compiled).unwrap_or_else(|e| panic!("{e:#}"));
     // What a schema can know: keys, words, types and counts. Dimensions are checked when the file is read.
     for name in [
         "unknown_key_top",
@@ -101,6 +117,12 @@ fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
         "clock_with_neither",
         "bad_name",
         "constant_capacitance",
+        "no_recording",
+        "simulate_unknown_drive",
+        "simulate_two_drives",
+        "simulate_no_drive",
+        "simulate_negative_seed",
+        "simulate_adc_bits",
     ] {
         let broken = json(&file(&format!("broken/{name}")));
         assert!(schemas.validate(&broken, compiled).is_err(), "{name} passes the schema");

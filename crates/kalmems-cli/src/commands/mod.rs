@@ -3,3 +3,4 @@
 pub mod estimate;
 pub mod inspect;
 pub mod schema;
+pub mod simulate;

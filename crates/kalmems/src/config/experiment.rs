@@ -6,7 +6,7 @@ use super::source::Source;
 use super::values::{self, Entry, Values};
 use super::{
     Channels, Clock, ConfigError, Device, Estimate, Fault, Key, Name, Quantity, Recording, Reference,
-    Segments,
+    Segments, Simulate,
 };
 use crate::recording::{self, Layout};
 use schemars::JsonSchema;
@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 /// Two experiments are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("anyOf" = [{ "required": ["recording"] }, { "required": ["simulate"] }]))]
 pub struct Experiment {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
@@ -27,13 +28,16 @@ pub struct Experiment {
     pub description: Option<String>,
     /// The device: exactly one table, such as `[device.shared_scanner]`.
     pub device: Device,
-    /// The recordings, at least one.
-    #[serde(rename = "recording")]
+    /// The recordings, at least one; none are needed for a simulation alone.
+    #[serde(rename = "recording", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
     pub recordings: Vec<Recording>,
     /// The estimate that is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<Estimate>,
+    /// The simulation that is wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulate: Option<Simulate>,
     #[serde(skip)]
     source: Source,
 }
@@ -67,14 +71,22 @@ impl Experiment {
     /// What no single key can be blamed for.
     fn check(&self) -> Result<(), ConfigError> {
         self.device.check().map_err(|(key, why)| self.error(key, Fault::Value { why }))?;
-        if self.recordings.is_empty() {
+        if self.recordings.is_empty() && self.simulate.is_none() {
             let why = "found no recording; expected at least one `[[recording]]`".to_owned();
-            return Err(self.error("recording", Fault::Value { why }));
+            let empty = self.error("recording", Fault::Value { why });
+            if empty.place.position.is_some() {
+                return Err(empty);
+            }
+            let remedy = remedy(&Key::from("recording"));
+            return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;
         if let Some(Estimate { model: None, ekf: None, ukf: None, .. }) = self.estimate {
             let why = "found no filter; add at least one of `[estimate.model]`, `[estimate.ekf]` and `[estimate.ukf]`";
             return Err(self.error("estimate", Fault::Value { why: why.to_owned() }));
+        }
+        if let Some(simulate) = &self.simulate {
+            simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
         }
         Ok(())
     }

@@ -10,7 +10,7 @@
 //! assert_eq!(
 //!     error.to_string(),
 //!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
-//!      known keys: name, description, device, recording, estimate"
+//!      known keys: name, description, device, recording, estimate, simulate"
 //! );
 //! ```
 
@@ -26,6 +26,7 @@ mod reader;
 mod recording;
 mod schema;
 mod sign;
+mod simulate;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -41,4 +42,7 @@ pub use quantity::Quantity;
 pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub use schema::schema;
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
+pub use simulate::{
+    Adc, ConstantDrive, DriveSource, RecordedDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive,
+};
 pub use values::{AnyValue, Entry, Values};

@@ -181,6 +181,11 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// A file of its own with these columns, sampled as the recording.
+    pub fn of(file: PathBuf, channels: Channels) -> Self {
+        Self { file: Some(file), segments: None, clock: None, channels, delay: None }
+    }
+
     /// Its file, relative to the folder of the experiment file.
     pub fn file<'a>(&'a self, recording: &'a Recording) -> &'a Path {
         self.file.as_deref().unwrap_or(&recording.file)

@@ -5,6 +5,7 @@ mod levenberg;
 mod outcome;
 mod profile;
 mod regression;
+mod shooting;
 #[cfg(test)]
 mod tests;
 mod triangle;
@@ -14,3 +15,4 @@ pub use levenberg::{Bounds, FitSettings, fit};
 pub use outcome::{Derived, Direction, Fit};
 pub use profile::profile;
 pub use regression::{ByDual, Law, Regression};
+pub use shooting::{Shooting, ShootingError, Unknown};

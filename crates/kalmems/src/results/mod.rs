@@ -7,6 +7,7 @@ mod metrics;
 mod names;
 mod output;
 mod page;
+mod simulation;
 mod summary;
 
 pub use figures::figures as estimate_figures;
@@ -16,4 +17,5 @@ pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Metrics, RecordingMetrics, SegmentMetrics, Verdict,
 };
 pub use output::{Output, OutputError, RUN_FILE};
+pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub use summary::{Notice, notices, summary_table};

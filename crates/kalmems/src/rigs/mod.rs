@@ -11,6 +11,7 @@ use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
 use crate::evaluate::{MotionErrors, Reference};
 use crate::recording::{Layout, Recording, Segment};
 use crate::signal::Sine;
+use crate::simulate::{SimulateError, Simulation};
 
 /// Every rig that is built.
 pub static ALL: &[&dyn Rig] = &[&shared_scanner::SharedScannerRig];
@@ -38,6 +39,9 @@ pub trait Rig: Sync {
         recording: &Recording,
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError>;
+
+    /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
     /// Compares each trajectory of a segment with the reference; `None` where nothing can be compared.
     fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>>;

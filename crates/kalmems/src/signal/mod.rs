@@ -1,12 +1,14 @@
 //! What is read off a periodic signal, its sine, its cycles, its turning points; and a signal between its samples.
 
 mod band_limited;
+mod cubic;
 mod cycles;
 mod extremes;
 mod interval;
 mod sine;
 
 pub use band_limited::band_limited;
+pub use cubic::cubic_between;
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};

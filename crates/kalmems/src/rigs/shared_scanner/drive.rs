@@ -1,6 +1,6 @@
 //! The recorded drive, between its samples and where samples are missing.
 
-use crate::signal::{Sine, fit_sine};
+use crate::signal::{Sine, cubic_between, fit_sine};
 use kalmems_core::Nodes;
 
 /// The drive of one segment.
@@ -60,27 +60,12 @@ impl<'a> Drive<'a> {
         let start = self.sample(to - 1).0;
         let end = self.sample(to).0;
         let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
-        Nodes { start, middle: self.between(to, middle), end }
+        Nodes { start, middle: cubic_between(self.time_s, |k| self.sample(k).0, to, middle), end }
     }
 
     /// The drive from its sine, for a sub-step of an interval in which samples are missing.
     pub fn nodes_from_sine(sine: &Sine, from_s: f64, to_s: f64) -> Nodes<f64> {
         Nodes { start: sine.at(from_s), middle: sine.at(from_s.midpoint(to_s)), end: sine.at(to_s) }
-    }
-
-    /// Lagrange's polynomial through up to four samples around the interval that ends at `to`.
-    fn between(&self, to: usize, time_s: f64) -> f64 {
-        let n = self.time_s.len();
-        let first = to.saturating_sub(2).min(n.saturating_sub(4));
-        let last = (first + 4).min(n);
-        let t = &self.time_s[first..last];
-        (0..t.len())
-            .map(|i| {
-                let weight: f64 =
-                    (0..t.len()).filter(|j| *j != i).map(|j| (time_s - t[j]) / (t[i] - t[j])).product();
-                weight * self.sample(first + i).0
-            })
-            .sum()
     }
 }
 

@@ -9,16 +9,19 @@ mod data;
 mod drive;
 mod segment;
 mod settings;
+mod simulation;
 
 use super::{Rig, SegmentEstimate};
 use crate::config::{ConfigError, Device, Experiment, Fault, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::recording::{Layout, Recording, Segment};
+use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
 use drive::Drive;
 use settings::Settings;
+use simulation::ScannerSimulation;
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -104,6 +107,10 @@ impl Rig for SharedScannerRig {
             ));
         }
         Ok(estimates)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        Ok(Box::new(ScannerSimulation::of(experiment)?))
     }
 
     fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>> {

@@ -31,6 +31,50 @@ pub struct Settings {
     pub ukf: Option<(Start, SigmaPoints<f64>)>,
 }
 
+/// The device alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardware {
+    /// How it moves.
+    pub scanner: ParametricScanner<f64>,
+    /// What is recorded of it.
+    pub readout: DemodulatedComb<f64>,
+    /// The variance of the recorded signal's noise per sample, in V².
+    pub noise_variance: f64,
+}
+
+impl Hardware {
+    /// Reads what the file says of the device.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let Device::SharedScanner(device) = &experiment.device else {
+            let why = "this rig is for a `[device.shared_scanner]`".to_owned();
+            return Err(experiment.error("device", Fault::Value { why }));
+        };
+        let comb = GaussianComb {
+            nominal: device.comb.nominal_capacitance.si(),
+            angular_width: device.comb.angular_width.si(),
+            bias: device.comb.bias_capacitance.si(),
+        };
+        let carrier = if device.carrier.included_in_drive { 0.0 } else { device.carrier.amplitude.si() };
+        Ok(Self {
+            scanner: ParametricScanner {
+                resonator: TorsionalResonator {
+                    inertia: device.resonator.inertia.si(),
+                    damping: device.resonator.damping.si(),
+                    stiffness: device.resonator.stiffness.si(),
+                },
+                comb,
+                carrier_mean_square: carrier * carrier / 2.0,
+            },
+            readout: DemodulatedComb {
+                comb,
+                gain: device.readout.gain.si(),
+                offset: device.readout.offset.si(),
+            },
+            noise_variance: device.readout.noise_variance.si(),
+        })
+    }
+}
+
 /// A state and how well it is known.
 #[derive(Clone, Copy, Debug)]
 pub struct Start {
@@ -56,21 +100,12 @@ const NOISE: [Entry; 1] = [Entry {
 impl Settings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::SharedScanner(device) = &experiment.device else {
-            let why = "this rig estimates a `[device.shared_scanner]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy =
                 "add the table `[estimate]` with `skip`, `process_noise` and at least one filter".to_owned();
             return Err(experiment.error("estimate", Fault::MissingKey { remedy }));
         };
-        let comb = GaussianComb {
-            nominal: device.comb.nominal_capacitance.si(),
-            angular_width: device.comb.angular_width.si(),
-            bias: device.comb.bias_capacitance.si(),
-        };
-        let carrier = if device.carrier.included_in_drive { 0.0 } else { device.carrier.amplitude.si() };
         let [acceleration_density] =
             experiment.values("estimate.process_noise", &estimate.process_noise, NOISE)?;
         let start_of = |filter: &str, mean: &Values, sd: &Values| {
@@ -80,21 +115,9 @@ impl Settings {
             Ok::<_, ConfigError>(Start { mean, covariance: Covariance::from_standard_deviations(sd) })
         };
         Ok(Self {
-            scanner: ParametricScanner {
-                resonator: TorsionalResonator {
-                    inertia: device.resonator.inertia.si(),
-                    damping: device.resonator.damping.si(),
-                    stiffness: device.resonator.stiffness.si(),
-                },
-                comb,
-                carrier_mean_square: carrier * carrier / 2.0,
-            },
-            readout: DemodulatedComb {
-                comb,
-                gain: device.readout.gain.si(),
-                offset: device.readout.offset.si(),
-            },
-            noise_variance: device.readout.noise_variance.si(),
+            scanner,
+            readout,
+            noise_variance,
             acceleration_density,
             skip_s: estimate.skip.si(),
             first_peak_positive: estimate.first_peak.map(|peak| peak == Peak::Positive),
@@ -110,15 +133,19 @@ impl Settings {
     }
 }
 
-/// The start of one filter; refused at exactly zero.
+/// The start of one filter.
 fn start(experiment: &Experiment, filter: &str, values: &Values) -> Result<[f64; 2], ConfigError> {
-    let key = format!("estimate.{filter}.start");
-    let mean = experiment.values(key.as_str(), values, states(Sign::Any))?;
+    state_at(experiment, &format!("estimate.{filter}.start"), values)
+}
+
+/// A state to start from; refused at exactly zero.
+pub fn state_at(experiment: &Experiment, key: &str, values: &Values) -> Result<[f64; 2], ConfigError> {
+    let mean = experiment.values(key, values, states(Sign::Any))?;
     if mean == [0.0, 0.0] {
         let why = "angle and rate are exactly 0; signal and torque are symmetric there, so that neither a filter \
                    nor the model would ever leave it; start from a small angle, such as `angle = \"1e-6 rad\"`"
             .to_owned();
-        return Err(experiment.error(key.as_str(), Fault::Value { why }));
+        return Err(experiment.error(key, Fault::Value { why }));
     }
     Ok(mean)
 }

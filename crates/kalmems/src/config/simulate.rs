@@ -1,0 +1,223 @@
+//! What an experiment file says about the simulation that is wanted.
+
+use super::kinds::{Angle, Frequency, Ratio, Time, Voltage};
+use super::quantity::Quantity;
+use super::recording::Clock;
+use super::sign::{NotNegative, Positive};
+use super::values::Values;
+use super::{Fault, Key};
+use schemars::JsonSchema;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::path::PathBuf;
+
+/// A recording that is computed instead of taken. Which states there are, the rig knows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Simulate {
+    /// How long the recording is.
+    #[schemars(example = &"24 ms")]
+    pub duration: Quantity<Time, Positive>,
+    /// How often a sample is taken.
+    #[schemars(example = &"1 MHz")]
+    pub sampling_rate: Quantity<Frequency, Positive>,
+    /// How many steps per second the motion is integrated in: a whole multiple of `sampling_rate`.
+    #[schemars(example = &"10 MHz")]
+    pub integration_rate: Quantity<Frequency, Positive>,
+    /// The first value of each state, such as `{ angle = "1e-6 rad", rate = "0 rad/s" }`.
+    #[schemars(example = start())]
+    pub start: Values,
+    /// Whether the readout's noise is added; true if left out.
+    #[serde(default = "yes")]
+    pub noise: bool,
+    /// Which noise, a whole number of 0 or more; 0 if left out.
+    #[serde(default, deserialize_with = "seed")]
+    #[schemars(extend("minimum" = 0))]
+    pub seed: u64,
+    /// A converter that rounds the signal; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adc: Option<Adc>,
+    /// The drive: exactly one table, such as `[simulate.drive.sine]`.
+    pub drive: DriveSource,
+}
+
+/// A converter from volts to steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Adc {
+    /// How many bits it has, 1 to 32: it knows `2^bits` levels.
+    #[serde(deserialize_with = "bits")]
+    #[schemars(range(min = 1, max = 32))]
+    pub bits: u32,
+    /// The lowest level. What lies below is clipped to it.
+    pub low: Quantity<Voltage>,
+    /// The highest level. What lies above is clipped to it.
+    pub high: Quantity<Voltage>,
+}
+
+/// What drives the device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveSource {
+    /// A constant voltage, as during a free decay.
+    Constant(ConstantDrive),
+    /// `offset + amplitude sin(2 pi frequency t + phase)`.
+    Sine(SineDrive),
+    /// A square wave.
+    Square(SquareDriveSource),
+    /// A sine whose frequency changes linearly over the duration.
+    Sweep(SweepDrive),
+    /// A column of a file.
+    Recorded(RecordedDrive),
+}
+
+/// A constant voltage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConstantDrive {
+    /// The voltage.
+    pub voltage: Quantity<Voltage>,
+}
+
+/// A sine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SineDrive {
+    /// The mean.
+    pub offset: Quantity<Voltage>,
+    /// The amplitude.
+    pub amplitude: Quantity<Voltage, NotNegative>,
+    /// The frequency.
+    #[schemars(example = &"31.35 kHz")]
+    pub frequency: Quantity<Frequency, Positive>,
+    /// The phase of the sine at 0 s; 0 rad if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Quantity<Angle>>,
+}
+
+/// A square wave: each period begins with the high level.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SquareDriveSource {
+    /// The low level.
+    pub low: Quantity<Voltage>,
+    /// The high level.
+    pub high: Quantity<Voltage>,
+    /// The frequency.
+    #[schemars(example = &"31.35 kHz")]
+    pub frequency: Quantity<Frequency, Positive>,
+    /// The part of a period that is high, below 1.
+    #[schemars(example = &"50 %")]
+    pub duty_cycle: Quantity<Ratio, Positive>,
+}
+
+/// A sine whose frequency changes linearly over the duration, up or down.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SweepDrive {
+    /// The mean.
+    pub offset: Quantity<Voltage>,
+    /// The amplitude.
+    pub amplitude: Quantity<Voltage, NotNegative>,
+    /// The frequency at the start.
+    #[schemars(example = &"31.6 kHz")]
+    pub from: Quantity<Frequency, Positive>,
+    /// The frequency at the end.
+    #[schemars(example = &"31.1 kHz")]
+    pub to: Quantity<Frequency, Positive>,
+}
+
+/// A drive that was recorded; it must reach from 0 s to the end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedDrive {
+    /// The file, relative to the folder of the experiment file.
+    #[schemars(example = &"drive.csv")]
+    pub file: PathBuf,
+    /// When its samples were taken.
+    pub clock: Clock,
+    /// The column.
+    #[schemars(example = &"drive_V")]
+    pub column: String,
+}
+
+/// Samples that a simulation may have: a file of 100 GB.
+const MOST_SAMPLES: f64 = 1e9;
+
+impl Simulate {
+    /// Integration steps per sample.
+    pub fn steps_per_sample(&self) -> u64 {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
+        let steps = (self.integration_rate.si() / self.sampling_rate.si()).round() as u64;
+        steps
+    }
+
+    /// Samples, with those at 0 s and at the end.
+    pub fn samples(&self) -> u64 {
+        // A sample that rounding puts behind the end is in.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
+        let intervals = (self.duration.si() * self.sampling_rate.si() + 1e-6).floor() as u64;
+        intervals + 1
+    }
+
+    /// What no single value can be blamed for: the key, and what is wrong.
+    pub(super) fn check(&self) -> Result<(), (Key, Fault)> {
+        let at = |name: &str, why: String| {
+            let key = name.split('.').fold(Key::from("simulate"), Key::child);
+            Err((key, Fault::Value { why }))
+        };
+        let samples = self.duration.si() * self.sampling_rate.si();
+        if !(1.0 - 1e-6..MOST_SAMPLES).contains(&samples) {
+            let why = format!(
+                "`{}` at `{}` is {samples:.3e} samples; expected 1 to {MOST_SAMPLES:.0e}",
+                self.duration.text(),
+                self.sampling_rate.text()
+            );
+            return at("duration", why);
+        }
+        let steps = self.integration_rate.si() / self.sampling_rate.si();
+        if !(steps > 0.5 && steps < 1e6 && (steps - steps.round()).abs() < 1e-6 * steps) {
+            let why = format!(
+                "`{}` is {steps} times `sampling_rate`; expected a whole multiple, such as 10 times `{}`",
+                self.integration_rate.text(),
+                self.sampling_rate.text()
+            );
+            return at("integration_rate", why);
+        }
+        if let Some(adc) = &self.adc
+            && adc.low.si() >= adc.high.si()
+        {
+            let why = format!("`{}` is not above `low`, `{}`", adc.high.text(), adc.low.text());
+            return at("adc.high", why);
+        }
+        if let DriveSource::Square(square) = &self.drive
+            && square.duty_cycle.si() >= 1.0
+        {
+            let why =
+                format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
+            return at("drive.square.duty_cycle", why);
+        }
+        Ok(())
+    }
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    u64::try_from(number).map_err(|_| D::Error::custom(format!("`{number}` is below 0; write `0` or more")))
+}
+
+fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    u32::try_from(number)
+        .ok()
+        .filter(|bits| (1..=32).contains(bits))
+        .ok_or_else(|| D::Error::custom(format!("`{number}` is not 1 to 32; write the bits, such as `12`")))
+}
+
+fn start() -> serde_json::Value {
+    serde_json::json!({ "angle": "1e-6 rad", "rate": "0 rad/s" })
+}

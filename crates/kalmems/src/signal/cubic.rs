@@ -1,0 +1,42 @@
+//! What a densely sampled signal was between its samples.
+
+/// Lagrange's polynomial through up to four samples around the interval that ends at sample `to`, at a time in it.
+///
+/// For samples that may be irregular, and many per cycle: at 32 per cycle the error is below 4 · 10⁻⁵ of the amplitude. For
+/// few samples per cycle there is [`band_limited`](super::band_limited).
+pub fn cubic_between(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize, at_s: f64) -> f64 {
+    let n = time_s.len();
+    let first = to.saturating_sub(2).min(n.saturating_sub(4));
+    let last = (first + 4).min(n);
+    let t = &time_s[first..last];
+    (0..t.len())
+        .map(|i| {
+            let weight: f64 =
+                (0..t.len()).filter(|j| *j != i).map(|j| (at_s - t[j]) / (t[i] - t[j])).product();
+            weight * sample(first + i)
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn cubics_are_followed_exactly_and_sines_nearly() {
+        let time: Vec<f64> = (0..40).map(|k| f64::from(k) + 0.2 * f64::from(k * 7 % 5)).collect();
+        let cubic = |t: f64| 3.0 - t + 0.5 * t * t - 0.01 * t.powi(3);
+        let sine = |t: f64| (TAU * t / 32.0).sin();
+        let even: Vec<f64> = (0..40).map(f64::from).collect();
+        for to in 1..40 {
+            let at = time[to - 1] + 0.3 * (time[to] - time[to - 1]);
+            assert!((cubic_between(&time, |k| cubic(time[k]), to, at) - cubic(at)).abs() < 1e-9);
+            // (2π/32)⁴·(9/16)/4! in the middle; four times as much where the polynomial is one-sided.
+            let bound = if (2..39).contains(&to) { 4e-5 } else { 1.6e-4 };
+            let middle = f64::from(u32::try_from(to).unwrap()) - 0.5;
+            let error = cubic_between(&even, |k| sine(even[k]), to, middle) - sine(middle);
+            assert!(error.abs() < bound, "{to}: {error}");
+        }
+    }
+}

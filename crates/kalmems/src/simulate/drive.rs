@@ -1,0 +1,227 @@
+//! What drives a device, at any time.
+
+use crate::signal::cubic_between;
+use kalmems_core::{Nodes, Scalar};
+use std::f64::consts::{PI, TAU};
+
+/// A drive voltage over time, in V and s.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Drive {
+    /// The same at all times.
+    Constant {
+        /// In V.
+        level: f64,
+    },
+    /// offset + amplitude·sin(2πft + phase).
+    Sine {
+        /// In V.
+        offset: f64,
+        /// In V.
+        amplitude: f64,
+        /// f.
+        frequency_hz: f64,
+        /// In rad.
+        phase_rad: f64,
+    },
+    /// `high` for the first part of each period, then `low`.
+    Square {
+        /// In V.
+        low: f64,
+        /// In V.
+        high: f64,
+        /// Periods per second.
+        frequency_hz: f64,
+        /// The part of each period that is high, between 0 and 1.
+        duty: f64,
+    },
+    /// A sine whose frequency goes from one to another, linearly in time, and then stays.
+    Sweep {
+        /// In V.
+        offset: f64,
+        /// In V.
+        amplitude: f64,
+        /// The frequency at 0 s.
+        from_hz: f64,
+        /// The frequency at the end.
+        to_hz: f64,
+        /// When it is reached.
+        duration_s: f64,
+    },
+    /// Samples, with a cubic between them. Before the first and after the last they count as held.
+    Recorded {
+        /// When, rising.
+        time_s: Vec<f64>,
+        /// In V, as many.
+        volts: Vec<f64>,
+    },
+}
+
+/// sin 2πx.
+fn sine_of_cycles(x: f64) -> f64 {
+    Scalar::sin(TAU * (x - x.floor()))
+}
+
+impl Drive {
+    /// The voltage.
+    pub fn at(&self, time_s: f64) -> f64 {
+        match self {
+            Self::Constant { level } => *level,
+            Self::Sine { offset, amplitude, frequency_hz, phase_rad } => {
+                offset + amplitude * sine_of_cycles(frequency_hz * time_s + phase_rad / TAU)
+            }
+            Self::Square { low, high, frequency_hz, duty } => {
+                let cycles = frequency_hz * time_s;
+                if cycles - cycles.floor() < *duty { *high } else { *low }
+            }
+            Self::Sweep { offset, amplitude, from_hz, to_hz, duration_s } => {
+                let (swept, stays) = (time_s.min(*duration_s), (time_s - duration_s).max(0.0));
+                let mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept / duration_s;
+                offset + amplitude * sine_of_cycles(mean_hz * swept + to_hz * stays)
+            }
+            Self::Recorded { time_s: times, volts } => match times.partition_point(|t| *t <= time_s) {
+                0 => volts.first().copied().unwrap_or(f64::NAN),
+                to if to == times.len() => volts.last().copied().unwrap_or(f64::NAN),
+                to => cubic_between(times, |k| volts[k], to, time_s),
+            },
+        }
+    }
+
+    /// Its period in s, where it has one.
+    pub fn period_s(&self) -> Option<f64> {
+        match self {
+            Self::Sine { frequency_hz, .. } | Self::Square { frequency_hz, .. } => Some(1.0 / frequency_hz),
+            Self::Constant { .. } | Self::Sweep { .. } | Self::Recorded { .. } => None,
+        }
+    }
+
+    /// The mean of V² and the amplitude of its component at a harmonic of the drive, both in V²; `None` for a
+    /// drive without a waveform that repeats.
+    pub fn square(&self, harmonic: u32) -> Option<(f64, f64)> {
+        match self {
+            Self::Constant { level } => Some((level * level, 0.0)),
+            Self::Sine { offset, amplitude, .. } | Self::Sweep { offset, amplitude, .. } => {
+                let component = match harmonic {
+                    1 => 2.0 * (offset * amplitude).abs(),
+                    2 => 0.5 * amplitude * amplitude,
+                    _ => 0.0,
+                };
+                Some((offset * offset + 0.5 * amplitude * amplitude, component))
+            }
+            Self::Square { low, high, duty, .. } => {
+                let m = f64::from(harmonic);
+                let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).sin();
+                Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
+            }
+            Self::Recorded { .. } => None,
+        }
+    }
+
+    /// Calls `each` with the parts of an interval between which the drive jumps: end and drive of each part.
+    ///
+    /// No integrator follows a jump within its step.
+    pub(super) fn parts(&self, from_s: f64, to_s: f64, each: &mut impl FnMut(f64, f64, &Nodes<f64>)) {
+        let Self::Square { frequency_hz, duty, .. } = self else {
+            let middle = from_s.midpoint(to_s);
+            let nodes = Nodes { start: self.at(from_s), middle: self.at(middle), end: self.at(to_s) };
+            return each(from_s, to_s, &nodes);
+        };
+        // Jumps at n/f and (n + duty)/f; a part shorter than rounding is none.
+        let tiny = 1e-9 * (to_s - from_s);
+        let mut start = from_s;
+        let mut period = (frequency_hz * from_s).floor();
+        while start < to_s {
+            for jump in [period / frequency_hz, (period + duty) / frequency_hz] {
+                if jump > start + tiny && jump < to_s - tiny {
+                    each(start, jump, &Nodes::held(self.at(start.midpoint(jump))));
+                    start = jump;
+                }
+            }
+            period += 1.0;
+            if period / frequency_hz >= to_s - tiny {
+                each(start, to_s, &Nodes::held(self.at(start.midpoint(to_s))));
+                start = to_s;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// Mean and component of V² by a sum over a fine grid.
+    fn by_sum(drive: &Drive, harmonic: u32) -> (f64, f64) {
+        let period = drive.period_s().unwrap();
+        let (mut mean, mut cosine, mut sine) = (0.0, 0.0, 0.0);
+        let n = 20_000;
+        for i in 0..n {
+            let part = (f64::from(i) + 0.5) / f64::from(n);
+            let square = drive.at(part * period).powi(2);
+            let (s, c) = (TAU * f64::from(harmonic) * part).sin_cos();
+            mean += square / f64::from(n);
+            cosine += 2.0 * square * c / f64::from(n);
+            sine += 2.0 * square * s / f64::from(n);
+        }
+        (mean, cosine.hypot(sine))
+    }
+
+    #[test]
+    fn the_components_of_the_square_are_those_of_a_sum() {
+        let sine = Drive::Sine { offset: 30.0, amplitude: -20.0, frequency_hz: 3e4, phase_rad: 0.3 };
+        let square = Drive::Square { low: 10.0, high: 60.0, frequency_hz: 3e4, duty: 0.3 };
+        for drive in [sine, square] {
+            for harmonic in 1..5 {
+                let (ours, summed) = (drive.square(harmonic).unwrap(), by_sum(&drive, harmonic));
+                assert_relative_eq!(ours.0, summed.0, max_relative = 1e-6);
+                assert_relative_eq!(ours.1, summed.1, max_relative = 1e-6, epsilon = 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn a_sweep_has_the_frequency_that_it_says() {
+        let sweep =
+            Drive::Sweep { offset: 1.0, amplitude: 2.0, from_hz: 100.0, to_hz: 60.0, duration_s: 2.0 };
+        // Rising zeros are where the phase is whole: n = 100·t − 10·t² up to 2 s, then 160 + 60·(t − 2).
+        for n in 0..160 {
+            let t = 5.0 - (25.0 - 0.1 * f64::from(n)).sqrt();
+            assert!((sweep.at(t) - 1.0).abs() < 1e-9 && sweep.at(t + 1e-4) > 1.0, "{n}");
+        }
+        assert_relative_eq!(sweep.at(2.0 + 0.25 / 60.0), 3.0, max_relative = 1e-9);
+    }
+
+    #[test]
+    fn the_parts_of_a_square_wave_lie_between_its_jumps() {
+        let drive = Drive::Square { low: 1.0, high: 5.0, frequency_hz: 10.0, duty: 0.25 };
+        let mut parts = Vec::new();
+        drive.parts(0.01, 0.26, &mut |from, to, nodes| {
+            assert_eq!((nodes.start, nodes.end), (nodes.middle, nodes.middle));
+            parts.push((from, to, nodes.middle));
+        });
+        let ends = [0.01, 0.025, 0.1, 0.125, 0.2, 0.225, 0.26];
+        let expected = ends.windows(2).enumerate().map(|(i, e)| (e[0], e[1], [5.0, 1.0][i % 2]));
+        assert_eq!(parts.len(), 6);
+        for ((from, to, level), (a, b, expected)) in parts.into_iter().zip(expected) {
+            assert!((from - a).abs() < 1e-12 && (to - b).abs() < 1e-12 && level == expected);
+        }
+        // An interval that ends at a jump is one part.
+        let mut count = 0;
+        drive.parts(0.0, 0.025, &mut |_, _, nodes| {
+            assert_eq!(nodes.middle, 5.0);
+            count += 1;
+        });
+        assert_eq!(count, 1);
+    }
+
+    #[test]
+    fn a_recorded_drive_is_cubic_between_and_held_beyond() {
+        let time_s: Vec<f64> = (0..100).map(|k| f64::from(k) * 1e-6).collect();
+        let sine = Drive::Sine { offset: 90.0, amplitude: 90.0, frequency_hz: 31_350.0, phase_rad: 0.0 };
+        let volts = time_s.iter().map(|t| sine.at(*t)).collect();
+        let recorded = Drive::Recorded { time_s, volts };
+        assert!((recorded.at(50.5e-6) - sine.at(50.5e-6)).abs() < 5e-3);
+        assert_eq!(recorded.at(50e-6), sine.at(50e-6));
+        assert_eq!((recorded.at(-1.0), recorded.at(1.0)), (sine.at(0.0), sine.at(99e-6)));
+    }
+}

@@ -1,0 +1,68 @@
+//! A recording that is computed.
+
+use crate::config::ConfigError;
+use crate::recording::{ReadError, Source};
+use std::ops::ControlFlow;
+
+/// A column of a simulated recording: what it means to the rig, and its name in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Its meaning, such as `signal`.
+    pub meaning: &'static str,
+    /// Its name with its unit, such as `cap_V`.
+    pub column: &'static str,
+}
+
+/// One sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<'a> {
+    /// When.
+    pub time_s: f64,
+    /// What is recorded, in the order of [`Simulation::recorded`].
+    pub recorded: &'a [f64],
+    /// What is true, in the order of [`Simulation::truth`].
+    pub truth: &'a [f64],
+}
+
+/// A simulation of one device, ready to run.
+pub trait Simulation {
+    /// The channels of the recording beside the time.
+    fn recorded(&self) -> &'static [Channel];
+
+    /// The channels of the reference beside the time.
+    fn truth(&self) -> &'static [Channel];
+
+    /// How many samples there will be.
+    fn samples(&self) -> u64;
+
+    /// Files that it is made from.
+    fn sources(&self) -> &[Source];
+
+    /// What can be said of the device under this drive before it moves, in words.
+    fn outlook(&self) -> Option<String>;
+
+    /// Runs it from its start, sample by sample. Every run gives the same.
+    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError>;
+}
+
+/// Why there is no simulation.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulateError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The recorded drive cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The motion left all bounds.
+    #[error(
+        "the motion is not finite any more at {time_s} s; raise `simulate.integration_rate`, or check the device"
+    )]
+    NotFinite {
+        /// When.
+        time_s: f64,
+    },
+    /// Stopped from outside.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}

@@ -1,0 +1,77 @@
+//! The drive as the experiment file describes it.
+
+use super::{Drive, SimulateError};
+use crate::config::{Clock, DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
+use crate::recording::{self, Layout, Recording, Source};
+use crate::units::kind;
+
+/// The drive in SI units, and the file that it comes from, if it comes from one.
+pub fn drive_of(
+    experiment: &Experiment,
+    simulate: &Simulate,
+) -> Result<(Drive, Option<Source>), SimulateError> {
+    let drive = match &simulate.drive {
+        DriveSource::Constant(constant) => Drive::Constant { level: constant.voltage.si() },
+        DriveSource::Sine(sine) => Drive::Sine {
+            offset: sine.offset.si(),
+            amplitude: sine.amplitude.si(),
+            frequency_hz: sine.frequency.si(),
+            phase_rad: sine.phase.as_ref().map_or(0.0, Quantity::si),
+        },
+        DriveSource::Square(square) => Drive::Square {
+            low: square.low.si(),
+            high: square.high.si(),
+            frequency_hz: square.frequency.si(),
+            duty: square.duty_cycle.si(),
+        },
+        DriveSource::Sweep(sweep) => Drive::Sweep {
+            offset: sweep.offset.si(),
+            amplitude: sweep.amplitude.si(),
+            from_hz: sweep.from.si(),
+            to_hz: sweep.to.si(),
+            duration_s: simulate.duration.si(),
+        },
+        DriveSource::Recorded(recorded) => {
+            let (drive, source) = read(experiment, simulate, recorded)?;
+            return Ok((drive, Some(source)));
+        }
+    };
+    Ok((drive, None))
+}
+
+fn read(
+    experiment: &Experiment,
+    simulate: &Simulate,
+    recorded: &RecordedDrive,
+) -> Result<(Drive, Source), SimulateError> {
+    let clock = match &recorded.clock {
+        Clock::Column { column } => recording::Clock::Column(column.clone()),
+        Clock::Rate { rate, start } => {
+            recording::Clock::Rate { rate_hz: rate.si(), start_s: start.as_ref().map_or(0.0, Quantity::si) }
+        }
+    };
+    let layout = Layout { clock, segment_column: None, columns: Some(vec![recorded.column.clone()]) };
+    let recording = Recording::read(&experiment.resolve(&recorded.file), &layout)?;
+    let column = recording.column_of(&recorded.column, &kind::VOLTAGE)?;
+    let refuse = |why: String| {
+        let key = Key::from("simulate").child("drive").child("recorded").child("file");
+        Err(experiment.error(key, Fault::Value { why }).into())
+    };
+    let Some(segment) = recording.segments().first() else {
+        return refuse("the file holds no samples".to_owned());
+    };
+    let (time_s, volts) = (segment.time.to_vec(), column.of(segment).to_vec());
+    if let Some(missing) = volts.iter().position(|v| !v.is_finite()) {
+        return refuse(format!("the drive is missing at {} s", time_s[missing]));
+    }
+    let (first, last) =
+        (time_s.first().copied().unwrap_or(f64::NAN), time_s.last().copied().unwrap_or(f64::NAN));
+    let tiny = 1e-9 * simulate.duration.si();
+    if !(first <= tiny && last >= simulate.duration.si() - tiny) {
+        return refuse(format!(
+            "the drive was recorded from {first} s to {last} s; expected from 0 s to the end at `{}`",
+            simulate.duration.text()
+        ));
+    }
+    Ok((Drive::Recorded { time_s, volts }, recording.source().clone()))
+}
