@@ -7,6 +7,24 @@ use crate::{Dynamics, Measurement, Over, Process, Scalar};
 ///
 /// `#[model(parametric)]` of `kalmems-macros`, on the `impl` of [`Dynamics`], writes it: the law over S with the
 /// input lifted to S. See the example [there](crate::augmentation).
+///
+/// ```
+/// use kalmems_core::{Dynamics, Over, ParametricDynamics, Scalar};
+/// use kalmems_macros::{Parameters, model};
+/// #[derive(Parameters)]
+/// struct Decay<P> {
+///     rate: P,
+/// }
+/// #[model(parametric)]
+/// impl<T: Scalar> Dynamics<T, 1> for Decay<T> {
+///     type Input = ();
+///     fn derivative<S: Over<T>>(&self, x: &[S; 1], (): &()) -> [S; 1] {
+///         [-(x[0] * self.rate)]
+///     }
+/// }
+/// let faster = Decay { rate: 3.0 };
+/// assert_eq!(Decay::<f64>::derivative_of(&faster, &[2.0], &()), [-6.0]);
+/// ```
 pub trait ParametricDynamics<T: Scalar, const N: usize>: Dynamics<T, N> + Parameters<T> {
     /// f(x, u) with the parameters `varied`.
     fn derivative_of<S: Over<T>>(
@@ -20,6 +38,23 @@ pub trait ParametricDynamics<T: Scalar, const N: usize>: Dynamics<T, N> + Parame
 ///
 /// `#[model(parametric)]` of `kalmems-macros`, on the `impl` of [`Measurement`], writes it. See the example
 /// [there](crate::augmentation).
+///
+/// ```
+/// use kalmems_core::{Measurement, Over, ParametricMeasurement, Scalar};
+/// use kalmems_macros::{Parameters, model};
+/// #[derive(Parameters)]
+/// struct Gauge<P> {
+///     gain: P,
+/// }
+/// #[model(parametric)]
+/// impl<T: Scalar> Measurement<T, 1, 1> for Gauge<T> {
+///     fn predict<S: Over<T>>(&self, x: &[S; 1]) -> [S; 1] {
+///         [x[0] * self.gain]
+///     }
+/// }
+/// let other = Gauge { gain: 3.0 };
+/// assert_eq!(<Gauge<f64> as ParametricMeasurement<f64, 1, 1>>::predict_of(&other, &[2.0]), [6.0]);
+/// ```
 pub trait ParametricMeasurement<T: Scalar, const N: usize, const M: usize>:
     Measurement<T, N, M> + Parameters<T>
 {

@@ -15,6 +15,25 @@ use crate::Scalar;
 ///
 /// What leaves a kernel are plain numbers. A kernel can be run again on what it kept, but lanes themselves cannot be
 /// named outside.
+///
+/// ```
+/// use kalmems_core::Scalar;
+/// use kalmems_core::lanes::{Isa, Kernel, Lane};
+/// /// Square roots of a slice, as many at once as there are lanes.
+/// struct Roots<'a>(&'a mut [f64]);
+/// impl Kernel<f64> for Roots<'_> {
+///     type Output = ();
+///     #[inline(always)]
+///     fn run<L: Lane<f64>>(self) {
+///         for group in self.0.chunks_mut(L::WIDTH) {
+///             L::load(group, 0.0).sqrt().store(group);
+///         }
+///     }
+/// }
+/// let mut numbers = [1.0, 4.0, 9.0, 16.0, 25.0];
+/// Isa::best().run(Roots(&mut numbers));
+/// assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 5.0]);
+/// ```
 pub trait Kernel<F: Real> {
     /// What it gives.
     type Output;
@@ -87,7 +106,21 @@ impl Isa {
     }
 }
 
-/// A type of number that lanes can hold: `f64` and `f32`.
+/// A type of number that lanes can hold: `f64` and `f32`. Each is a lane of its own as well, so that a kernel is also
+/// the loop over single numbers.
+///
+/// ```
+/// use kalmems_core::lanes::{Kernel, Lane, Real};
+/// struct Width;
+/// impl<F: Real> Kernel<F> for Width {
+///     type Output = usize;
+///     #[inline(always)]
+///     fn run<L: Lane<F>>(self) -> usize {
+///         L::WIDTH
+///     }
+/// }
+/// assert_eq!(Kernel::<f32>::run::<f32>(Width), 1);
+/// ```
 pub trait Real: Scalar + Lane<Self> + Dispatch {}
 
 impl Real for f64 {}

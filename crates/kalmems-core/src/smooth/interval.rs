@@ -9,7 +9,33 @@ use core::fmt;
 /// A sample may be asked for again, in ascending order from any sample on, and must then do to the bit the
 /// same. A missing sample corrects nothing; a policy may decline a correction. An error ends the smoothing.
 ///
-/// See [`smooth_interval`] for an example.
+/// [`smooth_interval`] shows one at work.
+///
+/// ```
+/// use kalmems_core::smooth::Course;
+/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat};
+/// /// A level that walks at random, some samples missing.
+/// struct Recording<'a> {
+///     walk: LinearProcess<f64, 1, 0>,
+///     levels: &'a [Option<f64>],
+/// }
+/// impl<F: Filter<f64, 1>> Course<f64, F, 1> for Recording<'_> {
+///     type Error = FilterError;
+///     fn samples(&self) -> usize {
+///         self.levels.len()
+///     }
+///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 1>, FilterError> {
+///         filter.predict_linked(&self.walk, &[])
+///     }
+///     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
+///         if let Some(level) = self.levels.get(sample).copied().flatten() {
+///             let seen = LinearMeasurement { matrix: Mat([[1.0]]) };
+///             filter.update(&seen, &[level], &Covariance::from_variances([1.0]))?;
+///         }
+///         Ok(())
+///     }
+/// }
+/// ```
 pub trait Course<T: Scalar, F, const N: usize> {
     /// Why a sample could not be processed.
     type Error;

@@ -8,7 +8,26 @@ use core::fmt;
 /// same filter must do to the bit the same. A record has room for what may come late, and says at what time
 /// it belongs.
 ///
-/// See [`History`] for an example.
+/// [`History`] shows one at work.
+///
+/// ```
+/// use kalmems_core::update::Replay;
+/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, Mat};
+/// /// A level that walks at random; a record is what was seen of it, if anything.
+/// struct Level(LinearProcess<f64, 1, 0>);
+/// impl<F: Filter<f64, 1>> Replay<F> for Level {
+///     type Record = Option<f64>;
+///     type Error = FilterError;
+///     fn replay(&self, filter: &mut F, seen: &Option<f64>) -> Result<(), FilterError> {
+///         filter.predict(&self.0, &[])?;
+///         if let Some(y) = seen {
+///             let level = LinearMeasurement { matrix: Mat([[1.0]]) };
+///             filter.update(&level, &[*y], &Covariance::from_variances([1.0]))?;
+///         }
+///         Ok(())
+///     }
+/// }
+/// ```
 pub trait Replay<F> {
     /// Inputs and measurements of one sample, those that may come late among them.
     type Record: Copy;

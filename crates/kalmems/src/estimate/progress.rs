@@ -3,6 +3,22 @@
 use std::ops::ControlFlow;
 
 /// Hears how far a piece of work has come, and may stop it.
+///
+/// ```
+/// use kalmems::estimate::Progress;
+/// use std::ops::ControlFlow;
+/// /// Stops after a thousand units.
+/// struct AThousand;
+/// impl Progress for AThousand {
+///     fn begin(&self, what: &str, total: u64) {
+///         println!("{what}: {total}");
+///     }
+///     fn reached(&self, done: u64) -> ControlFlow<()> {
+///         if done < 1000 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+///     }
+/// }
+/// assert!(AThousand.reached(1000).is_break());
+/// ```
 pub trait Progress {
     /// A new piece of work of this many units begins.
     fn begin(&self, what: &str, total: u64);

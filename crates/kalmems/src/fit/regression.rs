@@ -6,6 +6,23 @@ use kalmems_core::{Dual, Over};
 ///
 /// They are handed out and not stored, so that the memory of a fit does not grow with the recording. Divide each
 /// by the standard deviation of its noise where that is known or differs between observations.
+///
+/// ```
+/// use kalmems::fit::{FitSettings, Regression, fit};
+/// /// A mean: its derivative is 1.
+/// struct Mean<'a>(&'a [f64]);
+/// impl Regression<1> for Mean<'_> {
+///     fn residuals(&self, [mean]: &[f64; 1], each: &mut impl FnMut(f64)) {
+///         self.0.iter().for_each(|y| each(mean - y));
+///     }
+///     fn linearize(&self, [mean]: &[f64; 1], each: &mut impl FnMut(f64, &[f64; 1])) {
+///         self.0.iter().for_each(|y| each(mean - y, &[1.0]));
+///     }
+/// }
+/// let found = fit(&Mean(&[1.0, 2.0, 6.0]), &FitSettings::from_start([0.0]))?;
+/// assert!((found.parameters[0] - 3.0).abs() < 1e-12);
+/// # Ok::<(), kalmems::fit::FitError>(())
+/// ```
 pub trait Regression<const P: usize> {
     /// Every residual at these parameters, in an order that is always the same.
     fn residuals(&self, parameters: &[f64; P], each: &mut impl FnMut(f64));
