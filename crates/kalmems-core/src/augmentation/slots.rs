@@ -66,10 +66,13 @@ impl<T: Scalar, const A: usize> Slots<T, A> {
         model.map(|parameter, nominal| {
             let mut value = nominal;
             let mut gradient = [T::of(0.0); NA];
-            for state in 0..A {
-                let slope = self.slope(parameter, state);
-                value = value + added[state] * slope;
-                gradient[first + state] = slope;
+            for i in 0..NA {
+                let state = i.wrapping_sub(first);
+                if state < A {
+                    let slope = self.slope(parameter, state);
+                    value = value + added[state] * slope;
+                    gradient[i] = slope;
+                }
             }
             Dual::new(value, gradient)
         })
