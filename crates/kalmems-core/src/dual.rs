@@ -1,7 +1,7 @@
 //! Numbers that carry their derivatives.
 
 use crate::notation::vector;
-use crate::{Over, Scalar};
+use crate::{Mask, Over, Scalar};
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A value and its gradient with respect to `N` variables: forward-mode differentiation.
@@ -136,6 +136,13 @@ impl<T: Scalar, const N: usize> Mul<T> for Dual<T, N> {
     }
 }
 
+/// a·slope, and a itself where it is zero.
+#[inline(always)]
+fn scaled<T: Scalar>(a: T, slope: T) -> T {
+    let zero = T::of(0.0);
+    T::select(a.lt(zero).or(zero.lt(a)), a * slope, a)
+}
+
 impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
     #[inline(always)]
     fn lift(value: T) -> Self {
@@ -148,7 +155,9 @@ impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
     #[inline(always)]
     fn chained(self, y: Dual<T, 1>) -> Self {
         let [slope] = y.gradient;
-        self.chain(y.value, slope)
+        // What does not depend on a variable is left as it is: the compiler sees that it is constant, which a
+        // product with the slope would hide.
+        Self { value: y.value, gradient: vector!(|i| scaled(self.gradient[i], slope)) }
     }
 }
 

@@ -4,7 +4,8 @@ use super::{Dynamics, Process, ProcessNoise};
 use crate::augmentation::{ParametricDynamics, ParametricProcess};
 use crate::discretize::discretize;
 use crate::linalg::unrolled;
-use crate::{Covariance, NoiseDensity, Over, Parameters, Scalar};
+use crate::notation::{matrix, vector};
+use crate::{Covariance, Dual, Mat, NoiseDensity, Over, Parameters, Scalar};
 use core::marker::PhantomData;
 
 /// An input at the start, the middle and the end of an interval.
@@ -182,6 +183,15 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Euler<D, T,
     #[inline(always)]
     fn step<S: Over<T>>(&self, x: &[S; N], u: &D::Input) -> [S; N] {
         moved(x, &self.dynamics.derivative(x, u), self.interval)
+    }
+
+    /// I + h·∂f/∂x.
+    #[inline(always)]
+    fn linearize(&self, x: &[T; N], u: &D::Input) -> ([T; N], Mat<T, N, N>) {
+        let k = self.dynamics.derivative(&Dual::variables(x), u);
+        let gradient: [[T; N]; N] = vector!(|i| k[i].gradient());
+        let f = matrix!(|i, j| { T::of(if i == j { 1.0 } else { -0.0 }) + gradient[i][j] * self.interval });
+        (moved(x, &vector!(|i| k[i].value()), self.interval), f)
     }
 
     #[inline(always)]
