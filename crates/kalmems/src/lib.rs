@@ -18,9 +18,9 @@
 //!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
 //!
 //!         // Only now is the reference opened.
-//!         let reference = ReferenceRecording::read(&experiment, index, &mut |_, _| ControlFlow::Continue(()))?;
+//!         let reference = ReferenceRecording::read(&experiment, index, rig.angles(), &mut |_, _| ControlFlow::Continue(()))?;
 //!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
-//!         for errors in rig.evaluate(&estimate, &reference.ok_or("no such segment")?) {
+//!         for errors in rig.evaluate(&estimate, &reference) {
 //!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));
 //!         }
 //!     }

@@ -95,19 +95,16 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let estimates = rig.estimate(experiment, index, &recording, progress)?;
 
         let mut reading = Reading { progress, started: false };
-        let reference = ReferenceRecording::read(experiment, index, &mut |d, n| {
+        let reference = ReferenceRecording::read(experiment, index, rig.angles(), &mut |d, n| {
             reading.hear("reading the reference", d, n)
         })?;
         let mut segments = Vec::new();
         for estimate in estimates {
             let found = match &reference {
                 Some(reference) => reference.segment(&estimate.segment.label)?,
-                None => None,
+                None => Vec::new(),
             };
-            let errors = match &found {
-                Some(found) => rig.evaluate(&estimate, found),
-                None => vec![None; estimate.trajectories.len()],
-            };
+            let errors = rig.evaluate(&estimate, &found);
             segments.push(SegmentOutcome { estimate, errors });
         }
         let name =

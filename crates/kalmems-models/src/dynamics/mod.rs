@@ -4,8 +4,10 @@ mod duffing;
 mod electrostatic;
 mod parametric;
 mod resonator;
+mod two_axis;
 
 pub use duffing::Duffing;
 pub use electrostatic::{torque, torque_slope};
 pub use parametric::ParametricScanner;
 pub use resonator::TorsionalResonator;
+pub use two_axis::TwoAxisScanner;

@@ -18,6 +18,9 @@ pub struct Estimate {
     /// filter can know it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_peak: Option<Peak>,
+    /// The same for the second axis of a device that has two; `first_peak` is then that of the first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_peak_y: Option<Peak>,
     /// The power density of the process noise by state, such as
     /// `{ angular_acceleration = "1e8 rad^2/s^3" }`.
     #[serde(default, skip_serializing_if = "Values::is_empty")]

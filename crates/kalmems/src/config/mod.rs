@@ -43,6 +43,7 @@ pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub use schema::schema;
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    Adc, ConstantDrive, DriveSource, RecordedDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive,
+    Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, Simulate, SineDrive, SquareDriveSource,
+    SweepDrive, TonesDrive,
 };
 pub use values::{AnyValue, Entry, Values};

@@ -67,6 +67,8 @@ pub enum DriveSource {
     Square(SquareDriveSource),
     /// A sine whose frequency changes linearly over the duration.
     Sweep(SweepDrive),
+    /// An offset and several sines: one for each axis that hangs on the electrode.
+    Tones(TonesDrive),
     /// A column of a file.
     Recorded(RecordedDrive),
 }
@@ -125,6 +127,30 @@ pub struct SweepDrive {
     /// The frequency at the end.
     #[schemars(example = &"31.1 kHz")]
     pub to: Quantity<Frequency, Positive>,
+}
+
+/// The sum of an offset and of one sine per `[[simulate.drive.tones.tone]]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TonesDrive {
+    /// The mean.
+    pub offset: Quantity<Voltage>,
+    /// The sines.
+    pub tone: Vec<DriveTone>,
+}
+
+/// One sine of several.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DriveTone {
+    /// The amplitude.
+    pub amplitude: Quantity<Voltage, NotNegative>,
+    /// The frequency.
+    #[schemars(example = &"13.1 kHz")]
+    pub frequency: Quantity<Frequency, Positive>,
+    /// The phase of the sine at 0 s; 0 rad if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Quantity<Angle>>,
 }
 
 /// A drive that was recorded; it must reach from 0 s to the end.

@@ -48,6 +48,14 @@ pub enum EstimateError {
         /// The time of the first.
         first_s: f64,
     },
+    /// The signal does not tell where the motion starts.
+    #[error("{place}: no start: {why}")]
+    NoStart {
+        /// The recording and its segment.
+        place: String,
+        /// Why.
+        why: String,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

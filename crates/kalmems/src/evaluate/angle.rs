@@ -20,6 +20,9 @@ pub struct Extent<'a> {
 /// All errors of one trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MotionErrors {
+    /// The angle, by its name among the states.
+    #[serde(skip_serializing_if = "is_the_only_one")]
+    pub of: &'static str,
     /// The angle, sample by sample.
     pub angle: AngleErrors,
     /// The root mean square error of the phase shift, in degrees of the motion's cycle: the timing of each
@@ -41,12 +44,27 @@ pub struct MotionErrors {
     pub amplitude_reference_deg: Option<f64>,
     /// Whether the mirrored estimate would fit much better: the sign that the experiment states is then wrong.
     pub sign_disagrees: bool,
+    /// The errors of the other angles, where the device has several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub other_angles: Vec<MotionErrors>,
     /// The error of the angle over time, for plots.
     #[serde(skip)]
     pub error: ErrorSeries,
     /// The phase error of each peak, for plots.
     #[serde(skip)]
     pub phase: Vec<PhasePoint>,
+}
+
+/// A device of one axis need not say which.
+fn is_the_only_one(angle: &&str) -> bool {
+    *angle == "angle"
+}
+
+impl MotionErrors {
+    /// Those of each angle, this one's first.
+    pub fn each(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.other_angles)
+    }
 }
 
 /// The error of the angle.
@@ -107,6 +125,7 @@ pub fn evaluate_motion(
 
     let cycles = paired_cycles(time_s, estimated, truth, extent.motion_hz);
     Some(MotionErrors {
+        of: reference.states[0],
         angle,
         peak_phase_rmse_deg: rms(phase.iter().map(|p| p.error_deg)),
         phase_shift_reference_deg: shift(&theirs),
@@ -117,6 +136,7 @@ pub fn evaluate_motion(
         amplitude_rmse_deg: rms(cycles.iter().map(|c| c.amplitude)).map(f64::to_degrees),
         amplitude_reference_deg: mean(cycles.iter().map(|c| c.reference)).map(f64::to_degrees),
         sign_disagrees,
+        other_angles: Vec::new(),
         error: ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() },
         phase,
     })
@@ -140,7 +160,8 @@ fn angle_errors(error: &[f64], truth: &[f64], sd: &[f64]) -> Option<AngleErrors>
 
 /// The turning points of both, found in the same way: by the rates where the reference has one, else by angles.
 fn extremes(trajectory: &Trajectory, reference: &Reference, extent: Extent) -> (Vec<Extreme>, Vec<Extreme>) {
-    let both = trajectory.state("angle").zip(trajectory.state("rate")).map(|(angle, rate)| {
+    let [angle, rate] = reference.states.map(|name| trajectory.state(name));
+    let both = angle.zip(rate).map(|(angle, rate)| {
         reference.rate.as_ref().map_or_else(
             || {
                 (
@@ -244,6 +265,7 @@ mod tests {
     use approx::assert_abs_diff_eq;
 
     const MOTION_HZ: f64 = 15_675.0;
+    const ANGLE: [&str; 2] = ["angle", "rate"];
 
     fn motion(n: u32, amplitude: f64, lag_deg: f64, delay_s: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let time: Vec<f64> = (0..n).map(|i| f64::from(i) * 1e-6).collect();
@@ -293,7 +315,7 @@ mod tests {
         let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: Some(&drive) };
         for with_rate in [true, false] {
             let (time_s, angle, rate) = motion(6000, 0.15, 0.0, 0.0);
-            let reference = Reference { time_s, angle, rate: with_rate.then_some(rate) };
+            let reference = Reference { states: ANGLE, time_s, angle, rate: with_rate.then_some(rate) };
             let errors = evaluate_motion(&trajectory(0.151, 2.0), &reference, extent).unwrap();
             assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 2.0, epsilon = 2e-3);
             assert_abs_diff_eq!(errors.cycle_phase_rmse_deg.unwrap(), 2.0, epsilon = 1e-6);
@@ -319,9 +341,12 @@ mod tests {
         let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, rate) = motion(5000, 0.15, 0.0, 0.37e-6);
         let time_s = time_s.iter().map(|t| t + 0.37e-6).collect();
-        let errors =
-            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: Some(rate) }, extent)
-                .unwrap();
+        let errors = evaluate_motion(
+            &trajectory(0.15, 0.0),
+            &Reference { states: ANGLE, time_s, angle, rate: Some(rate) },
+            extent,
+        )
+        .unwrap();
         // The cubic's error is h⁴·ω⁴·A/384, 4e-8 rad.
         assert!(errors.angle.rmse_deg < 5e-6, "{errors:?}");
         assert_eq!(errors.angle.within_three_sigma, Some(1.0));
@@ -332,9 +357,12 @@ mod tests {
     fn the_wrong_sign_is_told() {
         let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, rate) = motion(6000, 0.15, 180.0, 0.0);
-        let errors =
-            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: Some(rate) }, extent)
-                .unwrap();
+        let errors = evaluate_motion(
+            &trajectory(0.15, 0.0),
+            &Reference { states: ANGLE, time_s, angle, rate: Some(rate) },
+            extent,
+        )
+        .unwrap();
         assert!(errors.sign_disagrees);
         assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 180.0, epsilon = 0.1);
     }
@@ -344,8 +372,12 @@ mod tests {
         let extent = Extent { from_s: 1.0, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, _) = motion(6000, 0.15, 0.0, 0.0);
         assert!(
-            evaluate_motion(&trajectory(0.15, 0.0), &Reference { time_s, angle, rate: None }, extent)
-                .is_none()
+            evaluate_motion(
+                &trajectory(0.15, 0.0),
+                &Reference { states: ANGLE, time_s, angle, rate: None },
+                extent
+            )
+            .is_none()
         );
     }
 }

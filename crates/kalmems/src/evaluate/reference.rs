@@ -10,6 +10,8 @@ use std::ops::ControlFlow;
 /// An angle measured, or known, independently of the signal.
 #[derive(Clone, Debug)]
 pub struct Reference {
+    /// The states of an estimate that it is compared with: the angle's name, and the rate's.
+    pub states: [&'static str; 2],
     /// When the instrument said so, less its delay, in s.
     pub time_s: Vec<f64>,
     /// The angle in rad; not a number where it is missing.
@@ -22,9 +24,16 @@ pub struct Reference {
 #[derive(Clone, Debug)]
 pub struct ReferenceRecording {
     recording: Recording,
+    angles: Vec<AngleColumns>,
+    delay_s: f64,
+}
+
+/// An angle, and the columns that know it.
+#[derive(Clone, Debug)]
+struct AngleColumns {
+    states: [&'static str; 2],
     angle: String,
     rate: Option<String>,
-    delay_s: f64,
 }
 
 /// Why a reference cannot be read.
@@ -39,34 +48,47 @@ pub enum ReferenceError {
 }
 
 impl ReferenceRecording {
-    /// Reads the reference of a recording, if the experiment names one: an `angle`, and a `rate` where there is
-    /// one.
+    /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
+    /// reference has one.
     pub fn read(
         experiment: &Experiment,
         index: usize,
+        angles: &[[&'static str; 2]],
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Option<Self>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
-        let angle = reference.channels.column("angle").ok_or_else(|| {
-            let remedy = "name its column, such as `angle = \"angle_rad\"`".to_owned();
-            experiment.error(key().child("angle"), Fault::MissingKey { remedy })
-        })?;
-        let rate = reference.channels.column("rate");
-        if let Some((other, _)) =
-            reference.channels.iter().find(|(name, _)| !matches!(*name, "angle" | "rate"))
-        {
-            let why = format!("`{other}` is not a channel of this reference; known are `angle` and `rate`");
+        let known = || angles.iter().flatten();
+        if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == name)) {
+            let names: Vec<String> = known().map(|name| format!("`{name}`")).collect();
+            let (last, first) =
+                names.split_last().map_or(("", &[][..]), |(last, first)| (last.as_str(), first));
+            let names = format!("{} and {last}", first.join(", "));
+            let why = format!("`{other}` is not a channel of this reference; known are {names}");
             return Err(experiment.error(key().child(other), Fault::Value { why }).into());
         }
-        let columns: Vec<&str> = [Some(angle), rate].into_iter().flatten().collect();
+        let angles = angles.iter().map(|&states| {
+            let [angle, rate] = states.map(|name| reference.channels.column(name).map(str::to_owned));
+            let angle = angle.ok_or_else(|| {
+                let name = states[0];
+                let remedy = format!("name its column, such as `{name} = \"{name}_rad\"`");
+                experiment.error(key().child(name), Fault::MissingKey { remedy })
+            })?;
+            Ok(AngleColumns { states, angle, rate })
+        });
+        let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
+        let columns: Vec<&str> = angles
+            .iter()
+            .flat_map(|a| [Some(&a.angle), a.rate.as_ref()])
+            .flatten()
+            .map(String::as_str)
+            .collect();
         let layout = described.reference_layout(reference, &columns);
         let file = experiment.resolve(reference.file(described));
         Ok(Some(Self {
             recording: Recording::read_with(&file, &layout, progress)?,
-            angle: angle.to_owned(),
-            rate: rate.map(str::to_owned),
+            angles,
             delay_s: reference.delay_s(),
         }))
     }
@@ -76,17 +98,21 @@ impl ReferenceRecording {
         &self.recording
     }
 
-    /// The segment with this label, its delay taken off its times. `None` where there is no such segment.
-    pub fn segment(&self, label: &str) -> Result<Option<Reference>, ReadError> {
-        let angle = self.recording.column_of(&self.angle, &kind::ANGLE)?;
-        let rate = self.rate.as_ref().map(|name| self.recording.column_of(name, &kind::ANGULAR_RATE));
-        let rate = rate.transpose()?;
+    /// The angles of the segment with this label, its delay taken off its times. None where there is no such segment.
+    pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
         let segment = self.recording.segments().iter().find(|segment| segment.label == label);
-        Ok(segment.map(|segment| Reference {
-            time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
-            angle: angle.of(segment).to_vec(),
-            rate: rate.map(|rate| rate.of(segment).to_vec()),
-        }))
+        let one = |columns: &AngleColumns| {
+            let angle = self.recording.column_of(&columns.angle, &kind::ANGLE)?;
+            let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, &kind::ANGULAR_RATE));
+            let rate = rate.transpose()?;
+            Ok(segment.map(|segment| Reference {
+                states: columns.states,
+                time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
+                angle: angle.of(segment).to_vec(),
+                rate: rate.map(|rate| rate.of(segment).to_vec()),
+            }))
+        };
+        self.angles.iter().filter_map(|columns| one(columns).transpose()).collect()
     }
 }
 
@@ -98,7 +124,8 @@ impl Reference {
     /// is not a number.
     pub fn estimate_at(&self, trajectory: &Trajectory) -> (Vec<f64>, Vec<f64>) {
         let nothing = || (vec![f64::NAN; self.time_s.len()], Vec::new());
-        let (Some(angle), Some(rate)) = (trajectory.state("angle"), trajectory.state("rate")) else {
+        let (Some(angle), Some(rate)) = (trajectory.state(self.states[0]), trajectory.state(self.states[1]))
+        else {
             return nothing();
         };
         let times = &trajectory.time_s;

@@ -3,8 +3,10 @@
 use super::Verdict;
 use super::metrics::verdict;
 use crate::estimate::Trajectory;
+use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
 use crate::report::{Axis, Figure, Panel, Role, Series};
+use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -72,10 +74,12 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
             .with(Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, zip(&predicted))),
     );
 
-    if let Some(angle) = trajectory.state("angle") {
+    let model = segment.estimate.trajectories.iter().find(|t| t.key == "model");
+    let model = model.filter(|model| model.key != trajectory.key);
+    for angle in trajectory.states.iter().filter(|state| state.kind.name == kind::ANGLE.name) {
         let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
-        let mut panel = Panel::new(time_axis(), Axis::new("angle", "deg"));
-        if let Some(reference) = reference_window(recording, segment, start, end) {
+        let mut panel = Panel::new(time_axis(), Axis::new(words(angle.name), "deg"));
+        if let Some(reference) = reference_window(recording, segment, angle.name, start, end) {
             panel = panel.with(Series::line("reference", Role::Reference, reference));
         }
         if !angle.sd.is_empty() {
@@ -88,9 +92,8 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
             panel = panel.with(Series::band("±3σ", Role::Estimate, band));
         }
         panel = panel.with(Series::line(trajectory.name, Role::Estimate, zip(&degrees)));
-        if let Some(model) = segment.estimate.trajectories.iter().find(|t| t.key == "model")
-            && model.key != trajectory.key
-            && let Some(angle) = model.state("angle")
+        if let Some(model) = model
+            && let Some(angle) = model.state(angle.name)
         {
             let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
             panel = panel.with(Series::line(model.name, Role::Model, zip(&degrees)));
@@ -108,10 +111,12 @@ fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f
 fn reference_window(
     recording: &RecordingOutcome,
     segment: &SegmentOutcome,
+    angle: &str,
     start: f64,
     end: f64,
 ) -> Option<Vec<(f64, f64)>> {
-    let reference = recording.reference.as_ref()?.segment(&segment.estimate.segment.label).ok()??;
+    let references = recording.reference.as_ref()?.segment(&segment.estimate.segment.label).ok()?;
+    let reference = references.iter().find(|reference| reference.states[0] == angle)?;
     let samples = reference.time_s.iter().zip(&reference.angle);
     Some(samples.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, a)| (*t, a.to_degrees())).collect())
 }
@@ -122,7 +127,7 @@ fn angle_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
                    deviations on each side. Each panel has its own scale.";
     let panels = with_errors(segment).map(|(trajectory, errors)| {
         let series = &errors.error;
-        let mut panel = Panel::new(time_axis(), Axis::new("angle error", "deg"));
+        let mut panel = Panel::new(time_axis(), Axis::new(format!("{} error", words(errors.of)), "deg"));
         let error = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e.to_degrees()));
         panel = panel.with(Series::line(label(trajectory, segment), role(trajectory), error));
         if !series.sd.is_empty() {
@@ -143,7 +148,7 @@ fn phase_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
                    estimated angle turns round, against when the reference does. Each panel has its own scale.";
     let panels = with_errors(segment).map(|(trajectory, errors)| {
         let points = errors.phase.iter().map(|p| (p.time_s, p.error_deg));
-        Panel::new(time_axis(), Axis::new("phase error", "deg"))
+        Panel::new(time_axis(), Axis::new(errors.of.replace("angle", "phase error").replace('_', " "), "deg"))
             .with(Series::points(label(trajectory, segment), role(trajectory), points))
             .with(Series::level("", Role::Bound, 0.0))
     });
@@ -153,10 +158,15 @@ fn phase_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
     )
 }
 
-fn with_errors(
-    segment: &SegmentOutcome,
-) -> impl Iterator<Item = (&Trajectory, &crate::evaluate::MotionErrors)> {
-    segment.estimate.trajectories.iter().zip(&segment.errors).filter_map(|(t, e)| Some((t, e.as_ref()?)))
+/// A state's name for people: `angle_x` as "angle x".
+fn words(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// Each filter with its errors, angle by angle.
+fn with_errors(segment: &SegmentOutcome) -> impl Iterator<Item = (&Trajectory, &MotionErrors)> {
+    let pairs = segment.estimate.trajectories.iter().zip(&segment.errors);
+    pairs.flat_map(|(t, e)| e.iter().flat_map(MotionErrors::each).map(move |e| (t, e)))
 }
 
 /// The NIS averaged over each cycle of the motion, with the interval that it should keep to.

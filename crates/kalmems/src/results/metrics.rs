@@ -58,8 +58,22 @@ pub struct SegmentMetrics {
     pub motion_hz: f64,
     /// The drive, where it is a steady sine.
     pub drive: Option<DriveMetrics>,
+    /// The axes beside the one that `drive` and `motion_hz` are of.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub other_axes: Vec<AxisMetrics>,
     /// One per filter.
     pub estimators: Vec<EstimatorMetrics>,
+}
+
+/// One axis of several.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct AxisMetrics {
+    /// The name of its angle.
+    pub angle: &'static str,
+    /// How fast it moves, in Hz.
+    pub motion_hz: f64,
+    /// Its part of the drive, where that is a steady sine.
+    pub drive: Option<DriveMetrics>,
 }
 
 /// The sine of a drive.
@@ -180,16 +194,23 @@ fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
         duration_s: time.at(time.len().saturating_sub(1)) - time.start_s(),
         skip_s: estimate.skip_s,
         motion_hz: estimate.motion.frequency_hz,
-        drive: estimate.drive.map(|sine: Sine| DriveMetrics {
-            offset_v: sine.offset,
-            amplitude_v: sine.amplitude,
-            frequency_hz: sine.frequency_hz,
-        }),
+        drive: estimate.drive.map(drive),
+        other_axes: (estimate.other_axes.iter())
+            .map(|axis| AxisMetrics {
+                angle: axis.angle,
+                motion_hz: axis.motion.frequency_hz,
+                drive: axis.drive.map(drive),
+            })
+            .collect(),
         estimators: (estimate.trajectories.iter())
             .zip(&outcome.errors)
             .map(|(trajectory, errors)| estimator(trajectory, errors.clone(), estimate.skip_s))
             .collect(),
     }
+}
+
+fn drive(sine: Sine) -> DriveMetrics {
+    DriveMetrics { offset_v: sine.offset, amplitude_v: sine.amplitude, frequency_hz: sine.frequency_hz }
 }
 
 fn consistency(trajectory: &Trajectory, skip_s: f64) -> Option<Consistency> {
@@ -204,7 +225,7 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
     if !trajectory.lock.held() {
         return if trajectory.claims() { Verdict::LostLock } else { Verdict::Astray };
     }
-    if errors.is_some_and(|e| e.sign_disagrees) {
+    if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
         return Verdict::WrongSign;
     }
     match consistency(trajectory, skip_s) {

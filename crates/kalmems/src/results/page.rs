@@ -5,6 +5,7 @@ use super::names::prefix;
 use super::summary::segment_name;
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::Peak;
+use crate::evaluate::MotionErrors;
 use crate::report::{Column, Figure, Page, ReportError, Section, Table};
 use crate::workflow::Outcome;
 
@@ -89,6 +90,12 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
         )),
         None => facts.push(("drive", "no steady sine: phases are not compared with it".to_owned())),
     }
+    for axis in &segment.other_axes {
+        facts.push((
+            axis.angle,
+            format!("moves at {:.3} Hz, half the frequency of its part of the drive", axis.motion_hz),
+        ));
+    }
     facts
 }
 
@@ -99,29 +106,47 @@ fn milli(seconds: f64) -> String {
 
 /// One figure of a filter, where it has it.
 type Detail = fn(&EstimatorMetrics) -> Option<f64>;
+/// One figure of an angle's errors, where they have it.
+type AngleDetail = fn(&MotionErrors) -> Option<f64>;
 
 /// What the summary leaves out: a row per figure, a column per filter.
 fn details(segment: &SegmentMetrics) -> Table {
     let names = segment.estimators.iter().map(|estimator| Column::number(estimator.name, ""));
     let columns = [Column::text("figure"), Column::text("unit")].into_iter().chain(names);
     let mut table = Table::new("More figures", columns);
-    let rows: [(&str, &str, usize, Detail); 10] = [
-        ("largest angle error", "deg", 4, |e| Some(e.errors.as_ref()?.angle.largest_deg)),
-        ("angle errors within ±3σ", "%", 2, |e| Some(100.0 * e.errors.as_ref()?.angle.within_three_sigma?)),
-        ("cycle phase RMSE", "deg", 4, |e| e.errors.as_ref()?.cycle_phase_rmse_deg),
-        ("mean phase shift, estimate", "deg", 3, |e| e.errors.as_ref()?.phase_shift_estimate_deg),
-        ("mean phase shift, reference", "deg", 3, |e| e.errors.as_ref()?.phase_shift_reference_deg),
-        ("mean amplitude, reference", "deg", 3, |e| e.errors.as_ref()?.amplitude_reference_deg),
-        ("peaks compared", "", 0, |e| Some(e.errors.as_ref()?.peaks as f64)),
-        ("peaks without a partner", "", 0, |e| Some(e.errors.as_ref()?.peaks_without_partner as f64)),
+    let mut push = |name: String, unit: &str, digits: usize, values: Vec<Option<f64>>| {
+        let cells = values.into_iter().map(|v| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.digits$}")));
+        table.push([name, unit.to_owned()].into_iter().chain(cells));
+    };
+    let of_angle: [(&str, &str, usize, AngleDetail); 8] = [
+        ("largest angle error", "deg", 4, |e| Some(e.angle.largest_deg)),
+        ("angle errors within ±3σ", "%", 2, |e| Some(100.0 * e.angle.within_three_sigma?)),
+        ("cycle phase RMSE", "deg", 4, |e| e.cycle_phase_rmse_deg),
+        ("mean phase shift, estimate", "deg", 3, |e| e.phase_shift_estimate_deg),
+        ("mean phase shift, reference", "deg", 3, |e| e.phase_shift_reference_deg),
+        ("mean amplitude, reference", "deg", 3, |e| e.amplitude_reference_deg),
+        ("peaks compared", "", 0, |e| Some(e.peaks as f64)),
+        ("peaks without a partner", "", 0, |e| Some(e.peaks_without_partner as f64)),
+    ];
+    let angles = segment.estimators.iter().filter_map(|e| e.errors.as_ref()).map(|e| e.each().count()).max();
+    for index in 0..angles.unwrap_or(1) {
+        let errors: Vec<Option<&MotionErrors>> =
+            segment.estimators.iter().map(|e| e.errors.as_ref()?.each().nth(index)).collect();
+        let of = errors.iter().flatten().next().map(|e| e.of);
+        for (name, unit, digits, figure) in of_angle {
+            let name = match of {
+                Some(of) if angles > Some(1) => format!("{of}: {name}"),
+                _ => name.to_owned(),
+            };
+            push(name, unit, digits, errors.iter().map(|e| figure((*e)?)).collect());
+        }
+    }
+    let of_filter: [(&str, &str, usize, Detail); 2] = [
         ("updates", "", 0, |e| Some(e.counts.updates as f64)),
         ("log-likelihood", "", 1, |e| Some(e.consistency.as_ref()?.log_likelihood)),
     ];
-    for (name, unit, digits, figure) in rows {
-        let cells = segment.estimators.iter().map(|estimator| {
-            figure(estimator).map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
-        });
-        table.push([name.to_owned(), unit.to_owned()].into_iter().chain(cells));
+    for (name, unit, digits, figure) in of_filter {
+        push(name.to_owned(), unit, digits, segment.estimators.iter().map(figure).collect());
     }
     table
 }

@@ -1,6 +1,7 @@
 //! The figures as a table, and the sentences that must not be missed.
 
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
+use crate::evaluate::MotionErrors;
 use crate::report::{Column, Severity, Table};
 use std::fmt;
 
@@ -50,7 +51,11 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
-                table.push(name.into_iter().chain(row(estimator)).chain(duration));
+                table.push(name.clone().into_iter().chain(row(estimator)).chain(duration));
+                for errors in estimator.errors.iter().flat_map(|e| &e.other_angles) {
+                    let duration = with_durations.then(String::new);
+                    table.push(name.clone().into_iter().chain(row_of_axis(errors)).chain(duration));
+                }
             }
         }
     }
@@ -62,18 +67,37 @@ pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String 
 }
 
 fn row(estimator: &EstimatorMetrics) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
-    let errors = estimator.errors.as_ref();
     let consistency = estimator.consistency.as_ref();
-    vec![
-        estimator.name.to_owned(),
+    let errors = estimator.errors.as_ref();
+    let name = match errors {
+        Some(errors) if !errors.other_angles.is_empty() => format!("{}, {}", estimator.name, errors.of),
+        _ => estimator.name.to_owned(),
+    };
+    let mut cells = vec![name];
+    cells.extend(figures(errors));
+    cells.extend([
+        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
+        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
+        estimator.verdict.words().to_owned(),
+    ]);
+    cells
+}
+
+/// Another axis of the estimator above: what belongs to the estimator as a whole is not said again.
+fn row_of_axis(errors: &MotionErrors) -> Vec<String> {
+    let mut cells = vec![format!("  {}", errors.of)];
+    cells.extend(figures(Some(errors)));
+    cells.extend([const { String::new() }; 3]);
+    cells
+}
+
+fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    [
         number(errors.map(|e| e.angle.rmse_deg)),
         number(errors.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
         number(errors.and_then(|e| e.peak_phase_rmse_deg)),
         number(errors.and_then(|e| e.amplitude_rmse_deg)),
-        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
-        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
-        estimator.verdict.words().to_owned(),
     ]
 }
 

@@ -14,7 +14,7 @@ use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 
 /// Every rig that is built.
-pub static ALL: &[&dyn Rig] = &[&shared_scanner::SharedScannerRig];
+pub static ALL: &[&dyn Rig] = &[&shared_scanner::SharedScannerRig, &shared_scanner::two_axes::TwoAxesRig];
 
 /// A device with its drive, its recordings and its way of being estimated.
 pub trait Rig: Sync {
@@ -31,6 +31,11 @@ pub trait Rig: Sync {
     /// How to read one of them. The reference's columns are not among those asked for.
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError>;
 
+    /// The states that a reference may know, the name of an angle and that of its rate for each axis.
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[["angle", "rate"]]
+    }
+
     /// Estimates the motion in each segment of a recording.
     fn estimate(
         &self,
@@ -43,8 +48,8 @@ pub trait Rig: Sync {
     /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
-    /// Compares each trajectory of a segment with the reference; `None` where nothing can be compared.
-    fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>>;
+    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
+    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
 }
 
 /// What the filters say of one segment.
@@ -60,10 +65,23 @@ pub struct SegmentEstimate {
     pub drive: Option<Sine>,
     /// How fast the device moves.
     pub motion: Motion,
+    /// The axes beside the one that `drive` and `motion` are of.
+    pub other_axes: Vec<Axis>,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
     /// One per filter.
     pub trajectories: Vec<Trajectory>,
+}
+
+/// One axis of several.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    /// The name of its angle among the states.
+    pub angle: &'static str,
+    /// How fast it moves.
+    pub motion: Motion,
+    /// Its part of the drive, where that is a steady sine.
+    pub drive: Option<Sine>,
 }
 
 impl SegmentEstimate {

@@ -116,7 +116,7 @@ fn finish(time_s: &[f64], y: &[f64], [offset, c, s]: [f64; 3], frequency_hz: f64
 }
 
 /// Linear least squares over the finite samples.
-fn least_squares<const P: usize>(
+pub(crate) fn least_squares<const P: usize>(
     time_s: &[f64],
     y: &[f64],
     basis: impl Fn(f64) -> [f64; P],

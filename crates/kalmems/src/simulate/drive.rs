@@ -47,6 +47,13 @@ pub enum Drive {
         /// When it is reached.
         duration_s: f64,
     },
+    /// offset + Σ amplitude·sin(2πft + phase): several axes driven at once through one electrode.
+    Tones {
+        /// In V.
+        offset: f64,
+        /// The sines.
+        tones: Vec<Tone>,
+    },
     /// Samples, with a cubic between them. Before the first and after the last they count as held.
     Recorded {
         /// When, rising.
@@ -54,6 +61,24 @@ pub enum Drive {
         /// In V, as many.
         volts: Vec<f64>,
     },
+}
+
+/// One sine of several.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tone {
+    /// In V.
+    pub amplitude: f64,
+    /// f.
+    pub frequency_hz: f64,
+    /// In rad, of the sine at 0 s.
+    pub phase_rad: f64,
+}
+
+impl Tone {
+    /// Its share of the voltage.
+    fn at(&self, time_s: f64) -> f64 {
+        self.amplitude * sine_of_cycles(self.frequency_hz * time_s + self.phase_rad / TAU)
+    }
 }
 
 /// sin 2πx.
@@ -78,6 +103,7 @@ impl Drive {
                 let mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept / duration_s;
                 offset + amplitude * sine_of_cycles(mean_hz * swept + to_hz * stays)
             }
+            Self::Tones { offset, tones } => tones.iter().fold(*offset, |sum, tone| sum + tone.at(time_s)),
             Self::Recorded { time_s: times, volts } => match times.partition_point(|t| *t <= time_s) {
                 0 => volts.first().copied().unwrap_or(f64::NAN),
                 to if to == times.len() => volts.last().copied().unwrap_or(f64::NAN),
@@ -90,7 +116,7 @@ impl Drive {
     pub fn period_s(&self) -> Option<f64> {
         match self {
             Self::Sine { frequency_hz, .. } | Self::Square { frequency_hz, .. } => Some(1.0 / frequency_hz),
-            Self::Constant { .. } | Self::Sweep { .. } | Self::Recorded { .. } => None,
+            Self::Constant { .. } | Self::Sweep { .. } | Self::Tones { .. } | Self::Recorded { .. } => None,
         }
     }
 
@@ -112,7 +138,7 @@ impl Drive {
                 let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).sin();
                 Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
             }
-            Self::Recorded { .. } => None,
+            Self::Tones { .. } | Self::Recorded { .. } => None,
         }
     }
 

@@ -13,7 +13,7 @@ mod simulator;
 mod source;
 mod stability;
 
-pub use drive::Drive;
+pub use drive::{Drive, Tone};
 pub use floquet::floquet_exponent;
 pub use noise::WhiteNoise;
 pub use recording::{Channel, Sample, SimulateError, Simulation};

@@ -1,6 +1,6 @@
 //! The drive as the experiment file describes it.
 
-use super::{Drive, SimulateError};
+use super::{Drive, SimulateError, Tone};
 use crate::config::{Clock, DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
 use crate::recording::{self, Layout, Recording, Source};
 use crate::units::kind;
@@ -30,6 +30,16 @@ pub fn drive_of(
             from_hz: sweep.from.si(),
             to_hz: sweep.to.si(),
             duration_s: simulate.duration.si(),
+        },
+        DriveSource::Tones(sum) => Drive::Tones {
+            offset: sum.offset.si(),
+            tones: (sum.tone.iter())
+                .map(|tone| Tone {
+                    amplitude: tone.amplitude.si(),
+                    frequency_hz: tone.frequency.si(),
+                    phase_rad: tone.phase.as_ref().map_or(0.0, Quantity::si),
+                })
+                .collect(),
         },
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;

@@ -3,6 +3,7 @@
 mod accelerometer;
 mod micro_stage;
 mod piston_mirror;
+mod second_axis;
 mod shared_scanner;
 mod threshold_scanner;
 
@@ -11,6 +12,7 @@ pub use accelerometer::{
 };
 pub use micro_stage::{Electrode, Gyroscope, MicroStage, StageResonator, Vibrometer};
 pub use piston_mirror::{CapacitanceReadout, DistanceSeries, PistonMirror};
+pub use second_axis::SecondAxis;
 pub use shared_scanner::{Carrier, DemodulatedReadout, GaussianComb, Resonator, SharedScanner};
 pub use threshold_scanner::{
     LogisticComb, MirrorResonator, PositionDetector, SquareDrive, ThresholdScanner, TransimpedanceReadout,

@@ -1,5 +1,6 @@
 //! The shared-electrode scanner: one comb drives and senses.
 
+use super::SecondAxis;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Inertia, Stiffness, TorsionalDamping, Voltage, VoltagePerCapacitance,
     VoltageVariance,
@@ -21,6 +22,9 @@ pub struct SharedScanner {
     pub readout: DemodulatedReadout,
     /// The carrier that senses the capacitance.
     pub carrier: Carrier,
+    /// A second axis on the same electrode; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_axis: Option<SecondAxis>,
 }
 
 /// A rotating mass on a torsional spring.

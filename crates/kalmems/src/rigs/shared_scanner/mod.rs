@@ -10,6 +10,7 @@ mod drive;
 mod segment;
 mod settings;
 mod simulation;
+pub mod two_axes;
 
 use super::{Rig, SegmentEstimate};
 use crate::config::{ConfigError, Device, Experiment, Fault, Role};
@@ -21,7 +22,6 @@ use crate::units::kind;
 use data::SegmentData;
 use drive::Drive;
 use settings::Settings;
-use simulation::ScannerSimulation;
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -35,22 +35,12 @@ impl Rig for SharedScannerRig {
     }
 
     fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::SharedScanner(_))
+        matches!(device, Device::SharedScanner(scanner) if scanner.second_axis.is_none())
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         Settings::of(experiment)?;
-        let is_wanted = |role| matches!(role, Role::Test | Role::SteadyState);
-        let wanted: Vec<usize> =
-            (0..experiment.recordings.len()).filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
-        if wanted.is_empty() {
-            let why = "no recording has the role `test` or `steady_state`; those are estimated".to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }));
-        }
-        for index in &wanted {
-            self.layout(experiment, *index)?;
-        }
-        Ok(wanted)
+        wanted(experiment)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
@@ -110,17 +100,33 @@ impl Rig for SharedScannerRig {
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
-        Ok(Box::new(ScannerSimulation::of(experiment)?))
+        simulation::simulation(experiment)
     }
 
-    fn evaluate(&self, estimate: &SegmentEstimate, reference: &Reference) -> Vec<Option<MotionErrors>> {
+    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
         let extent = Extent {
             from_s: estimate.from_s(),
             motion_hz: estimate.motion.frequency_hz,
             drive: estimate.drive.as_ref(),
         };
-        estimate.trajectories.iter().map(|t| evaluate_motion(t, reference, extent)).collect()
+        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent));
+        estimate.trajectories.iter().map(errors).collect()
     }
+}
+
+/// The recordings that are estimated, their channels checked.
+fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+    let is_wanted = |role| matches!(role, Role::Test | Role::SteadyState);
+    let wanted: Vec<usize> =
+        (0..experiment.recordings.len()).filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
+    if wanted.is_empty() {
+        let why = "no recording has the role `test` or `steady_state`; those are estimated".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }));
+    }
+    for index in &wanted {
+        columns(experiment, *index)?;
+    }
+    Ok(wanted)
 }
 
 fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
@@ -141,6 +147,7 @@ fn estimate_of(
         signal_column: signal_column.to_owned(),
         drive: data.drive.sine().copied(),
         motion: data.motion(settings),
+        other_axes: Vec::new(),
         skip_s: settings.skip_s,
         trajectories,
     }

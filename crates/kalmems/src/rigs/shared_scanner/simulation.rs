@@ -1,21 +1,22 @@
 //! A recording of the scanner that is computed.
 
 use super::settings::{Hardware, state_at};
-use crate::config::{Device, DriveSource, Experiment, Fault, Key};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Values};
 use crate::recording::Source;
 use crate::simulate::{
     Channel, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
 };
-use kalmems_core::Measurement;
+use kalmems_core::{Dynamics, Measurement};
 use std::ops::ControlFlow;
 
-/// The scanner under a drive, and what is read of it: the demodulated signal with white noise, rounded where there is
-/// a converter.
-pub struct ScannerSimulation {
-    hardware: Hardware,
+/// A scanner of one axis or two under a drive, and what is read of it: the demodulated signal with white noise, rounded
+/// where there is a converter.
+pub struct ScannerSimulation<D, H, const N: usize> {
+    dynamics: D,
+    readout: H,
     drive: Drive,
     sources: Vec<Source>,
-    start: [f64; 2],
+    start: [f64; N],
     integration_rate_hz: f64,
     steps_per_sample: u64,
     samples: u64,
@@ -24,12 +25,37 @@ pub struct ScannerSimulation {
     noise: f64,
     seed: u64,
     converter: Option<Converter>,
+    truth: &'static [Channel],
+    outlook: Option<String>,
 }
 
-impl ScannerSimulation {
-    /// Reads and checks what the file says.
-    pub fn of(experiment: &Experiment) -> Result<Self, SimulateError> {
-        let hardware = Hardware::of(experiment)?;
+/// The simulation of the scanner of one axis.
+pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+    let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
+    let outlook = |drive: &Drive| Stability::of(&scanner, drive).map(|stability| stability.to_string());
+    let start = |key: &str, values: &Values| state_at(experiment, key, values);
+    let simulation = ScannerSimulation::of(
+        experiment,
+        (scanner, readout, noise_variance),
+        start,
+        &[
+            Channel { meaning: "angle", column: "angle_rad" },
+            Channel { meaning: "rate", column: "rate_rad_per_s" },
+        ],
+        outlook,
+    )?;
+    Ok(Box::new(simulation))
+}
+
+impl<D, H, const N: usize> ScannerSimulation<D, H, N> {
+    /// Reads and checks what the file says of the simulation.
+    pub fn of(
+        experiment: &Experiment,
+        (dynamics, readout, noise_variance): (D, H, f64),
+        start: impl FnOnce(&str, &Values) -> Result<[f64; N], ConfigError>,
+        truth: &'static [Channel],
+        outlook: impl FnOnce(&Drive) -> Option<String>,
+    ) -> Result<Self, SimulateError> {
         let Some(simulate) = &experiment.simulate else {
             let remedy =
                 "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` \
@@ -47,10 +73,13 @@ impl ScannerSimulation {
             let key = key.into_iter().fold(Key::from("device"), Key::child);
             return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
         }
-        let start = state_at(experiment, "simulate.start", &simulate.start)?;
+        let start = start("simulate.start", &simulate.start)?;
         let (drive, source) = drive_of(experiment, simulate)?;
         Ok(Self {
-            hardware,
+            dynamics,
+            readout,
+            outlook: outlook(&drive),
+            truth,
             drive,
             sources: source.into_iter().collect(),
             start,
@@ -58,7 +87,7 @@ impl ScannerSimulation {
             steps_per_sample: simulate.steps_per_sample(),
             samples: simulate.samples(),
             sampling_rate_hz: simulate.sampling_rate.si(),
-            noise: if simulate.noise { hardware.noise_variance.sqrt() } else { 0.0 },
+            noise: if simulate.noise { noise_variance.sqrt() } else { 0.0 },
             seed: simulate.seed,
             converter: simulate.adc.as_ref().map(|adc| Converter {
                 low: adc.low.si(),
@@ -72,16 +101,17 @@ impl ScannerSimulation {
 /// The stream of the readout's noise.
 const SIGNAL_NOISE: u64 = 0;
 
-impl Simulation for ScannerSimulation {
+impl<D, H, const N: usize> Simulation for ScannerSimulation<D, H, N>
+where
+    D: Dynamics<f64, N, Input = f64> + Copy,
+    H: Measurement<f64, N, 1>,
+{
     fn recorded(&self) -> &'static [Channel] {
         &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
     }
 
     fn truth(&self) -> &'static [Channel] {
-        &[
-            Channel { meaning: "angle", column: "angle_rad" },
-            Channel { meaning: "rate", column: "rate_rad_per_s" },
-        ]
+        self.truth
     }
 
     fn samples(&self) -> u64 {
@@ -93,12 +123,12 @@ impl Simulation for ScannerSimulation {
     }
 
     fn outlook(&self) -> Option<String> {
-        Stability::of(&self.hardware.scanner, &self.drive).map(|stability| stability.to_string())
+        self.outlook.clone()
     }
 
     fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut simulator =
-            Simulator::new(self.hardware.scanner, self.drive.clone(), self.integration_rate_hz, self.start);
+            Simulator::new(self.dynamics, self.drive.clone(), self.integration_rate_hz, self.start);
         let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
         for k in 0..self.samples {
             if k > 0 {
@@ -110,7 +140,7 @@ impl Simulation for ScannerSimulation {
             if !simulator.state().iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s });
             }
-            let [clean] = self.hardware.readout.predict(simulator.state());
+            let [clean] = self.readout.predict(simulator.state());
             let noisy = clean + self.noise * noise.sample();
             let signal = self.converter.map_or(noisy, |converter| converter.round(noisy));
             let sample = Sample { time_s, recorded: &[simulator.drive(), signal], truth: simulator.state() };

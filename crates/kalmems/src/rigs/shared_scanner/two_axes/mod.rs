@@ -1,0 +1,27 @@
+//! Two axes on one shared electrode: one voltage drives both, one signal senses both.
+//!
+//! The future work that Chen et al. (shared electrodes, 2020) and Chen's thesis of 2018 name: their scanner in a
+//! gimbal that the same electrode drives and senses. Each axis is driven at twice its resonance; V² has the products of
+//! both drives, and all of it acts on both axes. Either angle mirrored is an exact symmetry, so that the sign of each
+//! motion is calibrated by itself.
+
+mod band_plan;
+mod course;
+mod filters;
+mod hardware;
+mod lock;
+mod rig;
+mod segment;
+mod settings;
+mod simulation;
+mod start;
+mod tones;
+
+pub use band_plan::{Band, BandPlan, Conflict, Line, Place, PlannedDrive};
+pub use filters::{Filters, STATES, Start};
+pub use hardware::Hardware;
+pub use rig::TwoAxesRig;
+pub use segment::{Samples, TwoAxisEstimate, estimate};
+pub use settings::Settings;
+pub use start::{BatchStart, StartError, line_share};
+pub use tones::DriveTones;
