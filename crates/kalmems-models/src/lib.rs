@@ -10,5 +10,6 @@
 #![no_std]
 
 pub mod capacitance;
+pub mod circuit;
 pub mod dynamics;
 pub mod readout;

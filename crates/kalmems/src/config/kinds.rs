@@ -37,6 +37,8 @@ markers! {
     Damping = kind::DAMPING;
     Voltage = kind::VOLTAGE;
     VoltageVariance = kind::VOLTAGE_VARIANCE;
+    VoltageDensity = kind::VOLTAGE_DENSITY;
+    PerVoltage = kind::PER_VOLTAGE;
     Capacitance = kind::CAPACITANCE;
     Resistance = kind::RESISTANCE;
     VoltagePerCapacitance = kind::VOLTAGE_PER_CAPACITANCE;

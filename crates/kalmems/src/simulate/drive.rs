@@ -112,6 +112,32 @@ impl Drive {
         }
     }
 
+    /// How fast the voltage changes, in V/s; `None` for a drive that jumps or is known at samples alone.
+    pub fn slope(&self, time_s: f64) -> Option<f64> {
+        let cosine = |amplitude: f64, frequency_hz: f64, cycles: f64| {
+            TAU * frequency_hz * amplitude * sine_of_cycles(cycles + 0.25)
+        };
+        let tone = |amplitude: f64, frequency_hz: f64, phase_rad: f64| {
+            cosine(amplitude, frequency_hz, frequency_hz * time_s + phase_rad / TAU)
+        };
+        match self {
+            Self::Constant { .. } => Some(0.0),
+            Self::Sine { amplitude, frequency_hz, phase_rad, .. } => {
+                Some(tone(*amplitude, *frequency_hz, *phase_rad))
+            }
+            Self::Sweep { amplitude, from_hz, to_hz, duration_s, .. } => {
+                let (swept, stays) = (time_s.min(*duration_s), (time_s - duration_s).max(0.0));
+                let change = (to_hz - from_hz) * swept / duration_s;
+                let cycles = (from_hz + 0.5 * change) * swept + to_hz * stays;
+                Some(cosine(*amplitude, from_hz + change, cycles))
+            }
+            Self::Tones { tones, .. } => {
+                Some(tones.iter().map(|t| tone(t.amplitude, t.frequency_hz, t.phase_rad)).sum())
+            }
+            Self::Square { .. } | Self::Recorded { .. } => None,
+        }
+    }
+
     /// Its period in s, where it has one.
     pub fn period_s(&self) -> Option<f64> {
         match self {
@@ -215,6 +241,22 @@ mod tests {
             assert!((sweep.at(t) - 1.0).abs() < 1e-9 && sweep.at(t + 1e-4) > 1.0, "{n}");
         }
         assert_relative_eq!(sweep.at(2.0 + 0.25 / 60.0), 3.0, max_relative = 1e-9);
+    }
+
+    #[test]
+    fn the_slope_is_that_of_differences() {
+        let sine = Drive::Sine { offset: 30.0, amplitude: -20.0, frequency_hz: 3e4, phase_rad: 0.3 };
+        let sweep =
+            Drive::Sweep { offset: 1.0, amplitude: 2.0, from_hz: 3.2e4, to_hz: 3.1e4, duration_s: 1e-3 };
+        for drive in [sine, sweep] {
+            for i in 0..200 {
+                let (t, h) = (7e-6 * f64::from(i) + 1e-6, 1e-9);
+                let difference = (drive.at(t + h) - drive.at(t - h)) / (2.0 * h);
+                assert!((drive.slope(t).unwrap() - difference).abs() < 2.0, "{drive:?} {t}");
+            }
+        }
+        assert_eq!(Drive::Constant { level: 3.0 }.slope(0.1), Some(0.0));
+        assert_eq!(Drive::Square { low: 0.0, high: 1.0, frequency_hz: 1.0, duty: 0.5 }.slope(0.1), None);
     }
 
     #[test]

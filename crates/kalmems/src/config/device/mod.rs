@@ -1,6 +1,7 @@
 //! The devices that can be described, one file each.
 
 mod accelerometer;
+mod circuit;
 mod micro_stage;
 mod piston_mirror;
 mod second_axis;
@@ -9,6 +10,9 @@ mod threshold_scanner;
 
 pub use accelerometer::{
     AccelerationPrior, Accelerometer, ForceFeedback, ParallelPlates, ProofMass, SwitchedReadout,
+};
+pub use circuit::{
+    DetectorSource, DiodeDetector, HighPassFilter, ModulatedCircuit, SquareLawDetector, SynchronousDetector,
 };
 pub use micro_stage::{Electrode, Gyroscope, MicroStage, StageResonator, Vibrometer};
 pub use piston_mirror::{CapacitanceReadout, DistanceSeries, PistonMirror};

@@ -1,6 +1,7 @@
 //! The shared-electrode scanner: one comb drives and senses.
 
 use super::SecondAxis;
+use super::circuit::ModulatedCircuit;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Inertia, Stiffness, TorsionalDamping, Voltage, VoltagePerCapacitance,
     VoltageVariance,
@@ -25,6 +26,9 @@ pub struct SharedScanner {
     /// A second axis on the same electrode; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_axis: Option<SecondAxis>,
+    /// The circuit, stage by stage. With it a simulation computes the signal through the circuit, and not by `readout`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub circuit: Option<ModulatedCircuit>,
 }
 
 /// A rotating mass on a torsional spring.

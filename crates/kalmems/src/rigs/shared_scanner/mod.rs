@@ -4,6 +4,7 @@
 //! Electrodes in Endomicroscopy, 2020. The mirror is driven parametrically; a carrier on the same electrodes,
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
+mod circuit;
 mod course;
 mod data;
 mod drive;

@@ -1,6 +1,6 @@
 //! What the rig takes from an experiment file, in SI.
 
-use crate::config::{ConfigError, Device, Entry, Experiment, Fault, Peak, Sign, Values};
+use crate::config::{ConfigError, Device, Entry, Estimate, Experiment, Fault, Peak, Sign, Values};
 use crate::units::kind;
 use kalmems_core::{Covariance, SigmaPoints};
 use kalmems_models::capacitance::GaussianComb;
@@ -131,6 +131,14 @@ impl Settings {
                 .transpose()?,
         })
     }
+}
+
+/// The density of the angular acceleration's noise in rad²/s³, where the file describes filters.
+pub fn acceleration_density(experiment: &Experiment) -> Result<Option<f64>, ConfigError> {
+    let read = |estimate: &Estimate| {
+        experiment.values("estimate.process_noise", &estimate.process_noise, NOISE).map(|[density]| density)
+    };
+    experiment.estimate.as_ref().map(read).transpose()
 }
 
 /// The start of one filter.

@@ -1,7 +1,8 @@
 //! A recording of the scanner that is computed.
 
-use super::settings::{Hardware, state_at};
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Values};
+use super::circuit::SensingCircuit;
+use super::settings::{Hardware, acceleration_density, state_at};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Simulate, Values};
 use crate::recording::Source;
 use crate::simulate::{
     Channel, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
@@ -9,11 +10,80 @@ use crate::simulate::{
 use kalmems_core::{Dynamics, Measurement};
 use std::ops::ControlFlow;
 
-/// A scanner of one axis or two under a drive, and what is read of it: the demodulated signal with white noise, rounded
-/// where there is a converter.
-pub struct ScannerSimulation<D, H, const N: usize> {
+/// What makes a signal of a motion.
+pub trait Sensor<D, const N: usize> {
+    /// The sensor at work.
+    type Sensing<'a>: Sensing<D, N>
+    where
+        Self: 'a,
+        D: 'a;
+
+    /// Begins where the device does.
+    fn begin<'a>(
+        &'a self,
+        dynamics: &'a D,
+        drive: &'a Drive,
+        rate_hz: f64,
+        start: &[f64; N],
+    ) -> Self::Sensing<'a>;
+}
+
+/// A sensor beside a device that is being integrated.
+pub trait Sensing<D, const N: usize> {
+    /// Follows the device by one step.
+    fn follow(&mut self, simulator: &Simulator<D, N>);
+
+    /// The next sample of the signal in V.
+    fn sample(&mut self, state: &[f64; N]) -> f64;
+}
+
+/// A readout that is a function of the state, with white noise.
+pub struct Readout<H> {
+    law: H,
+    /// The standard deviation of the noise in V.
+    noise: f64,
+    seed: u64,
+}
+
+impl<H> Readout<H> {
+    /// The readout with noise of this variance in V², where the file wants noise.
+    pub fn new(law: H, noise_variance: f64, simulate: &Simulate) -> Self {
+        let noise = if simulate.noise { noise_variance.sqrt() } else { 0.0 };
+        Self { law, noise, seed: simulate.seed }
+    }
+}
+
+impl<D, H: Measurement<f64, N, 1>, const N: usize> Sensor<D, N> for Readout<H> {
+    type Sensing<'a>
+        = Reading<'a, H>
+    where
+        Self: 'a,
+        D: 'a;
+
+    fn begin<'a>(&'a self, _: &'a D, _: &'a Drive, _: f64, _: &[f64; N]) -> Reading<'a, H> {
+        Reading { readout: self, noise: WhiteNoise::new(self.seed, SIGNAL_NOISE) }
+    }
+}
+
+/// A [`Readout`] at work.
+pub struct Reading<'a, H> {
+    readout: &'a Readout<H>,
+    noise: WhiteNoise,
+}
+
+impl<D, H: Measurement<f64, N, 1>, const N: usize> Sensing<D, N> for Reading<'_, H> {
+    fn follow(&mut self, _: &Simulator<D, N>) {}
+
+    fn sample(&mut self, state: &[f64; N]) -> f64 {
+        let [clean] = self.readout.law.predict(state);
+        clean + self.readout.noise * self.noise.sample()
+    }
+}
+
+/// A scanner of one axis or two under a drive, and what is read of it, rounded where there is a converter.
+pub struct ScannerSimulation<D, Z, const N: usize> {
     dynamics: D,
-    readout: H,
+    sensor: Z,
     drive: Drive,
     sources: Vec<Source>,
     start: [f64; N],
@@ -21,40 +91,49 @@ pub struct ScannerSimulation<D, H, const N: usize> {
     steps_per_sample: u64,
     samples: u64,
     sampling_rate_hz: f64,
-    /// The standard deviation of the noise in V.
-    noise: f64,
-    seed: u64,
     converter: Option<Converter>,
     truth: &'static [Channel],
     outlook: Option<String>,
 }
 
-/// The simulation of the scanner of one axis.
+/// q of a filter where the file describes none.
+const USUAL_DENSITY: f64 = 1e4;
+
+/// The simulation of the scanner of one axis: its signal comes through the circuit where the file describes one.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
-    let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
-    let outlook = |drive: &Drive| Stability::of(&scanner, drive).map(|stability| stability.to_string());
+    let hardware = Hardware::of(experiment)?;
+    let scanner = hardware.scanner;
+    let stability = |drive: &Drive| Stability::of(&scanner, drive).map(|stability| stability.to_string());
     let start = |key: &str, values: &Values| state_at(experiment, key, values);
-    let simulation = ScannerSimulation::of(
-        experiment,
-        (scanner, readout, noise_variance),
-        start,
-        &[
-            Channel { meaning: "angle", column: "angle_rad" },
-            Channel { meaning: "rate", column: "rate_rad_per_s" },
-        ],
-        outlook,
-    )?;
-    Ok(Box::new(simulation))
+    let truth = &[
+        Channel { meaning: "angle", column: "angle_rad" },
+        Channel { meaning: "rate", column: "rate_rad_per_s" },
+    ];
+    if matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some()) {
+        let density = acceleration_density(experiment)?.unwrap_or(USUAL_DENSITY);
+        let circuit = |simulate: &Simulate, drive: &Drive| SensingCircuit::of(experiment, simulate, drive);
+        let outlook = |circuit: &SensingCircuit, drive: &Drive, start: [f64; 2]| {
+            let circuit = circuit.outlook(&hardware, (drive, start), density);
+            Some(stability(drive).map_or(circuit.clone(), |stability| format!("{stability}\n{circuit}")))
+        };
+        return Ok(Box::new(ScannerSimulation::of(experiment, scanner, circuit, start, truth, outlook)?));
+    }
+    let readout = |simulate: &Simulate, _: &Drive| {
+        Ok(Readout::new(hardware.readout, hardware.noise_variance, simulate))
+    };
+    let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 2]| stability(drive);
+    Ok(Box::new(ScannerSimulation::of(experiment, scanner, readout, start, truth, outlook)?))
 }
 
-impl<D, H, const N: usize> ScannerSimulation<D, H, N> {
+impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
     /// Reads and checks what the file says of the simulation.
     pub fn of(
         experiment: &Experiment,
-        (dynamics, readout, noise_variance): (D, H, f64),
+        dynamics: D,
+        sensor: impl FnOnce(&Simulate, &Drive) -> Result<Z, ConfigError>,
         start: impl FnOnce(&str, &Values) -> Result<[f64; N], ConfigError>,
         truth: &'static [Channel],
-        outlook: impl FnOnce(&Drive) -> Option<String>,
+        outlook: impl FnOnce(&Z, &Drive, [f64; N]) -> Option<String>,
     ) -> Result<Self, SimulateError> {
         let Some(simulate) = &experiment.simulate else {
             let remedy =
@@ -75,10 +154,11 @@ impl<D, H, const N: usize> ScannerSimulation<D, H, N> {
         }
         let start = start("simulate.start", &simulate.start)?;
         let (drive, source) = drive_of(experiment, simulate)?;
+        let sensor = sensor(simulate, &drive)?;
         Ok(Self {
             dynamics,
-            readout,
-            outlook: outlook(&drive),
+            outlook: outlook(&sensor, &drive, start),
+            sensor,
             truth,
             drive,
             sources: source.into_iter().collect(),
@@ -87,8 +167,6 @@ impl<D, H, const N: usize> ScannerSimulation<D, H, N> {
             steps_per_sample: simulate.steps_per_sample(),
             samples: simulate.samples(),
             sampling_rate_hz: simulate.sampling_rate.si(),
-            noise: if simulate.noise { noise_variance.sqrt() } else { 0.0 },
-            seed: simulate.seed,
             converter: simulate.adc.as_ref().map(|adc| Converter {
                 low: adc.low.si(),
                 high: adc.high.si(),
@@ -101,10 +179,10 @@ impl<D, H, const N: usize> ScannerSimulation<D, H, N> {
 /// The stream of the readout's noise.
 const SIGNAL_NOISE: u64 = 0;
 
-impl<D, H, const N: usize> Simulation for ScannerSimulation<D, H, N>
+impl<D, Z, const N: usize> Simulation for ScannerSimulation<D, Z, N>
 where
     D: Dynamics<f64, N, Input = f64> + Copy,
-    H: Measurement<f64, N, 1>,
+    Z: Sensor<D, N>,
 {
     fn recorded(&self) -> &'static [Channel] {
         &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
@@ -129,20 +207,21 @@ where
     fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut simulator =
             Simulator::new(self.dynamics, self.drive.clone(), self.integration_rate_hz, self.start);
-        let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
+        let mut sensing =
+            self.sensor.begin(&self.dynamics, &self.drive, self.integration_rate_hz, &self.start);
         for k in 0..self.samples {
             if k > 0 {
                 for _ in 0..self.steps_per_sample {
                     simulator.step();
+                    sensing.follow(&simulator);
                 }
             }
             let time_s = k as f64 / self.sampling_rate_hz;
             if !simulator.state().iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s });
             }
-            let [clean] = self.readout.predict(simulator.state());
-            let noisy = clean + self.noise * noise.sample();
-            let signal = self.converter.map_or(noisy, |converter| converter.round(noisy));
+            let analogue = sensing.sample(simulator.state());
+            let signal = self.converter.map_or(analogue, |converter| converter.round(analogue));
             let sample = Sample { time_s, recorded: &[simulator.drive(), signal], truth: simulator.state() };
             if each(&sample).is_break() {
                 return Err(SimulateError::Interrupted);

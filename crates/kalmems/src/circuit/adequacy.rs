@@ -1,0 +1,258 @@
+//! Whether a filter may do without the poles of the demodulator.
+
+use super::excitation::turned;
+use super::reduced::{HARMONICS, output_harmonics};
+use super::{Circuit, Complex, Excitation, Motion, Reduced};
+use crate::signal::{Sine, fit_sine_at};
+use crate::simulate::{Drive, Simulator};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Nodes, NoiseDensity, Rk4};
+use kalmems_models::dynamics::ParametricScanner;
+use kalmems_models::readout::DemodulatedComb;
+use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
+use std::fmt;
+
+/// The filter that is asked about, and what is permitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// q: the density of its angular acceleration's noise in rad²/s³.
+    pub acceleration_density: f64,
+    /// R: the variance that it takes a sample to have, in V².
+    pub noise_variance: f64,
+    /// The carrier's amplitude in V.
+    pub carrier: f64,
+    /// The carrier's frequency.
+    pub carrier_hz: f64,
+    /// The error of phase that is permitted, in degrees of the motion's cycle.
+    pub permitted_phase_deg: f64,
+}
+
+/// What a filter is wrong by because its model of the circuit is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// How far its motion is behind the true one, in degrees of the motion's cycle.
+    pub phase_deg: f64,
+    /// How much its amplitude is too large, in degrees.
+    pub amplitude_deg: f64,
+    /// The root mean square of its angle's error, in degrees.
+    pub angle_rmse_deg: f64,
+}
+
+/// Whether y = a·C + b is good enough for a filter.
+///
+/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and an extended
+/// Kalman filter that knows the device exactly follows the circuit's output, without noise and carrier, by a model that
+/// leaves poles and delay out. Its gain and offset are those of [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase, and is pulled less; a large
+/// one follows its signal wherever it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Adequacy {
+    /// The motion.
+    pub amplitude_deg: f64,
+    /// Its frequency.
+    pub motion_hz: f64,
+    /// The circuit for it.
+    pub reduced: Reduced,
+    /// What the affine model without poles costs.
+    pub affine: Cost,
+    /// What was asked.
+    pub setting: Setting,
+}
+
+/// Why nothing can be said.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum AdequacyError {
+    /// Only a steady motion under a sine is reduced.
+    #[error("only a drive that is a sine keeps a motion for which a circuit can be reduced")]
+    NoSine,
+    /// Nothing moves.
+    #[error("the device does not come into motion at this drive within {settle_s} s")]
+    NoMotion {
+        /// How long it was driven.
+        settle_s: f64,
+    },
+    /// The filter gave up.
+    #[error("a filter without the poles fails on this signal: {0}")]
+    Filter(#[from] FilterError),
+}
+
+/// Time for the device to become steady, for the filter, and what is scored, in s.
+const SETTLE_S: f64 = 60e-3;
+const FOLLOW_S: f64 = 12e-3;
+const SCORED_S: f64 = 4e-3;
+
+/// Steps per cycle of the drive; at 31 kHz this is 1 MHz.
+const STEPS_PER_DRIVE_CYCLE: f64 = 32.0;
+
+/// Below this the device is at rest.
+const AT_REST_RAD: f64 = 1e-3;
+
+impl Adequacy {
+    /// Asks for a device that starts at `start` under `drive`.
+    pub fn of(
+        circuit: &Circuit,
+        scanner: &ParametricScanner<f64>,
+        (drive, start): (&Drive, [f64; 2]),
+        setting: &Setting,
+    ) -> Result<Self, AdequacyError> {
+        let &Drive::Sine { offset, amplitude, frequency_hz, phase_rad } = drive else {
+            return Err(AdequacyError::NoSine);
+        };
+        let rate_hz = STEPS_PER_DRIVE_CYCLE * frequency_hz;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturates
+        let steps = |duration_s: f64| (duration_s * rate_hz).round() as usize;
+        let mut simulator = Simulator::new(*scanner, drive.clone(), rate_hz, start);
+        for _ in 0..steps(SETTLE_S) {
+            simulator.step();
+        }
+
+        // The truth from there on, and the reduced signal of it.
+        let (follow, scored) = (steps(FOLLOW_S), steps(SCORED_S));
+        let truth: Vec<(f64, [f64; 2])> = (0..follow)
+            .map(|_| {
+                simulator.step();
+                (simulator.time_s(), *simulator.state())
+            })
+            .collect();
+        let motion_hz = 0.5 * frequency_hz;
+        let time_s: Vec<f64> = truth[follow - scored..].iter().map(|(t, _)| *t).collect();
+        let sine_of = |angles: &[f64]| fit_sine_at(&time_s, angles, motion_hz);
+        let true_angles: Vec<f64> = truth[follow - scored..].iter().map(|(_, x)| x[0]).collect();
+        let moving = sine_of(&true_angles).filter(|sine| sine.amplitude > AT_REST_RAD);
+        let Some(moving) = moving else { return Err(AdequacyError::NoMotion { settle_s: SETTLE_S }) };
+
+        // The lines count from where the drive's sine rises through its mean, and the motion is a sine, not a cosine.
+        let excitation = Excitation {
+            offset,
+            amplitude,
+            drive_hz: frequency_hz,
+            carrier: setting.carrier,
+            carrier_hz: setting.carrier_hz,
+        };
+        let motion = Motion {
+            amplitude_rad: moving.amplitude,
+            phase_rad: moving.phase_rad + 0.5 * PI - 0.5 * phase_rad,
+        };
+        let reduced = Reduced::of(circuit, &excitation, &scanner.comb, &motion);
+        let signal = Output {
+            harmonics: output_harmonics(circuit, &excitation, &scanner.comb, &motion),
+            drive_hz: frequency_hz,
+            earlier_s: phase_rad / (TAU * frequency_hz),
+        };
+        let estimated = follow_without_poles(scanner, drive, &truth, rate_hz, (&signal, &reduced), setting)?;
+        let estimated = &estimated[follow - scored..];
+        // θ → −θ is the same to the filter: the nearer of both counts, and phases count modulo half a cycle.
+        let squares = [1.0, -1.0].map(|sign| -> f64 {
+            estimated.iter().zip(&true_angles).map(|(a, b)| (sign * a - b).powi(2)).sum()
+        });
+        let square = squares[0].min(squares[1]);
+        let found = sine_of(estimated).unwrap_or(Sine { amplitude: 0.0, ..moving });
+        let behind = (moving.phase_rad - found.phase_rad + 0.5 * PI).rem_euclid(PI) - 0.5 * PI;
+        Ok(Self {
+            amplitude_deg: moving.amplitude.to_degrees(),
+            motion_hz,
+            reduced,
+            affine: Cost {
+                phase_deg: behind.to_degrees(),
+                amplitude_deg: (found.amplitude - moving.amplitude).to_degrees(),
+                angle_rmse_deg: (square / scored as f64).sqrt().to_degrees(),
+            },
+            setting: *setting,
+        })
+    }
+
+    /// What is to be said of the delay.
+    fn beside_the_poles(&self) -> &'static str {
+        let left = self.reduced.with_poles.lag_deg.abs();
+        if left > self.setting.permitted_phase_deg { ", and the delay besides" } else { "" }
+    }
+
+    /// Whether y = a·C + b without poles will do: phase, and angle by no more than such an error of phase makes.
+    ///
+    /// The second catches a motion of a wrong amplitude whose phase happens to be right.
+    pub fn affine_is_adequate(&self) -> bool {
+        let permitted = self.setting.permitted_phase_deg;
+        let of_angle_deg = self.amplitude_deg * permitted.to_radians() * FRAC_1_SQRT_2;
+        self.affine.phase_deg.abs() <= permitted && self.affine.angle_rmse_deg <= of_angle_deg
+    }
+}
+
+/// What the circuit gives under a steady motion.
+struct Output {
+    harmonics: [Complex<f64>; HARMONICS],
+    drive_hz: f64,
+    earlier_s: f64,
+}
+
+impl Output {
+    fn at(&self, time_s: f64) -> f64 {
+        let cycles = self.drive_hz * (time_s + self.earlier_s);
+        let [mean, moving @ ..] = &self.harmonics;
+        (moving.iter().enumerate()).fold(mean.re, |sum, (n, line)| {
+            let (sine, cosine) = turned((n + 1) as f64 * cycles);
+            sum + 2.0 * (line * Complex::new(cosine, sine)).re
+        })
+    }
+}
+
+/// The angles of an extended Kalman filter whose measurement model has no poles.
+fn follow_without_poles(
+    scanner: &ParametricScanner<f64>,
+    drive: &Drive,
+    truth: &[(f64, [f64; 2])],
+    rate_hz: f64,
+    (signal, reduced): (&Output, &Reduced),
+    setting: &Setting,
+) -> Result<Vec<f64>, FilterError> {
+    let model = reduced.with_poles_and_delay;
+    let readout = DemodulatedComb { comb: scanner.comb, gain: model.gain, offset: model.offset };
+    let noise = NoiseDensity::none().on::<1>(setting.acceleration_density);
+    let step = Rk4::new(*scanner, 1.0 / rate_hz, &noise, (&[0.0, 0.0], &0.0));
+    let variance = Covariance::from_variances([setting.noise_variance]);
+    let start = truth.first().map_or([0.0; 2], |(_, state)| *state);
+    let rate_sd = TAU * 0.5 * rate_hz / STEPS_PER_DRIVE_CYCLE * 0.05;
+    let mut filter = Ekf::new(start, Covariance::from_standard_deviations([0.05, rate_sd]));
+    let mut angles = Vec::with_capacity(truth.len());
+    let half = 0.5 / rate_hz;
+    for (time_s, _) in truth {
+        let nodes = Nodes {
+            start: drive.at(time_s - 2.0 * half),
+            middle: drive.at(time_s - half),
+            end: drive.at(*time_s),
+        };
+        if !angles.is_empty() {
+            filter.predict(&step, &nodes)?;
+        }
+        filter.update(&readout, &[signal.at(*time_s)], &variance)?;
+        angles.push(filter.mean()[0]);
+    }
+    Ok(angles)
+}
+
+impl fmt::Display for Adequacy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Cost { phase_deg, amplitude_deg, .. } = self.affine;
+        write!(
+            f,
+            "at {:.2} deg and {:.3} kHz the circuit is {}; its signal is {:.1} deg of the motion late, of which the poles \
+             explain {:.1} deg, and a filter without either, of q = {:.0e} rad²/s³, would be wrong by {:.2} deg in phase \
+             and {:+.2} deg in amplitude: ",
+            self.amplitude_deg,
+            self.motion_hz / 1e3,
+            self.reduced,
+            self.reduced.affine.lag_deg,
+            self.reduced.affine.lag_deg - self.reduced.with_poles.lag_deg,
+            self.setting.acceleration_density,
+            phase_deg.abs(),
+            amplitude_deg,
+        )?;
+        let permitted = self.setting.permitted_phase_deg;
+        if self.affine_is_adequate() {
+            write!(f, "y = a·C + b is adequate ({permitted} deg permitted)")
+        } else {
+            let besides = self.beside_the_poles();
+            write!(
+                f,
+                "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states{besides}"
+            )
+        }
+    }
+}
