@@ -21,6 +21,8 @@ pub enum Command {
     Estimate(EstimateArguments),
     /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
     Inspect(InspectArguments),
+    /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
+    Reproduce(ReproduceArguments),
     /// Compute a recording from the `[simulate]` table of an experiment file.
     Simulate(SimulateArguments),
     /// Print the JSON schema of experiment files, for editors.
@@ -53,6 +55,33 @@ pub struct InspectArguments {
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
     /// Print JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct ReproduceArguments {
+    /// The rig, such as `shared_scanner`.
+    pub rig: String,
+    /// One table or figure, such as `Table III` or `D Figure 5.9`, instead of all.
+    #[arg(long, value_name = "LABEL")]
+    pub only: Option<String>,
+    /// Compute more seeds and longer records: minutes instead of seconds.
+    #[arg(long)]
+    pub full: bool,
+    /// The folder for the results [default: out/reproduce/<rig>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a result of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// The first seed of the noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
+    /// How many threads compute [default: as many as the machine has]; the results do not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Print the figures as JSON instead of tables.
     #[arg(long)]
     pub json: bool,
 }

@@ -504,3 +504,30 @@ fn a_recorded_drive_moves_the_device_as_its_sine_did() {
     // The cubic is off by 5 mV between samples of 180 V.
     assert!(worst > 0.0 && worst.to_degrees() < 0.001, "{}", worst.to_degrees());
 }
+
+#[test]
+fn reproduce_computes_what_is_asked_for_and_names_what_there_is() {
+    let work = tempfile::tempdir().unwrap();
+    let out = work.path().join("out");
+    let only =
+        |label: &str| run(&["reproduce", "shared_scanner", "--only", label, "--out", out.to_str().unwrap()]);
+    let output = only("Equation 79");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(
+        text(&output.stdout).contains("does not reproduce; two sampling intervals"),
+        "{}",
+        text(&output.stdout)
+    );
+    let names: Vec<String> = files(&out).into_keys().collect();
+    assert_eq!(names, ["report.html", "reproduction.json", "run.toml", "tables/target-sampling.csv"]);
+    let output = only("Table IX");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output.stderr).contains("`Table IX` is not among what is reproduced; there is: S Equation 7")
+    );
+    let output = run(&["reproduce", "gyroscope"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output.stderr).contains("nothing is published of a rig `gyroscope`; there is: shared_scanner")
+    );
+}

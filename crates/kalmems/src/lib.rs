@@ -37,6 +37,7 @@ pub mod identify;
 pub mod inspect;
 pub mod recording;
 pub mod report;
+pub mod reproduce;
 pub mod results;
 pub mod rigs;
 pub mod signal;

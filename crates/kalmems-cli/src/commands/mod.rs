@@ -2,5 +2,6 @@
 
 pub mod estimate;
 pub mod inspect;
+pub mod reproduce;
 pub mod schema;
 pub mod simulate;

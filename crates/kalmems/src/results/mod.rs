@@ -18,4 +18,5 @@ pub use metrics::{
 };
 pub use output::{Output, OutputError, RUN_FILE};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
+pub(crate) use summary::significant;
 pub use summary::{Notice, notices, summary_table};

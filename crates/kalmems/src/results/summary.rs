@@ -102,7 +102,7 @@ fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
 }
 
 /// Three significant digits without an exponent.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }

@@ -10,6 +10,7 @@ use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
 use crate::evaluate::{MotionErrors, Reference};
 use crate::recording::{Layout, Recording, Segment};
+use crate::reproduce::Program;
 use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 
@@ -50,6 +51,11 @@ pub trait Rig: Sync {
 
     /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
     fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
+
+    /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
+    fn reproduction(&self) -> Option<&'static Program> {
+        None
+    }
 }
 
 /// What the filters say of one segment.

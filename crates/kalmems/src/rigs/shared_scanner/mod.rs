@@ -8,6 +8,7 @@ mod circuit;
 mod course;
 mod data;
 mod drive;
+mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
@@ -18,6 +19,7 @@ use crate::config::{ConfigError, Device, Experiment, Fault, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::recording::{Layout, Recording, Segment};
+use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
@@ -112,6 +114,10 @@ impl Rig for SharedScannerRig {
         };
         let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent));
         estimate.trajectories.iter().map(errors).collect()
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
     }
 }
 

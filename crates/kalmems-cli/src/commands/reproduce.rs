@@ -1,0 +1,66 @@
+//! `kalmems reproduce`.
+
+use crate::args::ReproduceArguments;
+use crate::progress::Bar;
+use crate::{Ending, print};
+use kalmems::reproduce::{
+    Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
+};
+use kalmems::results::RunInfo;
+use kalmems::rigs;
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let published = || rigs::ALL.iter().filter_map(|rig| Some((rig.name(), rig.reproduction()?)));
+    let (name, program) = published().find(|(name, _)| *name == arguments.rig).ok_or_else(|| {
+        let known: Vec<&str> = published().map(|(name, _)| name).collect();
+        Ending::Wrong(format!(
+            "nothing is published of a rig `{}`; there is: {}",
+            arguments.rig,
+            known.join(", ")
+        ))
+    })?;
+    let ending = |e: ReproduceError| match e {
+        ReproduceError::Interrupted => Ending::Interrupted,
+        e => Ending::Wrong(e.to_string()),
+    };
+    let settings = Settings {
+        only: arguments.only.clone(),
+        effort: if arguments.full { Effort::Full } else { Effort::Quick },
+        seed: arguments.seed.into(),
+        threads: arguments
+            .threads
+            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into)),
+    };
+    let bar = Bar::default();
+    let reproduction = reproduce(name, program, settings, &bar).map_err(ending)?;
+    drop(bar);
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("reproduce").join(name),
+    };
+    let info = RunInfo { started, took: clock.elapsed() };
+    write_reproduction(&reproduction, &out, arguments.force, info, &crate::interrupt::requested)
+        .map_err(ending)?;
+
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&reproduction).map_err(|e| Ending::Wrong(e.to_string()))?;
+        print(&(json + "\n"))?;
+    } else {
+        let mut text = String::new();
+        for item in &reproduction.items {
+            text += &format!("{}: {}\n", item.head.source(), item.head.title);
+            text += &format!("{}; {}\n", item.verdict().words(), item.why());
+            text += &checks_table(item).to_text();
+            for table in &item.tables {
+                text += &format!("\n{}", table.to_text());
+            }
+            text += "\n";
+        }
+        print(&(text + &summary_table(&reproduction, false).to_text()))?;
+    }
+    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    Ok(())
+}
