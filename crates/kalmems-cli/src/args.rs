@@ -19,6 +19,8 @@ pub struct Arguments {
 pub enum Command {
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
+    /// Put an image together from intensities and the trajectories along which they were taken.
+    Image(ImageArguments),
     /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
     Inspect(InspectArguments),
     /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
@@ -45,6 +47,30 @@ pub struct EstimateArguments {
     /// End with exit code 3 if a filter failed its consistency test.
     #[arg(long)]
     pub strict: bool,
+}
+
+#[derive(Args)]
+pub struct ImageArguments {
+    /// The image file, such as `examples/shared_scanner/image.toml`.
+    pub image: PathBuf,
+    /// The folder for the results [default: out/image/<name of the image>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace an image of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// How far x is ahead of its trajectory, such as `0.7deg`, instead of what the file says.
+    #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
+    pub phase_x: Option<String>,
+    /// How far y is ahead of its trajectory.
+    #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
+    pub phase_y: Option<String>,
+    /// A grey PNG of what the image should be, to be compared with.
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<PathBuf>,
+    /// Print the figures as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

@@ -28,6 +28,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod applications;
 pub mod circuit;
 pub mod config;
 pub mod estimate;

@@ -191,7 +191,8 @@ impl Recording {
     }
 }
 
-fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str]) -> Layout {
+/// How to read these columns of a file.
+pub(super) fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str]) -> Layout {
     Layout {
         clock: match clock {
             Clock::Column { column } => recording::Clock::Column(column.clone()),

@@ -31,7 +31,7 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
         self.value.text()
     }
 
-    fn parse(text: &str) -> Result<Self, String> {
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
         let value = parse(text, &Self::expectation(), K::kind().example)?;
         S::SIGN.check(&value, K::kind())?;
         Ok(Self { value, marker: PhantomData })

@@ -2,19 +2,20 @@
 
 use super::key::Step;
 use super::{Experiment, Key};
+use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
 use serde_json::Value;
 
 /// The JSON schema of an experiment file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {
-    generate(false)
+    generate::<Experiment>(false)
 }
 
-fn generate(inline: bool) -> Value {
+fn generate<T: JsonSchema>(inline: bool) -> Value {
     let mut settings = SchemaSettings::draft2020_12();
     settings.inline_subschemas = inline;
-    let mut schema = settings.into_generator().into_root_schema_for::<Experiment>();
+    let mut schema = settings.into_generator().into_root_schema_for::<T>();
     RecursiveTransform(remove_null).transform(&mut schema);
     schema.insert("title".to_owned(), "A kalmems experiment".into());
     schema.to_value()
@@ -46,9 +47,14 @@ fn remove_null(schema: &mut schemars::Schema) {
     }
 }
 
-/// What to write at a key, with an example from the schema; for a key that must be there.
+/// What to write at a key of an experiment file, with an example from the schema; for a key that must be there.
 pub(super) fn remedy(key: &Key) -> String {
-    let schema = generate(true);
+    remedy_in::<Experiment>(key)
+}
+
+/// The same for a file of another type.
+pub(super) fn remedy_in<T: JsonSchema>(key: &Key) -> String {
+    let schema = generate::<T>(true);
     key.steps().iter().try_fold(&schema, |here, step| below(here, step)).map_or_else(String::new, |here| {
         match example(here) {
             // An entry of a list has no name to write it to.

@@ -2,6 +2,8 @@
 
 mod figures;
 mod files;
+mod grey_png;
+mod image;
 mod inspection;
 mod metrics;
 mod names;
@@ -12,6 +14,8 @@ mod summary;
 
 pub use figures::figures as estimate_figures;
 pub use files::{RunInfo, WriteError, write_estimate};
+pub use grey_png::{PictureError, read_grey, write_grey};
+pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Metrics, RecordingMetrics, SegmentMetrics, Verdict,

@@ -1,0 +1,46 @@
+//! `kalmems image`.
+
+use crate::args::ImageArguments;
+use crate::progress::Bar;
+use crate::{Ending, print};
+use kalmems::applications::image::reconstruct;
+use kalmems::config::Image;
+use kalmems::results::{Developed, ImageMetrics, RunInfo, read_grey, write_image};
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let mut image = Image::load(&arguments.image).map_err(|e| wrong(&e))?;
+    for (axis, phase) in [("x", &arguments.phase_x), ("y", &arguments.phase_y)] {
+        if let Some(phase) = phase {
+            image.set_phase(axis, phase).map_err(|e| Ending::Wrong(format!("--phase-{axis}: {e}")))?;
+        }
+    }
+    let reference = match &arguments.reference {
+        Some(path) => Some((path.as_path(), read_grey(path).map_err(|e| wrong(&e))?)),
+        None => None,
+    };
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("image").join(image.name.to_string()),
+    };
+    let bar = Bar::default();
+    let outcome = reconstruct(&image, &bar)
+        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    drop(bar);
+    let developed = Developed::of(&outcome);
+    let reference = reference.as_ref().map(|(path, picture)| (*path, picture));
+    let metrics = ImageMetrics::of(&outcome, &developed, reference).map_err(|e| wrong(&e))?;
+    let info = RunInfo { started, took: clock.elapsed() };
+    write_image(&outcome, &developed, &metrics, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
+        print(&(json + "\n"))?;
+    } else {
+        print(&metrics.to_text())?;
+    }
+    eprintln!("results in {}; look at {}", out.display(), out.join("image.png").display());
+    Ok(())
+}

@@ -1,0 +1,3 @@
+//! What an estimated motion is for.
+
+pub mod image;
