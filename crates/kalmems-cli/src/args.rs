@@ -1,6 +1,8 @@
 //! What can be asked for.
 
 use clap::{Args, Parser, Subcommand};
+use kalmems::study::Shard;
+use std::num::NonZero;
 use std::path::PathBuf;
 
 /// What stands below the help.
@@ -27,8 +29,12 @@ pub enum Command {
     Reproduce(ReproduceArguments),
     /// Compute a recording from the `[simulate]` table of an experiment file.
     Simulate(SimulateArguments),
+    /// Join the journals of a study that was run in shards, and write its results.
+    Merge(MergeArguments),
     /// Print the JSON schema of experiment files, for editors.
     Schema,
+    /// Run an experiment again and again, over a grid or by chance, and compare its estimators.
+    Study(StudyArguments),
 }
 
 #[derive(Args)]
@@ -126,6 +132,44 @@ pub struct SimulateArguments {
     #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
     /// Print the figures as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct StudyArguments {
+    /// The study file, such as `examples/shared_scanner/study.toml`.
+    pub study: PathBuf,
+    /// The folder for the results; the journal of finished runs stands beside it
+    /// [default: out/studies/<name of the study>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace the results, and the finished runs, of another study.
+    #[arg(long)]
+    pub force: bool,
+    /// How many runs at once; no byte of the results depends on it [default: as many as the machine can].
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZero<usize>>,
+    /// Run one part of several, such as `2/3`, for `kalmems merge` to join.
+    #[arg(long, value_name = "I/N", default_value = "1/1")]
+    pub shard: Shard,
+    /// Print the summary as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct MergeArguments {
+    /// The journals of all shards, such as `stiffness.1-of-2.journal stiffness.2-of-2.journal`.
+    #[arg(required = true)]
+    pub journals: Vec<PathBuf>,
+    /// The folder for the results [default: out/studies/<name of the study>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace the results of another study.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the summary as JSON instead of text.
     #[arg(long)]
     pub json: bool,
 }

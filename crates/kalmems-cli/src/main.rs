@@ -18,6 +18,8 @@ enum Ending {
     Wrong(String),
     /// Stopped by the user.
     Interrupted,
+    /// Stopped by the user, who can go on from there; in words.
+    Paused(String),
     /// An estimate failed its consistency test, and the user wanted to know.
     NotConsistent(String),
 }
@@ -31,12 +33,15 @@ fn main() -> ExitCode {
         Command::Inspect(arguments) => commands::inspect::run(arguments),
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
         Command::Simulate(arguments) => commands::simulate::run(arguments),
+        Command::Merge(arguments) => commands::study::merge(arguments),
         Command::Schema => commands::schema::run(),
+        Command::Study(arguments) => commands::study::run(arguments),
     };
     let (message, code) = match ending {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
+        Err(Ending::Paused(message)) => (message, 130),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), 130),
     };
     eprintln!("error: {message}");

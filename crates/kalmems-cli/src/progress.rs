@@ -11,9 +11,22 @@ use std::ops::ControlFlow;
 const LONG: u64 = 2_000_000;
 
 /// Shows a bar on standard error if that is a terminal, and passes interruptions on.
-#[derive(Default)]
 pub struct Bar {
     bar: RefCell<Option<ProgressBar>>,
+    shortest: u64,
+}
+
+impl Default for Bar {
+    fn default() -> Self {
+        Self { bar: RefCell::default(), shortest: LONG }
+    }
+}
+
+impl Bar {
+    /// For work of which every single unit takes time.
+    pub fn of_large_units() -> Self {
+        Self { bar: RefCell::default(), shortest: 1 }
+    }
 }
 
 impl Progress for Bar {
@@ -22,7 +35,7 @@ impl Progress for Bar {
         if let Some(old) = bar.take() {
             old.finish_and_clear();
         }
-        if total >= LONG && std::io::stderr().is_terminal() {
+        if total >= self.shortest && std::io::stderr().is_terminal() {
             let new = ProgressBar::new(total).with_message(what.to_owned());
             if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
                 new.set_style(style);

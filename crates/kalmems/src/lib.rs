@@ -43,5 +43,6 @@ pub mod results;
 pub mod rigs;
 pub mod signal;
 pub mod simulate;
+pub mod study;
 pub mod units;
 pub mod workflow;

@@ -1,10 +1,11 @@
 //! The main job from end to end: each step is public, this calls them in order.
 
-use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::config::{self, ConfigError, Experiment, Fault, Key};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{MotionErrors, ReferenceError, ReferenceRecording};
 use crate::recording::{ReadError, Recording};
-use crate::rigs::{self, SegmentEstimate};
+use crate::rigs::{self, Rig, SegmentEstimate};
+use crate::simulate::Unwritten;
 use std::path::Path;
 
 /// What came of an experiment.
@@ -98,24 +99,57 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let reference = ReferenceRecording::read(experiment, index, rig.angles(), &mut |d, n| {
             reading.hear("reading the reference", d, n)
         })?;
-        let mut segments = Vec::new();
-        for estimate in estimates {
-            let found = match &reference {
-                Some(reference) => reference.segment(&estimate.segment.label)?,
-                None => Vec::new(),
-            };
-            let errors = rig.evaluate(&estimate, &found);
-            segments.push(SegmentOutcome { estimate, errors });
-        }
-        let name =
-            described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-        recordings.push(RecordingOutcome { name, recording, reference, segments });
+        recordings.push(evaluate(rig, described, recording, estimates, reference)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
         return Err(experiment.error("recording", Fault::Value { why }).into());
     }
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings })
+}
+
+/// Estimates and evaluates the one recording of an experiment that was simulated and not written.
+///
+/// The rig is given what was recorded; what is true is read only afterwards, and for the evaluation alone, as from
+/// files.
+pub fn estimate_unwritten(
+    experiment: &Experiment,
+    simulated: &Unwritten,
+    progress: &dyn Progress,
+) -> Result<Outcome, WorkflowError> {
+    let rig = rigs::of(experiment)?;
+    let [index] = *rig.wanted(experiment)? else {
+        let why = "a simulation stands for exactly one recording".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }).into());
+    };
+    let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
+    let estimates = rig.estimate(experiment, index, &recording, progress)?;
+    let reference =
+        ReferenceRecording::read_by(experiment, index, rig.angles(), |layout| simulated.truth(layout))?;
+    let described = experiment.recording(index)?;
+    let outcome = evaluate(rig, described, recording, estimates, reference)?;
+    Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
+}
+
+/// Compares what the filters say with the reference.
+fn evaluate(
+    rig: &dyn Rig,
+    described: &config::Recording,
+    recording: Recording,
+    estimates: Vec<SegmentEstimate>,
+    reference: Option<ReferenceRecording>,
+) -> Result<RecordingOutcome, ReadError> {
+    let mut segments = Vec::new();
+    for estimate in estimates {
+        let found = match &reference {
+            Some(reference) => reference.segment(&estimate.segment.label)?,
+            None => Vec::new(),
+        };
+        let errors = rig.evaluate(&estimate, &found);
+        segments.push(SegmentOutcome { estimate, errors });
+    }
+    let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+    Ok(RecordingOutcome { name, recording, reference, segments })
 }
 
 /// Refuses a file that is not there, where the experiment names it.

@@ -6,3 +6,4 @@ pub mod inspect;
 pub mod reproduce;
 pub mod schema;
 pub mod simulate;
+pub mod study;

@@ -144,12 +144,12 @@ pub enum Fault {
 }
 
 impl Fault {
-    pub(super) fn unknown_key<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+    pub(crate) fn unknown_key<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
         Self::UnknownKey { suggestion: nearest(found, &known), found: shown(found), known }
     }
 
-    pub(super) fn unknown_word<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+    pub(crate) fn unknown_word<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
         Self::UnknownWord { suggestion: nearest(found, &known), found: shown(found), known }
     }

@@ -1,6 +1,6 @@
 //! The whole file.
 
-use super::reader::{self, Failure};
+use super::reader;
 use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, Entry, Values};
@@ -54,15 +54,7 @@ impl Experiment {
     }
 
     fn from_source(source: Source) -> Result<Self, ConfigError> {
-        let document = source.document()?;
-        let read = reader::read::<Self>(document.get_ref());
-        drop(document);
-        let mut experiment = read.map_err(|Failure { mut fault, key, byte }| {
-            if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
-                *what = remedy(&key);
-            }
-            source.error(key, byte, fault)
-        })?;
+        let mut experiment: Self = reader::read_source(&source)?;
         experiment.source = source;
         experiment.check()?;
         Ok(experiment)
@@ -77,7 +69,7 @@ impl Experiment {
             if empty.place.position.is_some() {
                 return Err(empty);
             }
-            let remedy = remedy(&Key::from("recording"));
+            let remedy = remedy::<Self>(&Key::from("recording"));
             return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;

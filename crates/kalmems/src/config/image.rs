@@ -3,8 +3,7 @@
 use super::experiment::layout;
 use super::kinds::Angle;
 use super::quantity::Quantity;
-use super::reader::{self, Failure};
-use super::schema::remedy_in;
+use super::reader;
 use super::sign::Positive;
 use super::source::Source;
 use super::{Clock, ConfigError, Fault, Key, Name};
@@ -109,15 +108,7 @@ impl Image {
     }
 
     fn from_source(source: Source) -> Result<Self, ConfigError> {
-        let document = source.document()?;
-        let read = reader::read::<Self>(document.get_ref());
-        drop(document);
-        let mut image = read.map_err(|Failure { mut fault, key, byte }| {
-            if let Fault::MissingKey { remedy } | Fault::Type { remedy, .. } = &mut fault {
-                *remedy = remedy_in::<Self>(&key);
-            }
-            source.error(key, byte, fault)
-        })?;
+        let mut image: Self = reader::read_source(&source)?;
         image.source = source;
         image.check()?;
         Ok(image)

@@ -9,7 +9,7 @@ pub struct Key {
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Step {
+pub(crate) enum Step {
     Name(String),
     Index(usize),
 }
@@ -34,12 +34,28 @@ impl Key {
         self.steps.insert(0, step);
     }
 
-    pub(super) fn steps(&self) -> &[Step] {
+    /// From text as in messages, such as `recording[0].clock.rate`. `None` where it is no way to a key.
+    pub fn parse(text: &str) -> Option<Self> {
+        let mut key = Self::default();
+        for part in text.split('.') {
+            let mut pieces = part.split('[');
+            let name = pieces.next().filter(|name| !name.is_empty() && !name.contains(']'))?;
+            key.steps.push(Step::Name(name.to_owned()));
+            for piece in pieces {
+                let digits = piece.strip_suffix(']')?;
+                let plain = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+                key.steps.push(Step::Index(digits.parse().ok().filter(|_| plain)?));
+            }
+        }
+        Some(key)
+    }
+
+    pub(crate) fn steps(&self) -> &[Step] {
         &self.steps
     }
 
     /// The name that it ends with; empty where it ends with an index, or is empty.
-    pub(super) fn last(&self) -> &str {
+    pub(crate) fn last(&self) -> &str {
         match self.steps.last() {
             Some(Step::Name(name)) => name,
             _ => "",
@@ -89,6 +105,10 @@ mod tests {
         let key = Key::from("recording").index(2).child("channels").child("drive");
         assert_eq!(key.to_string(), "recording[2].channels.drive");
         assert_eq!(key.header().to_string(), "recording.channels.drive");
+        assert_eq!(Key::parse("recording[2].channels.drive"), Some(key));
+        for wrong in ["", "a..b", ".a", "a[", "a[]", "a[x]", "a[+1]", "a[1]b", "[0]", "a]"] {
+            assert_eq!(Key::parse(wrong), None, "{wrong}");
+        }
         assert_eq!(Key::from("estimate.ekf").child("a b").to_string(), "estimate.ekf.\"a b\"");
     }
 }

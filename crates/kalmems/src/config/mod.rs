@@ -39,8 +39,10 @@ pub use estimate::{Ekf, Estimate, ModelAlone, Peak, Ukf};
 pub use experiment::Experiment;
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
+pub(crate) use key::Step;
 pub use name::Name;
 pub use quantity::Quantity;
+pub(crate) use reader::read_source;
 pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub use schema::schema;
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
@@ -48,4 +50,5 @@ pub use simulate::{
     Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, Simulate, SineDrive, SquareDriveSource,
     SweepDrive, TonesDrive,
 };
+pub(crate) use source::Source;
 pub use values::{AnyValue, Entry, Values};

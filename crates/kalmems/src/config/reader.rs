@@ -6,7 +6,11 @@
 
 use super::error::shown;
 use super::key::Step;
-use super::{Fault, Key};
+use super::schema::remedy;
+use super::source::Source;
+use super::{ConfigError, Fault, Key};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::de::value::StrDeserializer;
 use serde::de::{
     DeserializeSeed, Deserializer, EnumAccess, Expected, IntoDeserializer, MapAccess, SeqAccess, Unexpected,
@@ -90,8 +94,21 @@ impl serde::de::Error for Failure {
     }
 }
 
+/// Reads a file into a type, and says of a fault where it is and what to write.
+pub(crate) fn read_source<T: DeserializeOwned + JsonSchema>(source: &Source) -> Result<T, ConfigError> {
+    let document = source.document()?;
+    let read = read::<T>(document.get_ref());
+    drop(document);
+    read.map_err(|Failure { mut fault, key, byte }| {
+        if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+            *what = remedy::<T>(&key);
+        }
+        source.error(key, byte, fault)
+    })
+}
+
 /// Reads the document.
-pub(super) fn read<T: serde::de::DeserializeOwned>(document: &DeTable<'_>) -> Result<T, Failure> {
+fn read<T: DeserializeOwned>(document: &DeTable<'_>) -> Result<T, Failure> {
     T::deserialize(TableReader { table: document })
 }
 

@@ -47,13 +47,8 @@ fn remove_null(schema: &mut schemars::Schema) {
     }
 }
 
-/// What to write at a key of an experiment file, with an example from the schema; for a key that must be there.
-pub(super) fn remedy(key: &Key) -> String {
-    remedy_in::<Experiment>(key)
-}
-
-/// The same for a file of another type.
-pub(super) fn remedy_in<T: JsonSchema>(key: &Key) -> String {
+/// What to write at a key, with an example from the schema; for a key that must be there.
+pub(super) fn remedy<T: JsonSchema>(key: &Key) -> String {
     let schema = generate::<T>(true);
     key.steps().iter().try_fold(&schema, |here, step| below(here, step)).map_or_else(String::new, |here| {
         match example(here) {

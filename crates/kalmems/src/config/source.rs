@@ -14,7 +14,7 @@ const LIMIT: usize = 1_000_000;
 
 /// Where an experiment came from. It says nothing about the experiment: all are equal.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Source {
+pub(crate) struct Source {
     pub path: PathBuf,
     pub text: String,
 }

@@ -2,7 +2,7 @@
 
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
-use crate::recording::{ReadError, Recording};
+use crate::recording::{Layout, ReadError, Recording};
 use crate::signal::{GAP, usual_interval};
 use crate::units::kind;
 use std::ops::ControlFlow;
@@ -58,6 +58,19 @@ impl ReferenceRecording {
     ) -> Result<Option<Self>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
+        let file = experiment.resolve(reference.file(described));
+        Self::read_by(experiment, index, angles, |layout| Recording::read_with(&file, layout, progress))
+    }
+
+    /// The same, with another way to read the file.
+    pub(crate) fn read_by(
+        experiment: &Experiment,
+        index: usize,
+        angles: &[[&'static str; 2]],
+        read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
+    ) -> Result<Option<Self>, ReferenceError> {
+        let described = experiment.recording(index)?;
+        let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
         let known = || angles.iter().flatten();
         if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == name)) {
@@ -85,12 +98,7 @@ impl ReferenceRecording {
             .map(String::as_str)
             .collect();
         let layout = described.reference_layout(reference, &columns);
-        let file = experiment.resolve(reference.file(described));
-        Ok(Some(Self {
-            recording: Recording::read_with(&file, &layout, progress)?,
-            angles,
-            delay_s: reference.delay_s(),
-        }))
+        Ok(Some(Self { recording: read(&layout)?, angles, delay_s: reference.delay_s() }))
     }
 
     /// The recording as read.

@@ -36,12 +36,14 @@ mod segment;
 #[cfg(test)]
 mod tests;
 mod time;
+mod unwritten;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
 pub use rails::{SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use segment::{Segment, TimeBase};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
+pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
 use request::{Request, Wanted};
@@ -130,14 +132,15 @@ impl Recording {
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
         };
-        let recording = read::read(path, &request, progress)?;
-        if recording.diagnosis.iter().any(|finding| finding.severity() == Severity::Fatal) {
-            return Err(ReadError::Unusable {
-                file: path.display().to_string(),
-                findings: recording.diagnosis,
-            });
+        read::read(path, &request, progress)?.usable(&path.display().to_string())
+    }
+
+    /// Refuses a recording with a finding that makes it unusable.
+    fn usable(self, file: &str) -> Result<Self, ReadError> {
+        if self.diagnosis.iter().any(|finding| finding.severity() == Severity::Fatal) {
+            return Err(ReadError::Unusable { file: file.to_owned(), findings: self.diagnosis });
         }
-        Ok(recording)
+        Ok(self)
     }
 
     /// The file it comes from.

@@ -1,12 +1,12 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
-use super::cell::Cell;
+use super::cell::{Cell, Scale};
 use super::findings::{Findings, Place};
 use super::label::Label;
-use super::plan::Plan;
-use super::rows::{Row, Rows};
+use super::plan::{Plan, Target};
+use super::rows::Row;
 use super::segment::{Lines, Segment, TimeBase, Times};
-use super::{Clock, Column, FindingKind as Kind, Recording, rails, time};
+use super::{Clock, Column, FindingKind as Kind, Recording, Source, rails, time};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -106,6 +106,25 @@ impl Pass {
         self.lines.push(line);
     }
 
+    /// A row of numbers that never was text. A number that its column's text would change goes through the text.
+    pub(super) fn take_numbers(&mut self, cells: &[f64], line: usize) {
+        let as_it_is = |target: &Target| {
+            target.scale == Scale::One && cells.get(target.index).is_some_and(|x| x.is_finite())
+        };
+        if !self.plan.clock.iter().chain(&self.plan.targets).all(as_it_is) {
+            let texts: Vec<String> = cells.iter().map(f64::to_string).collect();
+            return self.take_cells(|index| texts.get(index).map_or(&[], |text| text.as_bytes()), line);
+        }
+        self.enter_segment(None, line);
+        if let (Some(clock), Some(draft)) = (&self.plan.clock, self.drafts.last_mut()) {
+            draft.times.push(cells.get(clock.index).copied().unwrap_or(f64::NAN));
+        }
+        for target in &mut self.plan.targets {
+            target.values.push(cells.get(target.index).copied().unwrap_or(f64::NAN));
+        }
+        self.lines.push(line);
+    }
+
     /// Begins a segment where the label is another one.
     fn enter_segment(&mut self, label: Option<&[u8]>, line: usize) {
         let label = label.unwrap_or_default().trim_ascii();
@@ -136,7 +155,7 @@ impl Pass {
         }
     }
 
-    pub(super) fn finish(mut self, rows: Rows, clock: &Clock) -> Recording {
+    pub(super) fn finish(mut self, source: Source, clock: &Clock) -> Recording {
         if self.drafts.is_empty() {
             let place = Place { column: None, segment: None, line: self.plan.line };
             self.findings.add(Kind::HeaderOnly, place, || "there are names and no row of numbers".to_owned());
@@ -178,7 +197,7 @@ impl Pass {
             }
         }
         Recording {
-            source: rows.into_source(),
+            source,
             columns: self
                 .plan
                 .targets

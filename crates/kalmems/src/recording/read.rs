@@ -47,5 +47,5 @@ pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result
     if progress(done, total).is_break() {
         return Err(ReadError::Interrupted { file: file() });
     }
-    Ok(pass.finish(rows, request.clock))
+    Ok(pass.finish(rows.into_source(), request.clock))
 }

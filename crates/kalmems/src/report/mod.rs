@@ -41,3 +41,4 @@ pub use error::ReportError;
 pub use figure::{Axis, Figure, Panel, Role, Scale, Series, Shape};
 pub use page::{Block, Page, Section, Severity};
 pub use table::{Column, Table};
+pub(crate) use text::unit_sign;

@@ -68,6 +68,11 @@ pub(super) fn colours(series: &[Series]) -> Vec<Colour> {
 
 /// Which line, or which band, of its role a series is.
 fn nth(counts: &mut Vec<(Role, bool, usize)>, role: Role, is_band: bool, continues: bool) -> usize {
+    // A band without a label belongs to the line before it.
+    let line = counts.iter().find(|(r, band, _)| *r == role && !band);
+    if let (true, true, Some((_, _, nth))) = (is_band, continues, line) {
+        return *nth;
+    }
     if let Some((_, _, nth)) = counts.iter_mut().find(|(r, b, _)| (*r, *b) == (role, is_band)) {
         *nth += usize::from(!continues);
         return *nth;
@@ -135,6 +140,9 @@ mod tests {
         let unnamed = Series::level("", Role::Bound, 1.0);
         let pair = colours(&[line(Role::Bound), unnamed]);
         assert_eq!(pair[0], pair[1]);
+        let unnamed = || Series::band("", Other, [(0.0, 0.0, 1.0)]);
+        let banded = colours(&[line(Other), unnamed(), line(Other), unnamed()]);
+        assert!(banded[0] == banded[1] && banded[2] == banded[3] && banded[1] != banded[2]);
         let many = colours(&vec![line(Other); 20]);
         assert_eq!(many.len(), 20);
         assert!(many.windows(2).all(|pair| pair[0] != pair[1]));

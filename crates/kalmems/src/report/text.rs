@@ -98,7 +98,7 @@ pub(super) fn with_printed_unit(label: &str, unit: &str) -> String {
 }
 
 /// A unit in print: `V^2/Hz` becomes `V²/Hz`, `F/sqrt(Hz)` becomes `F/√Hz`, `1` nothing.
-pub(super) fn unit_sign(unit: &str) -> String {
+pub(crate) fn unit_sign(unit: &str) -> String {
     let unit = unit.trim();
     if unit == "1" {
         return String::new();

@@ -1,13 +1,14 @@
 //! The files of a simulation.
 
 use super::{Output, OutputError, RUN_FILE, RunInfo};
-use crate::config::{Channels, Clock, Experiment, Name, Recording, Reference, Role};
+use crate::config::Experiment;
 use crate::estimate::Progress;
 use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use crate::simulate::{
+    Channel, RECORDING, REFERENCE, Sample, SimulateError, Simulation, WhiteNoise, described,
+};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
@@ -37,9 +38,6 @@ pub enum SimulationWriteError {
     #[error(transparent)]
     Output(#[from] OutputError),
 }
-
-const RECORDING: &str = "recording.csv";
-const REFERENCE: &str = "reference.csv";
 
 /// Runs a simulation and writes it to a folder.
 ///
@@ -79,7 +77,7 @@ pub fn write_simulation(
     })?;
     nested?;
     ended?;
-    let toml = simulated(experiment, simulation).to_toml().map_err(io::Error::other);
+    let toml = described(experiment, simulation).to_toml().map_err(io::Error::other);
     output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
     let seed = experiment.simulate.as_ref().map_or(0, |simulate| simulate.seed);
     output.write(RUN_FILE, |w| {
@@ -134,34 +132,6 @@ fn input_id(experiment: &Experiment, simulation: &dyn Simulation) -> String {
         let _ = write!(digest, "{byte:02x}");
     }
     format!("{}: simulation {digest}", experiment.name)
-}
-
-/// The experiment with the simulated recording instead of its own.
-fn simulated(experiment: &Experiment, simulation: &dyn Simulation) -> Experiment {
-    let named = |channels: &[Channel]| {
-        let names: BTreeMap<String, String> =
-            channels.iter().map(|c| (c.meaning.to_owned(), c.column.to_owned())).collect();
-        Channels::try_from(names).ok()
-    };
-    let mut simulated = experiment.clone();
-    // Its estimate shall not take the place of that of the real recording.
-    if let Ok(name) = Name::try_from(format!("{}-simulated", experiment.name)) {
-        simulated.name = name;
-    }
-    simulated.simulate = None;
-    simulated.recordings = named(simulation.recorded())
-        .map(|channels| Recording {
-            name: None,
-            role: Role::Test,
-            file: RECORDING.into(),
-            segments: None,
-            clock: Clock::Column { column: "time_s".to_owned() },
-            channels,
-            reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
-        })
-        .into_iter()
-        .collect();
-    simulated
 }
 
 #[derive(Serialize)]

@@ -12,6 +12,7 @@ mod response;
 mod simulator;
 mod source;
 mod stability;
+mod unwritten;
 
 pub use drive::{Drive, Tone};
 pub use floquet::floquet_exponent;
@@ -21,3 +22,5 @@ pub use response::{StartUp, SweepPoint, SweepSettings, start_up, stepped_sweep};
 pub use simulator::Simulator;
 pub use source::drive_of;
 pub use stability::Stability;
+pub use unwritten::Unwritten;
+pub(crate) use unwritten::{RECORDING, REFERENCE, described};

@@ -39,6 +39,12 @@ impl Value {
         self.unit
     }
 
+    /// The number as written, and the unit as written behind it; the unit is empty for a plain ratio.
+    pub fn parts(&self) -> (&str, &str) {
+        let (number, unit) = self.text.split_at(number_length(&self.text));
+        (number, unit.trim())
+    }
+
     /// The SI value, where its dimension is that of `kind`.
     pub fn of_kind(&self, kind: &Kind) -> Result<f64, UnitError> {
         if kind.accepts(self.unit.dimension()) {

@@ -1,0 +1,409 @@
+//! What varies: the values of one key.
+
+use super::description::{AppliesTo, Grid, Normal, Spacing, Uniform, Vary};
+use super::seed::Draw;
+use crate::config::{Fault, Key};
+use crate::units::{Header, Unit, Value};
+
+/// A key with the values that it takes.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    /// The key in the experiment file.
+    pub(super) key: Key,
+    /// Its name in the results.
+    pub(super) name: String,
+    /// Its column in the results: the name, and the SI unit where it has one.
+    pub(super) column: String,
+    /// Its unit as written; empty where it has none.
+    pub(super) unit: String,
+    pub(super) applies_to: AppliesTo,
+    pub(super) values: Values,
+}
+
+/// The values of a key.
+#[derive(Clone, Debug)]
+pub(super) enum Values {
+    /// One after the other: a dimension of the grid.
+    Listed(Vec<Setting>),
+    /// By chance, in every run anew.
+    Drawn(Chance),
+}
+
+/// A distribution in the unit of its first value.
+#[derive(Clone, Debug)]
+pub(super) enum Chance {
+    Normal { mean: f64, sd: f64, unit: String },
+    Uniform { from: f64, to: f64, unit: String },
+}
+
+/// One value that a key takes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Setting {
+    /// As the experiment file would have it.
+    pub(super) toml: toml::Value,
+    /// As the results have it: SI where it has a unit.
+    pub(super) cell: String,
+    /// As a number in the unit as written; `None` for a word.
+    pub(super) number: Option<f64>,
+}
+
+/// What the values of a key are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Sort {
+    Quantity(Unit),
+    Number,
+    Word,
+}
+
+impl Axis {
+    /// Reads and checks a `[[vary]]` table; where it is wrong, the key below it.
+    pub(super) fn of(vary: &Vary, simulated: bool) -> Result<Self, (&'static str, Fault)> {
+        let value = |why: String| Fault::Value { why };
+        let key = Key::parse(&vary.key).ok_or_else(|| {
+            let why = format!(
+                "`{}` is no key; expected names and indices, such as `recording[0].clock.rate`",
+                vary.key
+            );
+            ("key", value(why))
+        })?;
+        if matches!(key.last(), "file") {
+            let why = "the files of a study are the same at all its points; use several experiments instead";
+            return Err(("key", value(why.to_owned())));
+        }
+        if vary.key == "simulate.seed" {
+            let why = "the noise of each run follows from the study's `seed`; use `repeats` instead";
+            return Err(("key", value(why.to_owned())));
+        }
+        let applies_to = match (vary.applies_to, simulated) {
+            (None, true) => AppliesTo::Both,
+            (None | Some(AppliesTo::Told), false) => AppliesTo::Told,
+            (Some(applies_to), true) => applies_to,
+            (Some(_), false) => {
+                let why =
+                    "the experiment has no `[simulate]`: its recordings are what they are; write `told`";
+                return Err(("applies_to", value(why.to_owned())));
+            }
+        };
+        let (first, values) = match (&vary.grid, &vary.values, &vary.normal, &vary.uniform) {
+            (Some(grid), None, None, None) => listed(self::grid(grid).map_err(|fault| ("grid", fault))?),
+            (None, Some(values), None, None) => listed(list(values).map_err(|fault| ("values", fault))?),
+            (None, None, Some(n), None) => normal(n).map_err(|fault| ("normal", fault))?,
+            (None, None, None, Some(u)) => uniform(u).map_err(|fault| ("uniform", fault))?,
+            (grid, values, normal, uniform) => {
+                let known = ["grid", "values", "normal", "uniform"];
+                let there = [grid.is_some(), values.is_some(), normal.is_some(), uniform.is_some()];
+                let found = known.iter().zip(there).filter(|(_, there)| *there);
+                let found = found.map(|(name, _)| (*name).to_owned()).collect();
+                return Err(("", Fault::OneOf { found, known: known.map(str::to_owned).to_vec() }));
+            }
+        };
+        let name = vary.name.as_ref().map_or_else(|| key.last().to_owned(), ToString::to_string);
+        if name.is_empty() {
+            let why = "an entry of a list has no name of its own; add `name`".to_owned();
+            return Err(("key", value(why)));
+        }
+        let (ending, unit) = match sort_of(&first).map_err(|fault| ("values", fault))? {
+            Sort::Quantity(unit) => (format!("_{}", ending(unit, &unit_text(&first))), unit_text(&first)),
+            Sort::Number => ("_1".to_owned(), String::new()),
+            Sort::Word => (String::new(), String::new()),
+        };
+        Ok(Self { key, column: format!("{name}{ending}"), name, unit, applies_to, values })
+    }
+
+    /// The settings that are listed; one, which stands for all, where they are drawn.
+    pub(super) fn listed(&self) -> &[Setting] {
+        match &self.values {
+            Values::Listed(settings) => settings,
+            Values::Drawn(_) => &[],
+        }
+    }
+
+    /// How many points of the grid this one makes of each.
+    pub(super) fn points(&self) -> u64 {
+        match &self.values {
+            Values::Listed(settings) => settings.len() as u64,
+            Values::Drawn(_) => 1,
+        }
+    }
+}
+
+impl Chance {
+    /// The value of one run.
+    pub(super) fn setting(&self, draw: Draw) -> Setting {
+        let (number, unit) = match self {
+            Self::Normal { mean, sd, unit } => (mean + sd * draw.normal(), unit),
+            Self::Uniform { from, to, unit } => (from + (to - from) * draw.uniform(), unit),
+        };
+        written(number, unit)
+    }
+
+    /// A value in the middle, to check the key by.
+    pub(super) fn middle(&self) -> Setting {
+        match self {
+            Self::Normal { mean, unit, .. } => written(*mean, unit),
+            Self::Uniform { from, to, unit } => written(from.midpoint(*to), unit),
+        }
+    }
+}
+
+fn listed(settings: Vec<Setting>) -> (toml::Value, Values) {
+    // There is a first one: grids and lists without values are refused.
+    let first = settings.first().map_or(toml::Value::Boolean(false), |setting| setting.toml.clone());
+    (first, Values::Listed(settings))
+}
+
+fn list(values: &[toml::Value]) -> Result<Vec<Setting>, Fault> {
+    let Some(first) = values.first() else {
+        return Err(Fault::Value { why: "found no value; expected at least one".to_owned() });
+    };
+    let sort = sort_of(first)?;
+    let mut settings = Vec::new();
+    for value in values {
+        same_sort(sort, first, value)?;
+        let setting = setting(value.clone());
+        if settings.iter().any(|other: &Setting| other.cell == setting.cell) {
+            return Err(Fault::Value { why: format!("{value} stands here twice") });
+        }
+        settings.push(setting);
+    }
+    Ok(settings)
+}
+
+fn grid(grid: &Grid) -> Result<Vec<Setting>, Fault> {
+    let (from, to, unit) = range(&grid.from, &grid.to)?;
+    let refuse = |why: String| Err(Fault::Value { why });
+    if !(2..=1_000_000).contains(&grid.points) {
+        return refuse(format!("`{}` points are no grid; expected 2 to 1000000", grid.points));
+    }
+    if from == to {
+        return refuse(format!("{} and {} are the same value", grid.from, grid.to));
+    }
+    if grid.spacing == Spacing::Log && (to / from <= 0.0 || !(to / from).is_finite()) {
+        return refuse(format!("{} and {} have no ratio above 0; use linear spacing", grid.from, grid.to));
+    }
+    let last = grid.points - 1;
+    let inner = |i: u64| {
+        let part = i as f64 / last as f64;
+        let number = match grid.spacing {
+            Spacing::Linear => from + (to - from) * part,
+            // Elementary functions of the core: the same on every machine.
+            Spacing::Log => {
+                let ratio: f64 = kalmems_core::Scalar::ln(to / from);
+                from * kalmems_core::Scalar::exp(ratio * part)
+            }
+        };
+        // Twelve digits are what is meant: 1.096, not 1.0960000000000001.
+        written(format!("{number:.11e}").parse().unwrap_or(number), &unit)
+    };
+    let ends = |value: &toml::Value| setting(value.clone());
+    Ok((0..=last)
+        .map(|i| match i {
+            0 => ends(&grid.from),
+            i if i == last => ends(&grid.to),
+            i => inner(i),
+        })
+        .collect())
+}
+
+fn normal(normal: &Normal) -> Result<(toml::Value, Values), Fault> {
+    let (mean, sd, unit) = range(&normal.mean, &normal.sd)?;
+    if sd < 0.0 {
+        return Err(Fault::Value { why: format!("the standard deviation {} is below 0", normal.sd) });
+    }
+    Ok((normal.mean.clone(), Values::Drawn(Chance::Normal { mean, sd, unit })))
+}
+
+fn uniform(uniform: &Uniform) -> Result<(toml::Value, Values), Fault> {
+    let (from, to, unit) = range(&uniform.from, &uniform.to)?;
+    if from >= to {
+        return Err(Fault::Value { why: format!("{} is not below {}", uniform.from, uniform.to) });
+    }
+    Ok((uniform.from.clone(), Values::Drawn(Chance::Uniform { from, to, unit })))
+}
+
+/// Two values of one dimension as numbers in the unit of the first.
+fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String), Fault> {
+    let sort = sort_of(first)?;
+    same_sort(sort, first, second)?;
+    if sort == Sort::Word {
+        let why = format!("{first} is no number with a unit; between words there is nothing");
+        return Err(Fault::Value { why });
+    }
+    let unit = unit_text(first);
+    let numbers = (setting(first.clone()).number, setting(second.clone()).number);
+    let (Some(from), Some(mut to)) = numbers else {
+        return Err(Fault::Value { why: format!("{first} and {second} are no numbers") });
+    };
+    if let (Some(a), Some(b)) = (quantity(first), quantity(second))
+        && unit_text(second) != unit
+    {
+        to = b.si() / a.unit().factor();
+    }
+    if !(from.is_finite() && to.is_finite()) {
+        return Err(Fault::Value { why: format!("{first} and {second} are not both finite") });
+    }
+    Ok((from, to, unit))
+}
+
+fn same_sort(sort: Sort, first: &toml::Value, other: &toml::Value) -> Result<(), Fault> {
+    let same = match (sort, sort_of(other)?) {
+        (Sort::Quantity(a), Sort::Quantity(b)) => a.dimension() == b.dimension(),
+        (a, b) => a == b,
+    };
+    if same {
+        Ok(())
+    } else {
+        Err(Fault::Value { why: format!("{other} is not of the same kind as {first}") })
+    }
+}
+
+fn sort_of(value: &toml::Value) -> Result<Sort, Fault> {
+    match value {
+        toml::Value::Integer(_) | toml::Value::Float(_) => Ok(Sort::Number),
+        toml::Value::Boolean(_) => Ok(Sort::Word),
+        toml::Value::String(_) => {
+            Ok(quantity(value).map_or(Sort::Word, |value| Sort::Quantity(value.unit())))
+        }
+        other => {
+            let why = format!("found {}; expected text, a number, `true` or `false`", other.type_str());
+            Err(Fault::Value { why })
+        }
+    }
+}
+
+fn quantity(value: &toml::Value) -> Option<Value> {
+    Value::parse(value.as_str()?).ok()
+}
+
+/// The SI unit as a column name has it: the unit as written where that is one, so that N m stays N_m.
+fn ending(unit: Unit, text: &str) -> String {
+    let same = text.replace(' ', "_").replace('^', "").replace('/', "_per_");
+    let read = Header::parse(&format!("x_{same}"));
+    let is_si = |found: Unit| found.dimension() == unit.dimension() && found.factor() == 1.0;
+    if read.unit.is_some_and(is_si) && read.unit_text == same { same } else { unit.si_header() }
+}
+
+fn unit_text(value: &toml::Value) -> String {
+    quantity(value).map_or_else(String::new, |value| value.parts().1.to_owned())
+}
+
+/// A number in a unit, or a plain one, as a setting.
+fn written(number: f64, unit: &str) -> Setting {
+    setting(if unit.is_empty() {
+        toml::Value::Float(number)
+    } else {
+        // The shortest text that reads back as the same number.
+        toml::Value::String(format!("{number:?} {unit}"))
+    })
+}
+
+#[allow(clippy::cast_precision_loss)] // a picture does not show it
+fn setting(toml: toml::Value) -> Setting {
+    let (cell, number) = match (&toml, quantity(&toml)) {
+        (_, Some(value)) => (shortest(value.si()), value.parts().0.parse().ok()),
+        (toml::Value::String(word), None) => (word.clone(), None),
+        (toml::Value::Integer(n), _) => (n.to_string(), Some(*n as f64)),
+        (toml::Value::Float(x), _) => (shortest(*x), Some(*x)),
+        (other, _) => (other.to_string(), None),
+    };
+    Setting { toml, cell, number }
+}
+
+/// The shortest text that reads back as the same number.
+fn shortest(number: f64) -> String {
+    format!("{number:?}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(text: &str) -> Result<Axis, (&'static str, String)> {
+        let vary: Vary = toml::from_str(text).unwrap();
+        Axis::of(&vary, true).map_err(|(key, fault)| (key, fault.to_string()))
+    }
+
+    fn texts(axis: &Axis) -> Vec<String> {
+        axis.listed().iter().map(|setting| setting.toml.to_string().replace('"', "")).collect()
+    }
+
+    #[test]
+    fn a_grid_keeps_its_ends_and_its_unit() {
+        let axis = axis("key = \"a.frequency\"\ngrid = { from = \"900 Hz\", to = \"1.1 kHz\", points = 3 }")
+            .unwrap();
+        assert_eq!(texts(&axis), ["900 Hz", "1000.0 Hz", "1.1 kHz"]);
+        assert_eq!(
+            axis.listed().iter().map(|s| s.cell.as_str()).collect::<Vec<_>>(),
+            ["900.0", "1000.0", "1100.0"]
+        );
+        assert_eq!((axis.column.as_str(), axis.unit.as_str()), ("frequency_Hz", "Hz"));
+    }
+
+    #[test]
+    fn a_grid_of_equal_ratios() {
+        let axis = axis(
+            "key = \"q\"\ngrid = { from = \"1e4 rad^2/s^3\", to = \"1e8 rad^2/s^3\", points = 5, spacing = \"log\" }",
+        )
+        .unwrap();
+        let numbers: Vec<f64> = axis.listed().iter().filter_map(|s| s.number).collect();
+        assert_eq!(numbers, [1e4, 1e5, 1e6, 1e7, 1e8]);
+        assert_eq!(axis.column, "q_rad2_per_s3");
+    }
+
+    #[test]
+    fn a_column_has_the_unit_as_written_where_it_is_si() {
+        for (unit, ending) in [("N m", "N_m"), ("kHz", "Hz"), ("rad/s", "rad_per_s"), ("%", "1")] {
+            let axis = axis(&format!("key = \"x\"\nvalues = [\"2 {unit}\"]")).unwrap();
+            let read = Header::parse(&axis.column).unit.unwrap();
+            assert_eq!(
+                (read.dimension(), read.factor()),
+                (Unit::parse(unit).unwrap().dimension(), 1.0),
+                "{unit}"
+            );
+            assert_eq!(axis.column, format!("x_{ending}"));
+        }
+    }
+
+    #[test]
+    fn words_and_numbers_can_be_listed() {
+        let words = axis("key = \"estimate.first_peak\"\nvalues = [\"positive\", \"negative\"]").unwrap();
+        assert_eq!(
+            (words.column.as_str(), texts(&words)),
+            ("first_peak", vec!["positive".into(), "negative".into()])
+        );
+        let numbers = axis("key = \"simulate.adc.bits\"\nvalues = [8, 12]").unwrap();
+        assert_eq!(numbers.column, "bits_1");
+        assert_eq!(numbers.listed()[1].toml, toml::Value::Integer(12));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (text, at, message) in [
+            ("key = \"a..b\"\nvalues = [1]", "key", "is no key"),
+            ("key = \"a\"", "", "found none; expected exactly one of: grid, values, normal, uniform"),
+            ("key = \"a\"\nvalues = [1]\nuniform = { from = 1, to = 2 }", "", "found 2 (values, uniform)"),
+            ("key = \"a\"\nvalues = []", "values", "found no value"),
+            ("key = \"a\"\nvalues = [\"1 V\", \"1000 mV\"]", "values", "stands here twice"),
+            ("key = \"a\"\nvalues = [\"1 V\", \"2 A\"]", "values", "is not of the same kind as \"1 V\""),
+            (
+                "key = \"a\"\ngrid = { from = \"1 V\", to = \"2 A\", points = 3 }",
+                "grid",
+                "is not of the same kind",
+            ),
+            ("key = \"a\"\ngrid = { from = \"1 V\", to = \"2 V\", points = 1 }", "grid", "are no grid"),
+            ("key = \"a\"\ngrid = { from = \"x\", to = \"y\", points = 3 }", "grid", "no number with a unit"),
+            (
+                "key = \"a\"\ngrid = { from = \"0 V\", to = \"2 V\", points = 3, spacing = \"log\" }",
+                "grid",
+                "no ratio",
+            ),
+            ("key = \"a\"\nnormal = { mean = \"1 V\", sd = \"-1 V\" }", "normal", "below 0"),
+            ("key = \"a\"\nuniform = { from = \"2 V\", to = \"1 V\" }", "uniform", "is not below"),
+            ("key = \"simulate.seed\"\nvalues = [1]", "key", "use `repeats`"),
+            ("key = \"recording[0].file\"\nvalues = [\"a\"]", "key", "the files of a study"),
+        ] {
+            let (key, found) = axis(text).unwrap_err();
+            assert!(key == at && found.contains(message), "{text}: {key}: {found}");
+        }
+    }
+}

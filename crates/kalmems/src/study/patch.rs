@@ -1,0 +1,104 @@
+//! A value put at a key of a parsed experiment file.
+
+use crate::config::{Fault, Key, Step};
+use toml::{Table, Value};
+
+/// Puts a value at a key. Tables on the way that are not there are made; entries of lists are not.
+pub(super) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
+    let (Some(Step::Name(first)), steps) = (key.steps().first(), key.steps().get(1..).unwrap_or_default())
+    else {
+        return Err(Fault::Value { why: "a key begins with a name".to_owned() });
+    };
+    if let Some(Step::Index(_)) = steps.first()
+        && !document.contains_key(first)
+    {
+        return Err(Fault::Value { why: format!("there is no list `{first}` in the experiment file") });
+    }
+    let mut here = document.entry(first).or_insert_with(|| Value::Table(Table::new()));
+    for step in steps {
+        here = match (step, here) {
+            (Step::Name(name), Value::Table(table)) => {
+                table.entry(name).or_insert_with(|| Value::Table(Table::new()))
+            }
+            (Step::Name(name), other) => {
+                let why = format!("`{name}` cannot stand below {}", other.type_str());
+                return Err(Fault::Value { why });
+            }
+            (Step::Index(index), Value::Array(items)) => {
+                let count = items.len();
+                items.get_mut(*index).ok_or_else(|| {
+                    let why =
+                        format!("there is no entry {index} of this list; it has {count}, counted from 0");
+                    Fault::Value { why }
+                })?
+            }
+            (Step::Index(_), other) => {
+                let why = format!("an index needs a list, and {} stands there", other.type_str());
+                return Err(Fault::Value { why });
+            }
+        };
+    }
+    *here = value;
+    Ok(())
+}
+
+/// The first name on the way to a key that the document does not have, and the names beside which it would stand.
+pub(super) fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
+    let mut table = Some(document);
+    let mut list: Option<&[Value]> = None;
+    for step in key.steps() {
+        let value = match step {
+            Step::Name(name) => {
+                let there = table?;
+                let Some(value) = there.get(name) else {
+                    return Some((name, there.keys().map(String::as_str).collect()));
+                };
+                value
+            }
+            Step::Index(index) => list?.get(*index)?,
+        };
+        table = value.as_table();
+        list = value.as_array().map(Vec::as_slice);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn document() -> Table {
+        "a = 1\n[b.c]\nd = \"2 V\"\n[[e]]\nf = true\n[[e]]\nf = false\n".parse().unwrap()
+    }
+
+    #[test]
+    fn puts_a_value_at_every_kind_of_key() {
+        for (key, expected) in [
+            ("a", "a = 9\n[b.c]\nd = \"2 V\"\n[[e]]\nf = true\n[[e]]\nf = false\n"),
+            ("b.c.d", "a = 1\n[b.c]\nd = 9\n[[e]]\nf = true\n[[e]]\nf = false\n"),
+            ("b.c.new", "a = 1\n[b.c]\nd = \"2 V\"\nnew = 9\n[[e]]\nf = true\n[[e]]\nf = false\n"),
+            ("b.x.y", "a = 1\n[b.c]\nd = \"2 V\"\n[b.x]\ny = 9\n[[e]]\nf = true\n[[e]]\nf = false\n"),
+            ("e[1].f", "a = 1\n[b.c]\nd = \"2 V\"\n[[e]]\nf = true\n[[e]]\nf = 9\n"),
+        ] {
+            let mut document = document();
+            put(&mut document, &Key::parse(key).unwrap(), Value::Integer(9)).unwrap();
+            assert_eq!(document, expected.parse::<Table>().unwrap(), "{key}");
+        }
+        for key in ["e[2].f", "a.b", "b[0]", "e.f", "g[0].h", "b.g[0]"] {
+            assert!(put(&mut document(), &Key::parse(key).unwrap(), Value::Integer(9)).is_err(), "{key}");
+        }
+    }
+
+    #[test]
+    fn says_what_is_absent() {
+        let document = document();
+        let absent = |key: &str| {
+            let key = Key::parse(key).unwrap();
+            absent(&document, &key).map(|(name, known)| format!("{name} of {}", known.join(" ")))
+        };
+        assert_eq!(absent("b.c.d"), None);
+        assert_eq!(absent("e[1].f"), None);
+        assert_eq!(absent("b.x.y").unwrap(), "x of c");
+        assert_eq!(absent("e[1].g").unwrap(), "g of f");
+    }
+}

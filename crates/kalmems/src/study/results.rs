@@ -1,0 +1,206 @@
+//! The results of a whole study, written as one.
+
+use super::journal::{self, Header, Runs};
+use super::pictures::pictures;
+use super::table::Table;
+use super::{Plan, Shard, StudyError, spread};
+use crate::report::{Figure, Page, Section, Severity};
+use crate::results::{Notice, Output, RUN_FILE};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What a study came to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// The study's name.
+    pub study: String,
+    /// Points of its grid.
+    pub points: u64,
+    /// Runs: each point once for each repeat.
+    pub runs: u64,
+    /// Rows of the table.
+    pub rows: usize,
+    /// Runs that failed, by what they say; the first of each, and how many.
+    pub failures: BTreeMap<String, Failures>,
+    /// What is wrong with pictures that are not there.
+    pub notes: Vec<String>,
+}
+
+/// Runs that failed for the same reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Failures {
+    /// How many.
+    pub runs: u64,
+    /// The first of them.
+    pub first: u64,
+}
+
+impl Summary {
+    /// What a reader must know before trusting the figures.
+    pub fn notices(&self) -> Vec<Notice> {
+        let failures = self.failures.iter().map(|(why, failures)| {
+            let text = format!("{} runs failed, the first is run {}: {why}", failures.runs, failures.first);
+            Notice { severity: Severity::Warning, text }
+        });
+        failures
+            .chain(self.notes.iter().map(|note| Notice { severity: Severity::Note, text: note.clone() }))
+            .collect()
+    }
+
+    /// How many runs failed.
+    pub fn failed(&self) -> u64 {
+        self.failures.values().map(|failures| failures.runs).sum()
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { runs, points, rows, .. } = self;
+        write!(f, "{runs} runs of {points} points, {rows} rows, {} failed", self.failed())
+    }
+}
+
+impl Plan {
+    /// The plan of a study, from one of its journals.
+    pub fn from_journal(path: &Path) -> Result<Self, StudyError> {
+        let (header, _) = journal::load(path)?;
+        Self::parse(&header.study, &header.experiment)
+    }
+
+    /// What tells the results of this study from others.
+    pub(super) fn input_id(&self, digest: &str) -> String {
+        format!("{}: study {}", self.name(), digest.get(..12).unwrap_or(digest))
+    }
+
+    /// Writes the results of a study whose journals are whole: `results.csv` with all figures of all runs,
+    /// `summary.csv` with median and range of those that are drawn, `report.html` with its `figures/`, the study and its experiment, and
+    /// `run.toml`. The same runs give the same bytes, in whatever order and on whatever machines they were made.
+    ///
+    /// With the feature `parquet` also `results.parquet`.
+    pub fn write_results(
+        &self,
+        journals: &[PathBuf],
+        out: &Path,
+        force: bool,
+    ) -> Result<Summary, StudyError> {
+        let (header, runs) = joined(journals)?;
+        let input_id = self.input_id(&header.digest);
+        let output = Output::prepare(out, &input_id, force)?;
+        let table = Table::of(self, &runs);
+        output.write("results.csv", |w| table.write_csv(w))?;
+        #[cfg(feature = "parquet")]
+        output.write("results.parquet", |w| super::parquet::write(&table, w))?;
+        let drawn = self.description.figure.iter().filter_map(|picture| table.column(&picture.metric));
+        let drawn: Vec<usize> = drawn.filter(|column| table.is_number(*column)).collect();
+        if !drawn.is_empty() {
+            output.write("summary.csv", |w| spread::write_csv(self, &table, &drawn, w))?;
+        }
+        let (figures, notes) = pictures(self, &table);
+        for figure in &figures {
+            output
+                .write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+            let png = figure.to_png()?;
+            output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        }
+        output.write("study.toml", |w| w.write_all(self.source.text.as_bytes()))?;
+        output.write("experiment.toml", |w| w.write_all(self.experiment.text.as_bytes()))?;
+        let mut failures: BTreeMap<String, Failures> = BTreeMap::new();
+        for finished in runs.values() {
+            if let Some(error) = &finished.error {
+                let entry = failures.entry(error.clone());
+                entry.or_insert(Failures { runs: 0, first: finished.run }).runs += 1;
+            }
+        }
+        let summary = Summary {
+            study: self.name().to_owned(),
+            points: self.points(),
+            runs: self.runs(),
+            rows: table.rows.len(),
+            failures,
+            notes,
+        };
+        let page = self.page(&summary, &header, figures).to_html()?;
+        output.write("report.html", |w| w.write_all(page.as_bytes()))?;
+        output.write(RUN_FILE, |w| {
+            let run = Record {
+                version: &header.version,
+                command: "study",
+                input_id: &input_id,
+                digest: &header.digest,
+                points: summary.points,
+                runs: summary.runs,
+                failed: summary.failed(),
+                seed: self.description.seed,
+            };
+            w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })?;
+        output.commit()?;
+        Ok(summary)
+    }
+
+    fn page(&self, summary: &Summary, header: &Header, figures: Vec<Figure>) -> Page {
+        let mut result = Section::new("Result");
+        for notice in summary.notices() {
+            result = result.notice(notice.severity, notice.text);
+        }
+        let result = figures.into_iter().fold(result.paragraph(summary.to_string()), Section::figure);
+        let how = Section::new("How it was made")
+            .paragraph(format!("kalmems {}. All figures of all runs are in results.csv.", header.version))
+            .preformatted("The study", &self.source.text)
+            .preformatted("The experiment", &self.experiment.text);
+        let subtitle = self.description.description.clone().unwrap_or_default();
+        Page::new(self.name(), subtitle).with(result).with(how)
+    }
+}
+
+#[derive(Serialize)]
+struct Record<'a> {
+    version: &'a str,
+    command: &'static str,
+    input_id: &'a str,
+    digest: &'a str,
+    points: u64,
+    runs: u64,
+    failed: u64,
+    seed: u64,
+}
+
+/// All runs of a study from its journals, each of them once.
+fn joined(journals: &[PathBuf]) -> Result<(Header, Runs), StudyError> {
+    let mut whole: Option<(Header, Runs)> = None;
+    let mut holders: BTreeMap<u64, usize> = BTreeMap::new();
+    let mut shards = Vec::new();
+    for (i, path) in journals.iter().enumerate() {
+        let (header, runs) = journal::load(path)?;
+        shards.push(header.shard.parse::<Shard>()?);
+        let (first, joined) = whole.get_or_insert_with(|| (header.clone(), Runs::new()));
+        if let Some(why) = first.differs(&header) {
+            return Err(StudyError::Different { first: journals[0].clone(), second: path.clone(), why });
+        }
+        for (run, finished) in runs {
+            if let Some(holder) = holders.insert(run, i) {
+                let (first, second) = (journals[holder].clone(), path.clone());
+                return Err(StudyError::Overlap { index: run, first, second });
+            }
+            joined.insert(run, finished);
+        }
+    }
+    let no_journal = || StudyError::NoJournal { path: PathBuf::new(), why: "none was named".to_owned() };
+    let (header, runs) = whole.ok_or_else(no_journal)?;
+    let missing = header.runs - runs.len() as u64;
+    if let Some(first) = (0..header.runs).find(|run| !runs.contains_key(run)) {
+        let holder = shards.iter().find(|shard| shard.has(first));
+        let remedy = match (holder, shards.first()) {
+            (Some(shard), _) => format!("let shard {shard} come to its end, by the command that began it"),
+            (None, Some(any)) => {
+                format!("name the journal of shard {}/{} as well", first % any.of() + 1, any.of())
+            }
+            (None, None) => String::new(),
+        };
+        return Err(StudyError::Gap { missing, total: header.runs, first, remedy });
+    }
+    Ok((header, runs))
+}

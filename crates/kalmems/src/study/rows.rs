@@ -1,0 +1,68 @@
+//! The figures of one run as rows: one for each segment and estimator.
+
+use crate::results::Metrics;
+use serde_json::{Map, Value};
+
+/// Columns by name, in their order, with their text: numbers as short as they read back as the same bits. Text, because
+/// that is what no reading and writing changes.
+pub(super) type Row = Map<String, Value>;
+
+/// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
+/// a list, the row has the length.
+pub(super) fn rows(metrics: &Metrics) -> Vec<Row> {
+    let metrics = serde_json::to_value(metrics).unwrap_or_default();
+    let mut rows = Vec::new();
+    for recording in list(&metrics, "recordings") {
+        for segment in list(recording, "segments") {
+            let mut common = Row::new();
+            common.insert("recording".to_owned(), text(recording.get("name")));
+            common.insert("segment".to_owned(), text(segment.get("label")));
+            for (name, value) in segment.as_object().into_iter().flatten() {
+                if name != "estimators" && name != "label" {
+                    flatten(&format!("segment.{name}"), value, &mut common);
+                }
+            }
+            for estimator in list(segment, "estimators") {
+                let mut row = common.clone();
+                row.insert("estimator".to_owned(), text(estimator.get("key")));
+                row.insert("estimator_name".to_owned(), text(estimator.get("name")));
+                for (name, value) in estimator.as_object().into_iter().flatten() {
+                    if name != "key" && name != "name" {
+                        flatten(name, value, &mut row);
+                    }
+                }
+                rows.push(row);
+            }
+        }
+    }
+    rows
+}
+
+fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
+    value.get(name).and_then(Value::as_array).map_or(&[], Vec::as_slice)
+}
+
+fn text(value: Option<&Value>) -> Value {
+    match value {
+        None | Some(Value::Null) => Value::String(String::new()),
+        Some(Value::String(text)) => Value::String(text.clone()),
+        Some(other) => Value::String(other.to_string()),
+    }
+}
+
+fn flatten(name: &str, value: &Value, row: &mut Row) {
+    match value {
+        Value::Null => {}
+        Value::Object(inner) => {
+            for (below, value) in inner {
+                flatten(&format!("{name}.{below}"), value, row);
+            }
+        }
+        Value::Array(items) => {
+            row.insert(name.to_owned(), Value::String(items.len().to_string()));
+        }
+        value => {
+            row.insert(name.to_owned(), text(Some(value)));
+        }
+    }
+}

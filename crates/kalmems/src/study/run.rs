@@ -1,0 +1,173 @@
+//! Runs what is not finished yet, on several threads, and keeps each run as it comes.
+
+use super::error::RunError;
+use super::journal::{Finished, Header, Journal, Runs};
+use super::plan::Ready;
+use super::rows::rows;
+use super::{Plan, Shard, StudyError};
+use crate::estimate::Progress;
+use crate::results::{Metrics, Output};
+use crate::simulate::Unwritten;
+use crate::workflow;
+use std::num::NonZero;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+/// How to run a study.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Which part of it.
+    pub shard: Shard,
+    /// How many runs at once; as many as the machine can, if `None`.
+    pub threads: Option<NonZero<usize>>,
+    /// Begin anew where the journal is that of another study.
+    pub force: bool,
+}
+
+/// What was there, and what was done.
+#[derive(Clone, Debug)]
+pub struct Progressed {
+    /// The journal.
+    pub journal: PathBuf,
+    /// Runs of this part.
+    pub runs: u64,
+    /// How many of them were finished before.
+    pub before: u64,
+    /// Whether a run that was being written when the program was stopped was dropped from the journal.
+    pub torn: bool,
+}
+
+/// Between two looks at whether to go on.
+const PULSE: Duration = Duration::from_millis(50);
+
+impl Plan {
+    /// The journal for results in a folder: beside it, with its name.
+    pub fn journal(&self, out: &Path, shard: Shard) -> PathBuf {
+        let name = out
+            .file_name()
+            .map_or_else(|| self.name().to_owned(), |name| name.to_string_lossy().into_owned());
+        let part = if shard.is_whole() {
+            String::new()
+        } else {
+            format!(".{}", shard.to_string().replace('/', "-of-"))
+        };
+        out.with_file_name(format!("{name}{part}.journal"))
+    }
+
+    /// Runs all that the journal does not have yet. Each run is a line of it as soon as it is finished.
+    ///
+    /// The figures of a run follow from the study, the experiment and the run's index alone: not from the number of
+    /// threads, nor from what was interrupted when.
+    pub fn run_all(
+        &self,
+        out: &Path,
+        options: Options,
+        progress: &dyn Progress,
+    ) -> Result<Progressed, StudyError> {
+        let inputs = self.check()?;
+        let path = self.journal(out, options.shard);
+        let header = Header::of(self, self.digest(&inputs), options.shard);
+        if options.shard.is_whole() {
+            // A folder that cannot take the results is refused before any time is spent.
+            drop(Output::prepare(out, &self.input_id(&header.digest), options.force)?);
+        }
+        let (mut journal, finished, torn) = Journal::open(&path, &header, options.force)?;
+        let runs = options.shard.share(self.runs());
+        let before = finished.len() as u64;
+        self.run_missing(&mut journal, &finished, options, progress)?.map_or(Ok(()), |done| {
+            Err(StudyError::Interrupted { done: before + done, total: runs, journal: path.clone() })
+        })?;
+        Ok(Progressed { journal: path, runs, before, torn })
+    }
+
+    /// How many were done where the work was stopped; `None` where it came to its end.
+    fn run_missing(
+        &self,
+        journal: &mut Journal,
+        finished: &Runs,
+        options: Options,
+        progress: &dyn Progress,
+    ) -> Result<Option<u64>, StudyError> {
+        let missing: Vec<u64> =
+            (0..self.runs()).filter(|run| options.shard.has(*run) && !finished.contains_key(run)).collect();
+        let threads =
+            options.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let (sender, receiver) = mpsc::channel();
+        progress.begin("studying", missing.len() as u64);
+        thread::scope(|scope| {
+            for _ in 0..threads.min(missing.len()) {
+                let sender = sender.clone();
+                let (missing, next, stop) = (&missing, &next, &stop);
+                scope.spawn(move || {
+                    while let Some(run) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        // Nothing is said of a run that was stopped, and no more of one that nobody hears.
+                        let Some(finished) = self.finish(*run, &Stop(stop)) else { return };
+                        if sender.send(finished).is_err() {
+                            return;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut done = 0;
+            let ended = loop {
+                match receiver.recv_timeout(PULSE) {
+                    Ok(finished) => {
+                        if let Err(e) = journal.add(&finished) {
+                            break Err(e);
+                        }
+                        done += 1;
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => break Ok(()),
+                }
+                if progress.reached(done).is_break() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            };
+            stop.store(true, Ordering::Relaxed);
+            ended.map(|()| (done < missing.len() as u64).then_some(done))
+        })
+    }
+
+    /// One run; `None` where it was stopped.
+    fn finish(&self, index: u64, progress: &dyn Progress) -> Option<Finished> {
+        if progress.reached(0).is_break() {
+            return None;
+        }
+        match self.metrics(index, progress) {
+            Ok(metrics) => Some(Finished { run: index, error: None, rows: rows(&metrics) }),
+            Err(e) if e.is_interruption() => None,
+            Err(e) => Some(Finished { run: index, error: Some(e.text()), rows: Vec::new() }),
+        }
+    }
+
+    fn metrics(&self, index: u64, progress: &dyn Progress) -> Result<Metrics, RunError> {
+        let outcome = match self.ready(&self.run(index))? {
+            Ready::Simulated(simulation, told) => {
+                let simulated = Unwritten::of(&*simulation, progress)?;
+                // From here on there is nothing of the device but what a file of it would hold.
+                drop(simulation);
+                workflow::estimate_unwritten(&told, &simulated, progress)?
+            }
+            Ready::Recorded(told) => workflow::estimate(&told, progress)?,
+        };
+        Ok(Metrics::of(&outcome))
+    }
+}
+
+/// Stops a run in the middle.
+struct Stop<'a>(&'a AtomicBool);
+
+impl Progress for Stop<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        if self.0.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
