@@ -21,6 +21,8 @@ pub struct Arguments {
 pub enum Command {
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
+    /// Identify a device's parameters from its recordings, and say what they do not tell.
+    Identify(IdentifyArguments),
     /// Put an image together from intensities and the trajectories along which they were taken.
     Image(ImageArguments),
     /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
@@ -53,6 +55,21 @@ pub struct EstimateArguments {
     /// End with exit code 3 if a filter failed its consistency test.
     #[arg(long)]
     pub strict: bool,
+}
+
+#[derive(Args)]
+pub struct IdentifyArguments {
+    /// The experiment file, such as `examples/shared_scanner/ring_down.toml`.
+    pub experiment: PathBuf,
+    /// The folder for the results [default: out/identified/<name of the experiment>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a result of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the figures as JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

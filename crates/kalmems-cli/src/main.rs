@@ -30,6 +30,7 @@ fn main() -> ExitCode {
     let ending = match &arguments.command {
         Command::Estimate(arguments) => commands::estimate::run(arguments),
         Command::Image(arguments) => commands::image::run(arguments),
+        Command::Identify(arguments) => commands::identify::run(arguments),
         Command::Inspect(arguments) => commands::inspect::run(arguments),
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
         Command::Simulate(arguments) => commands::simulate::run(arguments),

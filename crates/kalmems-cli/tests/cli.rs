@@ -531,3 +531,99 @@ fn reproduce_computes_what_is_asked_for_and_names_what_there_is() {
         text(&output.stderr).contains("nothing is published of a rig `gyroscope`; there is: shared_scanner")
     );
 }
+
+const RING_DOWN: &str = "examples/shared_scanner/ring_down.toml";
+
+/// The example from end to end: what was simulated is found within its intervals, what cannot be found is named, the
+/// experiment that is written can be estimated, and the same command gives the same bytes.
+#[test]
+fn parameters_are_identified_and_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let identified = ["a", "b"].map(|name| {
+        let out = folder.path().join(name);
+        let output = run(&["identify", RING_DOWN, "--json", "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let mut files = files(&out);
+        let run = text(&files.remove("run.toml").unwrap());
+        assert!(run.contains("command = \"identify\"") && run.contains("sha256"));
+        (text(&output.stdout), files)
+    });
+    assert_eq!(identified[0], identified[1]);
+    let (json, files) = &identified[0];
+    assert_eq!(json.as_bytes(), &files["identification.json"]);
+    for figure in ["ring_down_fit", "ring_down_residuals", "capacitance_profile", "circuit_gain", "noise"] {
+        assert!(files.contains_key(&format!("figures/{figure}.png")), "{figure}");
+    }
+    let json: serde_json::Value = serde_json::from_str(json).unwrap();
+    let truth = [
+        ("stiffness k", 1.10e-4),
+        ("damping b", 5.95e-12),
+        ("nominal capacitance C0", 5.71e-12),
+        ("angular width theta0", 0.2),
+        ("circuit gain a", -0.3574e12),
+        ("circuit offset b", 6.3945),
+        ("noise variance R", 1.92e-4),
+    ];
+    for (name, value) in truth {
+        let found = json["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap();
+        let number = |key: &str| found[key].as_f64().unwrap();
+        let errors = (number("value") - value) / number("standard_error");
+        assert!(errors.abs() < 4.0, "{name} is {errors} standard errors off");
+        assert!(number("standard_error") < 0.1 * value.abs(), "{name}");
+    }
+    for what in ["bias capacitance C_b", "inertia J", "a, b and C_b apart"] {
+        assert!(json["undetermined"].as_array().unwrap().iter().any(|u| u["what"] == what), "{what}");
+    }
+    // What is written can be estimated. The noise was identified from few samples: the mean NIS is off by as much as
+    // the variance is, beside its own spread of √(2/16 000).
+    let variance =
+        json["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "noise variance R").unwrap();
+    let doubt = variance["standard_error"].as_f64().unwrap() / variance["value"].as_f64().unwrap();
+    let estimated = |experiment: &str| {
+        let out = folder.path().join("estimate");
+        let output = run(&["estimate", experiment, "--json", "--force", "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let ekf = &metrics["recordings"][0]["segments"][0]["estimators"][0];
+        [&ekf["errors"]["angle"]["rmse_deg"], &ekf["consistency"]["mean_nis"]].map(|v| v.as_f64().unwrap())
+    };
+    let [before, _] = estimated(RING_DOWN);
+    let [after, mean_nis] = estimated(folder.path().join("a/experiment.toml").to_str().unwrap());
+    println!("angle RMSE {before:.3} deg as believed, {after:.4} deg as identified, mean NIS {mean_nis:.3}");
+    assert!(after < 0.02 && after < 0.1 * before, "{before} {after}");
+    assert!((mean_nis - 1.0).abs() < 4.0 * doubt.hypot((2.0 / 16_000_f64).sqrt()), "{mean_nis} {doubt}");
+}
+
+/// What is missing, or double, is named with its key, and nothing is written.
+#[test]
+fn an_identification_that_cannot_be_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = std::fs::read_to_string(root().join(RING_DOWN)).unwrap();
+    let examples = root().join("examples/shared_scanner");
+    let attempt = |change: &dyn Fn(&str) -> String| {
+        let file = folder.path().join("experiment.toml");
+        let absolute = |name: &str| format!("file = \"{}/{name}", examples.display());
+        let placed = change(&source.replace("file = \"", &absolute("")));
+        std::fs::write(&file, placed).unwrap();
+        let out = folder.path().join("out");
+        let output = run(&["identify", file.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        assert!(!out.exists());
+        assert_eq!(output.status.code(), Some(1));
+        text(&output.stderr)
+    };
+    for (change, message) in [
+        (("[identify.ring_down]\n", "[identify.ring_downs]\n"), "did you mean `ring_down`?"),
+        (("bias = \"23.76 V\"", "bias = \"23.76 Hz\""), "identify.ring_down.bias"),
+        (("current_signal = ", "curent_signal = "), "needs `current_signal`"),
+        (("\"zero_drive\"", "\"ring_down\""), "second recording of its role"),
+    ] {
+        let stderr = attempt(&|text: &str| text.replace(change.0, change.1));
+        assert!(stderr.contains(message), "{stderr}");
+    }
+    let none = attempt(&|text: &str| {
+        ["ring_down", "steady_state", "zero_drive"].iter().fold(text.to_owned(), |text, role| {
+            text.replace(&format!("role = \"{role}\""), "role = \"gyro\"")
+        })
+    });
+    assert!(none.contains("no recording has the role `ring_down`, `steady_state` or `zero_drive`"), "{none}");
+}

@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 pub mod estimate;
+pub mod identify;
 pub mod image;
 pub mod inspect;
 pub mod reproduce;

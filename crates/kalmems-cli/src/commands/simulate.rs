@@ -3,7 +3,7 @@
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
 use crate::{Ending, print};
-use kalmems::config::Experiment;
+use kalmems::config::{Experiment, Role};
 use kalmems::results::{RunInfo, SimulationWriteError, write_simulation};
 use kalmems::rigs;
 use kalmems::simulate::SimulateError;
@@ -45,6 +45,10 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
         ))?;
     }
     let experiment = out.join("experiment.toml");
-    eprintln!("recording in {}; estimate it with: kalmems estimate {}", out.display(), experiment.display());
+    let (next, command) = match simulation.role() {
+        Role::RingDown => ("identify from it", "identify"),
+        _ => ("estimate it", "estimate"),
+    };
+    eprintln!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
     Ok(())
 }

@@ -5,8 +5,8 @@ use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, Entry, Values};
 use super::{
-    Channels, Clock, ConfigError, Device, Estimate, Fault, Key, Name, Quantity, Recording, Reference,
-    Segments, Simulate,
+    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Identify, Key, Name, Quantity,
+    Recording, Reference, Segments, Simulate,
 };
 use crate::recording::{self, Layout};
 use schemars::JsonSchema;
@@ -35,6 +35,9 @@ pub struct Experiment {
     /// The estimate that is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<Estimate>,
+    /// How the recordings for an identification were taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identify: Option<Identify>,
     /// The simulation that is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulate: Option<Simulate>,
@@ -112,6 +115,22 @@ impl Experiment {
     /// A file that the experiment names: relative to the folder of the experiment file.
     pub fn resolve(&self, file: &Path) -> PathBuf {
         self.source.path.parent().unwrap_or(Path::new("")).join(file)
+    }
+
+    /// The same experiment with every file that it names put elsewhere: for a copy in another folder.
+    #[must_use]
+    pub fn with_files(&self, place: &dyn Fn(&Path) -> PathBuf) -> Self {
+        let mut moved = self.clone();
+        for recording in &mut moved.recordings {
+            recording.file = place(&recording.file);
+            if let Some(reference) = &mut recording.reference {
+                reference.move_file(place);
+            }
+        }
+        if let Some(Simulate { drive: DriveSource::Recorded(recorded), .. }) = &mut moved.simulate {
+            recorded.file = place(&recorded.file);
+        }
+        moved
     }
 
     /// The same experiment as TOML, with every default written out where it has a value.

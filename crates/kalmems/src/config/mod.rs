@@ -10,7 +10,7 @@
 //! assert_eq!(
 //!     error.to_string(),
 //!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
-//!      known keys: name, description, device, recording, estimate, simulate"
+//!      known keys: name, description, device, recording, estimate, identify, simulate"
 //! );
 //! ```
 
@@ -18,6 +18,7 @@ mod device;
 mod error;
 mod estimate;
 mod experiment;
+mod identify;
 mod image;
 mod key;
 pub mod kinds;
@@ -37,6 +38,7 @@ pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Ekf, Estimate, ModelAlone, Peak, Ukf};
 pub use experiment::Experiment;
+pub use identify::Identify;
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
 pub(crate) use key::Step;
@@ -47,8 +49,8 @@ pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub use schema::schema;
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, Simulate, SineDrive, SquareDriveSource,
-    SweepDrive, TonesDrive,
+    Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, RingDownDrive, Simulate, SineDrive,
+    SquareDriveSource, SweepDrive, TonesDrive,
 };
 pub(crate) use source::Source;
 pub use values::{AnyValue, Entry, Values};

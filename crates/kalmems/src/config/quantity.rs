@@ -31,6 +31,11 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
         self.value.text()
     }
 
+    /// A value in a unit, such as what was identified; what is wrong with it comes back in words.
+    pub fn of(number: f64, unit: &str) -> Result<Self, String> {
+        Self::parse(&format!("{number:e} {unit}"))
+    }
+
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let value = parse(text, &Self::expectation(), K::kind().example)?;
         S::SIGN.check(&value, K::kind())?;

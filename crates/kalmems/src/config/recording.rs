@@ -186,6 +186,11 @@ impl Reference {
         Self { file: Some(file), segments: None, clock: None, channels, delay: None }
     }
 
+    /// Puts its file, where it has one of its own, elsewhere.
+    pub(super) fn move_file(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
+        self.file = self.file.as_deref().map(place);
+    }
+
     /// Its file, relative to the folder of the experiment file.
     pub fn file<'a>(&'a self, recording: &'a Recording) -> &'a Path {
         self.file.as_deref().unwrap_or(&recording.file)

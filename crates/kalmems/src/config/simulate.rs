@@ -71,6 +71,8 @@ pub enum DriveSource {
     Tones(TonesDrive),
     /// A column of a file.
     Recorded(RecordedDrive),
+    /// A sine that is switched to the bias of a ring-down; the recording begins there.
+    RingDown(RingDownDrive),
 }
 
 /// A constant voltage.
@@ -165,6 +167,30 @@ pub struct RecordedDrive {
     /// The column.
     #[schemars(example = &"drive_V")]
     pub column: String,
+}
+
+/// A sine that drives the device before the recording and a bias that is on during it.
+///
+/// Bias and feedback resistance are those of `[identify.ring_down]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RingDownDrive {
+    /// The mean of the sine.
+    pub offset: Quantity<Voltage>,
+    /// The amplitude.
+    pub amplitude: Quantity<Voltage, NotNegative>,
+    /// The frequency.
+    #[schemars(example = &"31.25 kHz")]
+    pub frequency: Quantity<Frequency, Positive>,
+    /// How long the sine drives the device before it is switched off and the recording begins.
+    #[schemars(example = &"20 ms")]
+    pub lasting: Quantity<Time, NotNegative>,
+    /// The standard deviation of the noise of the transimpedance stage's output, per sample.
+    #[schemars(example = &"1 mV")]
+    pub signal_noise: Quantity<Voltage, NotNegative>,
+    /// The standard deviation of the noise of the optical reference, per sample.
+    #[schemars(example = &"0.5 mrad")]
+    pub angle_noise: Quantity<Angle, NotNegative>,
 }
 
 /// Samples that a simulation may have: a file of 100 GB.

@@ -6,4 +6,4 @@ mod angle;
 mod reference;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
-pub use reference::{Reference, ReferenceError, ReferenceRecording};
+pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};

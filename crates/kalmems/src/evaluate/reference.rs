@@ -47,6 +47,9 @@ pub enum ReferenceError {
     Read(#[from] ReadError),
 }
 
+/// What the reference of a device with one angle may know: its angle, and its rate.
+pub const ONE_ANGLE: [[&str; 2]; 1] = [["angle", "rate"]];
+
 impl ReferenceRecording {
     /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
     /// reference has one.

@@ -1,9 +1,21 @@
 //! Parameters of devices and their parts, from recordings.
 
+mod affine;
 mod circle;
+mod error;
 mod free_decay;
 mod frequency_response;
+mod material;
+mod outcome;
+mod still;
+mod whiteness;
 
+pub use affine::{AffineFit, fit_affine};
 pub use circle::{Circle, fit_circle};
+pub use error::IdentifyError;
 pub use free_decay::{FreeDecay, fit_free_decay};
 pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit_response};
+pub use material::Material;
+pub use outcome::{Correlated, Identification, Identified, Undetermined};
+pub use still::{Still, fit_still};
+pub use whiteness::Whiteness;

@@ -3,6 +3,7 @@
 mod figures;
 mod files;
 mod grey_png;
+mod identification;
 mod image;
 mod inspection;
 mod metrics;
@@ -15,6 +16,7 @@ mod summary;
 pub use figures::figures as estimate_figures;
 pub use files::{RunInfo, WriteError, write_estimate};
 pub use grey_png::{PictureError, read_grey, write_grey};
+pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use metrics::{

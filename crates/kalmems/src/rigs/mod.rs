@@ -8,7 +8,8 @@ pub mod shared_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
-use crate::evaluate::{MotionErrors, Reference};
+use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference};
+use crate::identify::{Identification, IdentifyError};
 use crate::recording::{Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::signal::Sine;
@@ -34,7 +35,7 @@ pub trait Rig: Sync {
 
     /// The states that a reference may know, the name of an angle and that of its rate for each axis.
     fn angles(&self) -> &'static [[&'static str; 2]] {
-        &[["angle", "rate"]]
+        &ONE_ANGLE
     }
 
     /// Estimates the motion in each segment of a recording.
@@ -51,6 +52,17 @@ pub trait Rig: Sync {
 
     /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
     fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
+
+    /// Identifies parameters of the device from the recordings that their roles say are for that.
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        let _ = progress;
+        let why = format!("no identification is built for `{}` yet", self.name());
+        Err(experiment.error("device", Fault::Value { why }).into())
+    }
 
     /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
     fn reproduction(&self) -> Option<&'static Program> {

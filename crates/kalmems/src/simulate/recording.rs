@@ -1,6 +1,6 @@
 //! A recording that is computed.
 
-use crate::config::ConfigError;
+use crate::config::{ConfigError, Role};
 use crate::recording::{ReadError, Source};
 use std::ops::ControlFlow;
 
@@ -31,6 +31,11 @@ pub trait Simulation {
 
     /// The channels of the reference beside the time.
     fn truth(&self) -> &'static [Channel];
+
+    /// What the recording would have been taken for.
+    fn role(&self) -> Role {
+        Role::Test
+    }
 
     /// How many samples there will be.
     fn samples(&self) -> u64;

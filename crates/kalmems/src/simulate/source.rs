@@ -5,7 +5,7 @@ use crate::config::{Clock, DriveSource, Experiment, Fault, Key, Quantity, Record
 use crate::recording::{self, Layout, Recording, Source};
 use crate::units::kind;
 
-/// The drive in SI units, and the file that it comes from, if it comes from one.
+/// The drive in SI units, and the file that it comes from, if it comes from one. Of a ring-down, the drive before it.
 pub fn drive_of(
     experiment: &Experiment,
     simulate: &Simulate,
@@ -40,6 +40,12 @@ pub fn drive_of(
                     phase_rad: tone.phase.as_ref().map_or(0.0, Quantity::si),
                 })
                 .collect(),
+        },
+        DriveSource::RingDown(before) => Drive::Sine {
+            offset: before.offset.si(),
+            amplitude: before.amplitude.si(),
+            frequency_hz: before.frequency.si(),
+            phase_rad: 0.0,
         },
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;

@@ -1,7 +1,7 @@
 //! A simulated recording that is handed on without a file, and how an experiment describes one.
 
 use super::{Channel, SimulateError, Simulation};
-use crate::config::{Channels, Clock, Experiment, Name, Recording, Reference, Role};
+use crate::config::{Channels, Clock, Experiment, Name, Recording, Reference};
 use crate::estimate::Progress;
 use crate::recording::{self, Layout, ReadError, UnwrittenRecording};
 use std::collections::BTreeMap;
@@ -90,7 +90,7 @@ pub(crate) fn described(experiment: &Experiment, simulation: &dyn Simulation) ->
     described.recordings = named(simulation.recorded())
         .map(|channels| Recording {
             name: None,
-            role: Role::Test,
+            role: simulation.role(),
             file: RECORDING.into(),
             segments: None,
             clock: Clock::Column { column: TIME.to_owned() },

@@ -8,22 +8,26 @@ mod circuit;
 mod course;
 mod data;
 mod drive;
+pub mod identification;
 mod reproduction;
+mod ring_down;
 mod segment;
 mod settings;
 mod simulation;
 pub mod two_axes;
 
 use super::{Rig, SegmentEstimate};
-use crate::config::{ConfigError, Device, Experiment, Fault, Role};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::identify::{Identification, IdentifyError};
 use crate::recording::{Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
 use drive::Drive;
+use ring_down::RingDownSimulation;
 use settings::Settings;
 
 /// The rig.
@@ -103,7 +107,18 @@ impl Rig for SharedScannerRig {
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
-        simulation::simulation(experiment)
+        match experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
+            Some(DriveSource::RingDown(drive)) => Ok(Box::new(RingDownSimulation::of(experiment, drive)?)),
+            _ => simulation::simulation(experiment),
+        }
+    }
+
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment, progress)
     }
 
     fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {

@@ -1,0 +1,46 @@
+//! `kalmems identify`.
+
+use crate::args::IdentifyArguments;
+use crate::progress::Bar;
+use crate::{Ending, print};
+use kalmems::config::Experiment;
+use kalmems::results::{IdentificationSummary, RunInfo, WriteError, write_identification};
+use kalmems::rigs;
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("identified").join(experiment.name.to_string()),
+    };
+    let bar = Bar::default();
+    let found = rig
+        .identify(&experiment, &bar)
+        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    drop(bar);
+    let info = RunInfo { started, took: clock.elapsed() };
+    let stop = &crate::interrupt::requested;
+    write_identification(&found, &out, arguments.force, info, stop).map_err(|e| match e {
+        WriteError::Interrupted => Ending::Interrupted,
+        e => wrong(&e),
+    })?;
+
+    let summary = IdentificationSummary::of(&found);
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
+        print(&(json + "\n"))?;
+    } else {
+        print(&summary.to_text())?;
+    }
+    eprintln!(
+        "results in {}; the experiment with these values: {}",
+        out.display(),
+        out.join("experiment.toml").display()
+    );
+    Ok(())
+}

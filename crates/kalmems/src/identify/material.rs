@@ -1,0 +1,133 @@
+//! A recording as an identification takes it.
+
+use super::IdentifyError;
+use crate::config::{Experiment, Fault, Key, Role};
+use crate::estimate::Progress;
+use crate::evaluate::{ONE_ANGLE, Reference, ReferenceRecording};
+use crate::recording::{Finding, Recording, Segment, Source};
+use crate::units::Kind;
+
+/// One channel of one recording with its times, and the reference where there is one.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// The recording's name in the experiment, or that of its file.
+    pub name: String,
+    /// What it was taken for.
+    pub role: Role,
+    /// When, in s.
+    pub time_s: Vec<f64>,
+    /// The usual interval in s.
+    pub interval_s: f64,
+    /// The channel in SI.
+    pub signal: Vec<f64>,
+    /// The angle of the reference at the same times; not a number where it has none. Empty without a reference.
+    pub angle: Vec<f64>,
+    /// The files it comes from.
+    pub sources: Vec<Source>,
+    /// What was found in the recording that does not keep it from being used.
+    pub diagnosis: Vec<Finding>,
+}
+
+impl Material {
+    /// The one recording of this role; `None` where there is none. `channel` is what the rig calls the column, which
+    /// must be of this kind; others that `also` names may stand beside it and are not read.
+    ///
+    /// It must hold one record, sampled evenly: fits by shooting and spectra need that.
+    pub fn of_role(
+        experiment: &Experiment,
+        role: Role,
+        (channel, kind): (&str, &Kind),
+        also: &[&str],
+        progress: &dyn Progress,
+    ) -> Result<Option<Self>, IdentifyError> {
+        let mut of_role = (0..experiment.recordings.len()).filter(|i| experiment.recordings[*i].role == role);
+        let Some(index) = of_role.next() else { return Ok(None) };
+        let key = |index: usize| Key::from("recording").index(index);
+        if let Some(second) = of_role.next() {
+            let why = format!(
+                "this is the second recording of its role, after `{}`; an identification takes one: give the other \
+                 the role `test`, or put it into another experiment",
+                key(index)
+            );
+            return Err(experiment.error(key(second).child("role"), Fault::Value { why }).into());
+        }
+        let described = experiment.recording(index)?;
+        let channels = key(index).child("channels");
+        if let Some((found, _)) =
+            described.channels.iter().find(|(name, _)| *name != channel && !also.contains(name))
+        {
+            let why = format!("unknown channel `{found}`; this recording needs `{channel}`");
+            return Err(experiment.error(channels.child(found), Fault::Value { why }).into());
+        }
+        let column = described.channels.column(channel).ok_or_else(|| {
+            let remedy = format!("name the column, such as `{channel} = \"{channel}_V\"`");
+            experiment.error(channels.child(channel), Fault::MissingKey { remedy })
+        })?;
+        let mut started = false;
+        let recording = Recording::read_with(
+            &experiment.resolve(&described.file),
+            &described.layout(&[column]),
+            &mut |done, total| {
+                if !started {
+                    progress.begin("reading", total);
+                    started = true;
+                }
+                progress.reached(done)
+            },
+        )?;
+        let name =
+            described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+        let unfit = |why: String| IdentifyError::Unfit { recording: name.clone(), why };
+        let [segment] = recording.segments() else {
+            let count = recording.segments().len();
+            return Err(unfit(format!("it holds {count} segments; expected one record")));
+        };
+        let even = segment.time.interval_s().filter(|_| segment.time.is_uniform());
+        let interval_s = even.ok_or_else(|| {
+            unfit("its samples are not taken at equal intervals; expected a record without gaps".to_owned())
+        })?;
+        let reference =
+            ReferenceRecording::read(experiment, index, &ONE_ANGLE, &mut |done, _| progress.reached(done))?;
+        let mut sources = vec![recording.source().clone()];
+        sources.extend(reference.iter().map(|r| r.recording().source().clone()));
+        let time_s = segment.time.to_vec();
+        let angle = match &reference {
+            Some(reference) => angle_at(&time_s, interval_s, segment, reference)?,
+            None => Vec::new(),
+        };
+        let signal = recording.column_of(column, kind)?.of(segment).to_vec();
+        let diagnosis = recording.diagnosis().to_vec();
+        Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
+    }
+
+    /// An error that names this recording.
+    pub fn unfit(&self, why: String) -> IdentifyError {
+        IdentifyError::Unfit { recording: self.name.clone(), why }
+    }
+}
+
+/// The reference at these times. Where it was sampled at others it is a cubic between its samples.
+fn angle_at(
+    time_s: &[f64],
+    interval_s: f64,
+    segment: &Segment,
+    reference: &ReferenceRecording,
+) -> Result<Vec<f64>, IdentifyError> {
+    let Some(Reference { time_s: times, angle, .. }) = reference.segment(&segment.label)?.pop() else {
+        return Ok(vec![f64::NAN; time_s.len()]);
+    };
+    Ok(time_s
+        .iter()
+        .map(|t| {
+            let to = times.partition_point(|r| *r < t - 1e-6 * interval_s);
+            match times.get(to) {
+                None => f64::NAN,
+                Some(here) if (here - t).abs() <= 1e-6 * interval_s => angle[to],
+                Some(_) if to == 0 => f64::NAN,
+                // Across a gap of the reference there is nothing to say.
+                Some(here) if here - times[to - 1] > 4.0 * interval_s => f64::NAN,
+                Some(_) => crate::signal::cubic_between(&times, |k| angle[k], to, *t),
+            }
+        })
+        .collect())
+}

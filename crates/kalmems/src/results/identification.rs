@@ -1,0 +1,204 @@
+//! The files of an identification.
+
+use super::files::RunInfo;
+use super::{Output, RUN_FILE, WriteError};
+use crate::identify::{Correlated, Identification, Identified, Undetermined};
+use crate::recording::Source;
+use crate::report::{Column, Table};
+use serde::Serialize;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+/// What was identified, as `identification.json` has it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct IdentificationSummary<'a> {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The rig's name.
+    pub rig: &'a str,
+    /// What was found.
+    pub parameters: &'a [Identified],
+    /// What was not, and why.
+    pub undetermined: &'a [Undetermined],
+    /// The pair of each fit whose errors hang together most.
+    pub worst_pairs: &'a [Correlated],
+    /// What a reader must know before trusting a value.
+    pub warnings: &'a [String],
+    /// What else was seen.
+    pub notes: &'a [String],
+}
+
+impl<'a> IdentificationSummary<'a> {
+    /// The numbers of an identification.
+    pub fn of(found: &'a Identification) -> Self {
+        Self {
+            experiment: found.experiment.name.to_string(),
+            rig: found.rig,
+            parameters: &found.parameters,
+            undetermined: &found.undetermined,
+            worst_pairs: &found.worst_pairs,
+            warnings: &found.warnings,
+            notes: &found.notes,
+        }
+    }
+
+    /// A table of the parameters, and below it what else there is to say.
+    pub fn to_text(&self) -> String {
+        let heads = ["parameter", "value", "standard error", "unit", "95 % interval", "from"];
+        let mut table = Table::new("", heads.map(Column::text));
+        for p in self.parameters {
+            let digits = decimals(p.value, p.standard_error);
+            let number = |value: f64| format!("{value:.digits$e}");
+            table.push([
+                p.name.clone(),
+                number(p.value),
+                format!("{:.1e}", p.standard_error),
+                p.unit.to_owned(),
+                format!("{} … {}", number(p.interval[0]), number(p.interval[1])),
+                p.recording.clone(),
+            ]);
+        }
+        let mut text = table.to_text();
+        for pair in self.worst_pairs {
+            let [a, b] = &pair.names;
+            text +=
+                &format!("\n{}: most correlated: {a} and {b}, {:+.3}\n", pair.recording, pair.correlation);
+        }
+        for warning in self.warnings {
+            text += &format!("\nWARNING: {warning}\n");
+        }
+        for one in self.undetermined {
+            text += &format!("\nnot determined: {}: {}\n", one.what, one.why);
+        }
+        for note in self.notes {
+            text += &format!("\nnote: {note}\n");
+        }
+        text
+    }
+}
+
+/// Decimals behind the first digit of a value that its standard error leaves sense in: two digits of the error.
+fn decimals(value: f64, error: f64) -> usize {
+    let digits = (value.abs() / error).log10().floor() + 2.0;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
+    let digits = if digits.is_finite() { digits.clamp(1.0, 12.0) as usize } else { 3 };
+    digits
+}
+
+/// Writes an identification to a folder: `identification.json`; `experiment.toml`, the experiment with the values that
+/// were found in their places; the pictures in `figures/`; `run.toml`. Where `stop` says so in between, the work ends
+/// and nothing is left of it.
+pub fn write_identification(
+    found: &Identification,
+    target: &Path,
+    force: bool,
+    info: RunInfo,
+    stop: &dyn Fn() -> bool,
+) -> Result<(), WriteError> {
+    let input_id = input_id(found);
+    let output = Output::prepare(target, &input_id, force)?;
+    output.write("identification.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, &IdentificationSummary::of(found))?;
+        writeln!(w)
+    })?;
+    let experiment = found.experiment.with_files(&|file| {
+        let there = found.experiment.resolve(file);
+        seen_from(target, &there).unwrap_or(there)
+    });
+    let toml = experiment.to_toml().map_err(io::Error::other);
+    output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
+    for figure in &found.figures {
+        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+        let png = figure.to_png()?;
+        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        if stop() {
+            return Err(WriteError::Interrupted);
+        }
+    }
+    output.write(RUN_FILE, |w| {
+        let run = Run {
+            version: env!("CARGO_PKG_VERSION"),
+            command: "identify",
+            input_id,
+            timing: Timing {
+                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+                took_s: info.took.as_secs_f64(),
+            },
+            input: found.materials.iter().flat_map(|material| &material.sources).collect(),
+            experiment: toml::Value::try_from(&found.experiment).map_err(io::Error::other)?,
+        };
+        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+    })?;
+    Ok(output.commit()?)
+}
+
+/// The way from a folder, which need not be there yet, to a file that is.
+fn seen_from(folder: &Path, file: &Path) -> Option<PathBuf> {
+    let file = std::fs::canonicalize(file).ok()?;
+    // What of the folder is there already may contain links.
+    let mut rest = PathBuf::new();
+    let mut there = std::path::absolute(folder).ok()?;
+    let folder = loop {
+        if let Ok(real) = std::fs::canonicalize(&there) {
+            break real.join(rest);
+        }
+        rest = Path::new(there.file_name()?).join(rest);
+        there = there.parent()?.to_owned();
+    };
+    let steps = |path: &Path| path.components().map(|c| c.as_os_str().to_owned()).collect::<Vec<_>>();
+    let (from, to) = (steps(&folder), steps(&file));
+    let same = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+    let up = std::iter::repeat_n(Component::ParentDir.as_os_str().to_owned(), from.len() - same);
+    Some(up.chain(to.into_iter().skip(same)).collect())
+}
+
+/// What tells one input from another: the experiment's name and the bytes of its recordings.
+fn input_id(found: &Identification) -> String {
+    let sources = found.materials.iter().flat_map(|material| &material.sources);
+    let files = sources.map(|s| format!("{} {}", s.file, s.sha256.get(..12).unwrap_or(&s.sha256)));
+    format!("{}: identification, {}", found.experiment.name, files.collect::<Vec<_>>().join(", "))
+}
+
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: String,
+    timing: Timing,
+    input: Vec<&'a Source>,
+    experiment: toml::Value,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    started_unix_s: u64,
+    took_s: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{decimals, seen_from};
+    use std::path::Path;
+
+    #[test]
+    fn digits_follow_the_error() {
+        assert_eq!(decimals(1.1e-4, 6.6e-11), 8);
+        assert_eq!(decimals(0.2, 0.01), 3);
+        assert_eq!(decimals(1.0, f64::INFINITY), 3);
+        assert_eq!(decimals(1.0, 0.0), 3);
+    }
+
+    #[test]
+    fn a_file_is_found_from_a_folder_that_is_not_there_yet() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        std::fs::create_dir_all(root.join("a/b")).unwrap();
+        std::fs::write(root.join("a/r.csv"), "").unwrap();
+        let seen = |from: &str| seen_from(&root.join(from), &root.join("a/r.csv")).unwrap();
+        assert_eq!(seen("out/identified"), Path::new("../../a/r.csv"));
+        assert_eq!(seen("a/b/c"), Path::new("../../r.csv"));
+        assert_eq!(seen("a"), Path::new("r.csv"));
+        assert!(seen_from(&root.join("a"), &root.join("none.csv")).is_none());
+    }
+}

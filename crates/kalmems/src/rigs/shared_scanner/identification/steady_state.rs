@@ -1,0 +1,234 @@
+//! Gain and offset of the circuit from a motion that a reference shows.
+
+use crate::fit::{
+    Bounds, ByDual, Derived, Fit, FitError, FitSettings, Shooting, ShootingError, Unknown, fit,
+};
+use crate::identify::{AffineFit, Whiteness, fit_affine};
+use crate::signal::cubic_between;
+use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4};
+use kalmems_models::capacitance::GaussianComb;
+use kalmems_models::readout::{LowPassOutput, LowPassPair};
+use std::f64::consts::TAU;
+
+/// A motion, what was read of it, and the electrodes as they are known.
+#[derive(Clone, Copy, Debug)]
+pub struct SteadyState<'a> {
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// The interval between samples in s.
+    pub interval_s: f64,
+    /// y in V; not a number where it is missing.
+    pub signal: &'a [f64],
+    /// θ of the reference in rad at the same times; not a number where it is missing.
+    pub angle: &'a [f64],
+    /// C₀, θ₀ and C_b.
+    pub comb: GaussianComb<f64>,
+    /// The covariance of C₀ and θ₀: zeros where they are taken as given.
+    pub comb_covariance: Covariance<f64, 2>,
+}
+
+/// What a motion with a reference says of the circuit.
+#[derive(Clone, Debug)]
+pub struct SteadyStateFit {
+    /// y = a·C(θ) + b by least squares, with the errors of the line alone.
+    pub affine: AffineFit,
+    /// a in V/F, the errors of C₀ and θ₀ included.
+    pub gain: Derived,
+    /// b in V, likewise; for the C_b that was given.
+    pub offset: Derived,
+    /// a·C₀ in V: what is observable of the gain.
+    pub swing: Derived,
+    /// a·C_b + b in V: what is observable of the offset.
+    pub level: Derived,
+    /// C filtered by the demodulator's two poles, where that explains the signal better.
+    pub poles: Option<PolesFit>,
+    /// The largest angle in rad.
+    pub amplitude: f64,
+}
+
+/// y = a·x₂ + b with x₂ behind two equal poles.
+#[derive(Clone, Debug)]
+pub struct PolesFit {
+    /// ω in rad/s, a in V/F, b in V, x₁ and x₂ at the first sample in F.
+    pub fit: Fit<5>,
+    /// What it leaves looks like.
+    pub whiteness: Whiteness,
+    /// Measured less fitted in V; not a number where one of the two is missing.
+    pub residuals: Vec<f64>,
+}
+
+impl PolesFit {
+    /// The poles' frequency in Hz.
+    pub fn frequency_hz(&self) -> Derived {
+        self.fit.derived(|p| p[0] * (1.0 / TAU))
+    }
+}
+
+impl SteadyStateFit {
+    /// What the affine model leaves, as a part of the rms of the signal about its mean.
+    pub fn affine_residual(&self, signal: &[f64]) -> f64 {
+        self.affine.residual_deviation / spread(signal)
+    }
+
+    /// What the model with poles leaves, likewise.
+    pub fn poles_residual(&self, signal: &[f64]) -> Option<f64> {
+        self.poles.as_ref().map(|poles| poles.fit.residual_deviation() / spread(signal))
+    }
+}
+
+fn spread(signal: &[f64]) -> f64 {
+    let finite = || signal.iter().filter(|v| v.is_finite());
+    let n = finite().count().max(1) as f64;
+    let mean = finite().sum::<f64>() / n;
+    (finite().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// Gain and offset by least squares of y on C(θ), and the demodulator's poles if there are any to be seen.
+///
+/// The reference's own noise is taken as small against the comb's width: noise of variance σ² makes C larger or smaller by
+/// ½·C″·σ². The poles stay out where they do not make the sum of squares smaller by more than chance would: the criterion
+/// is Schwarz's (Annals of Statistics 6, 461, 1978), n·ln(S₁/S₂) > 3·ln n. `None` where there is no motion to fit.
+pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, FitError>> {
+    let line = |comb: &GaussianComb<f64>| fit_affine(&record.capacitance(comb), record.signal);
+    let affine = line(&record.comb)?;
+    let amplitude = record.angle.iter().filter(|a| a.is_finite()).fold(0.0_f64, |m, a| m.max(a.abs()));
+
+    // How the line moves with C₀ and θ₀, a hundredth of a deviation or a millionth to each side.
+    let comb = record.comb;
+    let at = |which: usize, by: f64| match which {
+        0 => GaussianComb { nominal: comb.nominal + by, ..comb },
+        _ => GaussianComb { angular_width: comb.angular_width + by, ..comb },
+    };
+    let sizes = [comb.nominal, comb.angular_width];
+    let mut slopes = [[0.0; 2]; 4];
+    for which in 0..2 {
+        let step = 1e-6 * sizes[which];
+        let [up, down] = [step, -step].map(|by| line(&at(which, by)).map(|l| numbers(&l, &at(which, by))));
+        let (up, down) = (up?, down?);
+        for i in 0..4 {
+            slopes[i][which] = (up[i] - down[i]) / (2.0 * step);
+        }
+    }
+    let values = numbers(&affine, &comb);
+    let own = [
+        affine.slope().deviation,
+        affine.at(0.0).deviation,
+        affine.slope().deviation * comb.nominal,
+        affine.at(comb.bias).deviation,
+    ];
+    let derived = |i: usize| {
+        let c = &record.comb_covariance;
+        let [by_nominal, by_width] = slopes[i];
+        let from_comb = by_nominal * by_nominal * c.get(0, 0)
+            + 2.0 * by_nominal * by_width * c.get(0, 1)
+            + by_width * by_width * c.get(1, 1);
+        Derived { value: values[i], deviation: (own[i] * own[i] + from_comb).sqrt() }
+    };
+    let poles = match record.poles(&affine) {
+        Ok(poles) => poles,
+        Err(PolesError::Fit(error)) => return Some(Err(error)),
+        // A line that leaves nothing has no residuals for poles to explain.
+        Err(PolesError::Shooting) => None,
+    };
+    Some(Ok(SteadyStateFit {
+        gain: derived(0),
+        offset: derived(1),
+        swing: derived(2),
+        level: derived(3),
+        affine,
+        poles,
+        amplitude,
+    }))
+}
+
+/// a, b, a·C₀ and a·C_b + b.
+fn numbers(line: &AffineFit, comb: &GaussianComb<f64>) -> [f64; 4] {
+    [line.slope, line.intercept, line.slope * comb.nominal, line.slope * comb.bias + line.intercept]
+}
+
+enum PolesError {
+    Fit(FitError),
+    Shooting,
+}
+
+impl From<FitError> for PolesError {
+    fn from(error: FitError) -> Self {
+        Self::Fit(error)
+    }
+}
+
+impl From<ShootingError> for PolesError {
+    fn from(_: ShootingError) -> Self {
+        Self::Shooting
+    }
+}
+
+impl SteadyState<'_> {
+    fn capacitance(&self, comb: &GaussianComb<f64>) -> Vec<f64> {
+        self.angle.iter().map(|angle| comb.capacitance(*angle)).collect()
+    }
+
+    /// The fit with poles, where it is the better one. Needs the angle throughout.
+    fn poles(&self, affine: &AffineFit) -> Result<Option<PolesFit>, PolesError> {
+        if self.angle.iter().any(|a| !a.is_finite()) {
+            return Ok(None);
+        }
+        let capacitance = self.capacitance(&self.comb);
+        let angle_between = |to: usize| {
+            let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
+            cubic_between(self.time_s, |k| self.angle[k], to, middle)
+        };
+        let nodes: Vec<Nodes<f64>> = (1..capacitance.len())
+            .map(|to| Nodes {
+                start: capacitance[to - 1],
+                middle: self.comb.capacitance(angle_between(to)),
+                end: capacitance[to],
+            })
+            .collect();
+        let samples: Vec<[f64; 1]> = self.signal.iter().map(|y| [*y]).collect();
+        // Beyond this an integration step of one sample does not follow, and the samples hardly see them.
+        let fastest = 0.5 / self.interval_s;
+        let mut best: Option<(Fit<5>, Vec<f64>)> = None;
+        for part in [0.03, 0.1, 0.4] {
+            let rate = part * fastest;
+            let process =
+                Rk4::new(LowPassPair { rate }, self.interval_s, &NoiseDensity::none(), (&[0.0; 2], &0.0));
+            let readout = LowPassOutput { gain: affine.slope, offset: affine.intercept };
+            let unknowns = [
+                Unknown::Process("rate"),
+                Unknown::Measurement("gain"),
+                Unknown::Measurement("offset"),
+                Unknown::Start(0),
+                Unknown::Start(1),
+            ];
+            let shooting = Shooting::new(
+                (process, readout),
+                ([capacitance[0]; 2], unknowns),
+                (1, |step: usize| nodes[step]),
+                (&samples, [affine.residual_deviation]),
+            )?;
+            let mut settings = FitSettings::from_start(shooting.nominal());
+            settings.bounds[0] = Bounds { low: 1e-3 * fastest, high: fastest };
+            let found = match fit(&ByDual(shooting), &settings) {
+                Ok(found) => found,
+                // Another start may do.
+                Err(FitError::NotConverged { .. }) => continue,
+                Err(error) => return Err(error.into()),
+            };
+            if best.as_ref().is_none_or(|(b, _)| found.sum_of_squares < b.sum_of_squares) {
+                let mut residuals = Vec::with_capacity(samples.len());
+                shooting.run(&found.parameters, samples.len(), |k, [y]| residuals.push(self.signal[k] - y));
+                best = Some((found, residuals));
+            }
+        }
+        let Some((mut found, residuals)) = best else { return Ok(None) };
+        let n = affine.whiteness.samples as f64;
+        // In units of the affine model's residuals, whose squares sum up to n − 2.
+        let gained = n * ((n - 2.0) / found.sum_of_squares).ln();
+        if gained <= 3.0 * n.ln() || found.at_bound[0] {
+            return Ok(None);
+        }
+        found.sum_of_squares *= affine.residual_deviation * affine.residual_deviation;
+        Ok(Some(PolesFit { fit: found, whiteness: Whiteness::of(&residuals), residuals }))
+    }
+}
