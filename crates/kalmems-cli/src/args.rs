@@ -25,7 +25,7 @@ pub enum Command {
     Identify(IdentifyArguments),
     /// Put an image together from intensities and the trajectories along which they were taken.
     Image(ImageArguments),
-    /// Say what a recording holds: channels, sampling, faults, spectral lines, a small plot.
+    /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
     Inspect(InspectArguments),
     /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
     Reproduce(ReproduceArguments),
@@ -98,11 +98,18 @@ pub struct ImageArguments {
 
 #[derive(Args)]
 pub struct InspectArguments {
-    /// The recording.
-    pub recording: PathBuf,
-    /// Draw each channel to this PNG file as well.
+    /// The recording; or an experiment file, `*.toml`, whose device is described.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
+    /// Draw it to this PNG file as well.
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
+    /// Of an experiment file: write text, data and all pictures to this folder as well.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a result of another input.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Print JSON instead of text.
     #[arg(long)]
     pub json: bool,

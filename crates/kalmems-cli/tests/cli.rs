@@ -306,6 +306,32 @@ fn inspect_says_what_a_file_holds() {
     assert!(text(&output.stderr).contains("nowhere.csv"));
 }
 
+#[test]
+fn inspect_says_what_a_device_will_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let toml = std::fs::read_to_string(root().join("examples/shared_scanner/simulation.toml")).unwrap();
+    let path = folder.path().join("weak.toml");
+    std::fs::write(&path, toml.replace("\"90 V\"", "\"30 V\"")).unwrap();
+    let path = path.to_str().unwrap();
+    let outputs = ["a", "b"].map(|name| {
+        let out = folder.path().join(name);
+        let output = run(&["inspect", path, "--json", "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert_eq!(output.stdout, std::fs::read(out.join("outlook.json")).unwrap());
+        assert!(text(&std::fs::read(out.join("outlook.txt")).unwrap()).contains("4.5 times below threshold"));
+        let mut files = files(&out);
+        files.remove("run.toml");
+        files
+    });
+    let names: Vec<&String> = outputs[0].keys().collect();
+    assert!(names.contains(&&"figures/stability.svg".to_owned()), "{names:?}");
+    assert_eq!(outputs[0], outputs[1]);
+    // Of a recording there is one picture, and no folder.
+    let output = run(&["inspect", "examples/shared_scanner/recording.csv", "--out", "x"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("--png"));
+}
+
 /// A recording long enough to be interrupted while it is worked on.
 #[cfg(unix)]
 #[test]

@@ -5,7 +5,8 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
 use kalmems::report::{Axis, Figure, Panel, Role, Series};
-use kalmems::results::{Metrics, RunInfo, write_estimate};
+use kalmems::results::{Metrics, RunInfo, outlook_figures, write_estimate};
+use kalmems::rigs;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Euler, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::capacitance::GaussianComb;
@@ -33,6 +34,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, ending) in [("motion", "svg"), ("angle_error", "svg"), ("motion", "png")] {
         let to = folder.join(format!("shared_scanner_{name}.{ending}"));
         std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;
+    }
+
+    let experiment = Experiment::load(&root.join("examples/shared_scanner/simulation.toml"))?;
+    for figure in outlook_figures(&rigs::of(&experiment)?.outlook(&experiment)?) {
+        std::fs::write(folder.join(format!("shared_scanner_{}.svg", figure.id)), figure.to_svg())?;
     }
     println!("written to {}", folder.display());
     Ok(())

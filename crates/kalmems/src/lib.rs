@@ -36,6 +36,7 @@ pub mod evaluate;
 pub mod fit;
 pub mod identify;
 pub mod inspect;
+pub mod outlook;
 pub mod recording;
 pub mod report;
 pub mod reproduce;

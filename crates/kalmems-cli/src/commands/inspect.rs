@@ -3,14 +3,58 @@
 use crate::args::InspectArguments;
 use crate::progress::Bar;
 use crate::{Ending, print};
+use kalmems::config::Experiment;
 use kalmems::estimate::Progress;
 use kalmems::inspect::inspect_with;
 use kalmems::recording::ReadError;
+use kalmems::results::{RunInfo, draw_outlook, write_outlook};
+use kalmems::rigs;
+use std::fmt::Display;
+use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &InspectArguments) -> Result<(), Ending> {
+    if arguments.input.extension().is_some_and(|ending| ending == "toml") {
+        device(arguments)
+    } else {
+        recording(arguments)
+    }
+}
+
+fn wrong(e: &dyn Display) -> Ending {
+    Ending::Wrong(e.to_string())
+}
+
+/// What an experiment's device will do under its drive.
+fn device(arguments: &InspectArguments) -> Result<(), Ending> {
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let experiment = Experiment::load(&arguments.input).map_err(|e| wrong(&e))?;
+    let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
+    let outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
+    if let Some(path) = &arguments.png {
+        draw_outlook(&outlook, path).map_err(|e| wrong(&e))?;
+    }
+    if let Some(out) = &arguments.out {
+        let info = RunInfo { started, took: clock.elapsed() };
+        write_outlook(&outlook, &experiment, out, arguments.force, info).map_err(|e| wrong(&e))?;
+        eprintln!("text, data and pictures in {}", out.display());
+    }
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&outlook).map_err(|e| wrong(&e))?;
+        print(&(json + "\n"))
+    } else {
+        print(&outlook.to_text())
+    }
+}
+
+/// What a recording holds.
+fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
+    if arguments.out.is_some() {
+        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`";
+        return Err(Ending::Wrong(why.to_owned()));
+    }
     let bar = Bar::default();
     let mut started = false;
-    let inspection = inspect_with(&arguments.recording, &mut |done, total| {
+    let inspection = inspect_with(&arguments.input, &mut |done, total| {
         if !started {
             bar.begin("reading", total);
             started = true;
@@ -19,14 +63,14 @@ pub fn run(arguments: &InspectArguments) -> Result<(), Ending> {
     })
     .map_err(|e| match e {
         ReadError::Interrupted { .. } => Ending::Interrupted,
-        e => Ending::Wrong(e.to_string()),
+        e => wrong(&e),
     })?;
     drop(bar);
     if let Some(path) = &arguments.png {
-        kalmems::results::draw_inspection(&inspection, path).map_err(|e| Ending::Wrong(e.to_string()))?;
+        kalmems::results::draw_inspection(&inspection, path).map_err(|e| wrong(&e))?;
     }
     if arguments.json {
-        let json = serde_json::to_string_pretty(&inspection).map_err(|e| Ending::Wrong(e.to_string()))?;
+        let json = serde_json::to_string_pretty(&inspection).map_err(|e| wrong(&e))?;
         print(&(json + "\n"))
     } else {
         print(&inspection.to_text())

@@ -8,6 +8,7 @@ use super::layout::{
     AXIS_LINE, AXIS_SIZE, EDGE, Entry, LEGEND_SIZE, Layout, Place, SWATCH, TICK_SIZE, TITLE_LINE, TITLE_SIZE,
     WIDTH,
 };
+use super::map::{cells, contour};
 use super::notes::notes;
 use super::scene::{Anchor, Colour, Group, Mark, Rect, Scene, Stroke};
 use super::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
@@ -77,6 +78,7 @@ fn panel(place: &Place<'_>) -> Vec<Group> {
         }
     }
     groups.push(axes(place));
+    groups.extend(place.bar.iter().map(|bar| bar.draw(&place.frame)));
     groups.push(legend(place, &colours));
     if empty {
         let Rect { left, top, width, height } = place.frame;
@@ -166,6 +168,13 @@ fn draw_series(series: &Series, colour: Colour, map: &Map) -> Group {
                 let y = map.y(*value);
                 line(&mut group, map.cut(vec![vec![[map.frame.left, y], [map.frame.right(), y]]]), stroke);
             }
+        }
+        Shape::Map(grid) => {
+            kind = "map";
+            group.marks = cells(grid, |x| map.x(x), |y| map.y(y));
+            let pieces = contour(grid).into_iter();
+            let pieces = pieces.map(|run| run.iter().map(|p| [map.x(p[0]), map.y(p[1])]).collect());
+            line(&mut group, map.cut(pieces.collect()), style::CONTOUR);
         }
     }
     group.data = vec![
@@ -371,6 +380,7 @@ fn sample(series: &Series, colour: Colour, entry: &Entry) -> Mark {
             colour,
             radius: style::radius(points.len()).max(1.7),
         },
+        Shape::Map(_) => Mark::Lines { runs: vec![vec![[x, y], [x + SWATCH, y]]], stroke: style::CONTOUR },
         Shape::Band(_) => Mark::Areas {
             outlines: vec![vec![[x, y - 5.0], [x + SWATCH, y - 5.0], [x + SWATCH, y + 5.0], [x, y + 5.0]]],
             colour,

@@ -1,6 +1,6 @@
 //! What a figure shows, as plain data: panels, axes and series.
 
-use super::decimate::{Decimated, Thinning, decimate, decimate_band};
+use super::decimate::{Decimated, Thinning, decimate, decimate_band, is_drawable};
 
 /// Pixel columns of a figure, and so the columns to which a series is reduced.
 const COLUMNS: usize = 800;
@@ -143,6 +143,29 @@ pub enum Shape {
     Band(Vec<Vec<[f64; 3]>>),
     /// A horizontal line across the panel.
     Level(f64),
+    /// Values over a grid, in colours.
+    Map(Grid),
+}
+
+/// Values over a grid: blue below a level, white at it, vermilion above, and a line where the level is passed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Where the columns are, rising.
+    pub x: Vec<f64>,
+    /// Where the rows are, rising.
+    pub y: Vec<f64>,
+    /// One row for each y, with one value for each x. A value that is not finite leaves its cell empty.
+    pub values: Vec<Vec<f64>>,
+    /// What the values are: the title of the colour bar.
+    pub colours: Axis,
+    /// Where the colours part.
+    pub level: f64,
+}
+
+impl Grid {
+    pub(super) fn finite(&self) -> impl Iterator<Item = f64> + '_ {
+        self.values.iter().flatten().copied().filter(|value| is_drawable(*value))
+    }
 }
 
 /// A labelled signal, reduced to what a picture can show when it is made.
@@ -189,6 +212,20 @@ impl Series {
     pub fn level(label: impl Into<String>, role: Role, y: f64) -> Self {
         let single = decimate([(0.0, y)], 1);
         Self::reduced(label.into(), role, single, |_| Shape::Level(y))
+    }
+
+    /// Values over a grid, with a colour bar beside the panel; the label is that of the line at the grid's level.
+    pub fn map(label: impl Into<String>, grid: Grid) -> Self {
+        let source_samples = grid.values.iter().map(Vec::len).sum();
+        Self {
+            label: label.into(),
+            role: Role::Measured,
+            source_samples,
+            gaps: source_samples - grid.finite().count(),
+            not_positive: 0,
+            thinning: Thinning::None,
+            shape: Shape::Map(grid),
+        }
     }
 
     fn reduced<T>(

@@ -2,6 +2,7 @@
 
 use super::axis::{Range, Ticks};
 use super::figure::{Axis, Figure, Panel, Series, Shape};
+use super::map::Bar;
 use super::scene::Rect;
 use super::text::Ruler;
 
@@ -38,6 +39,8 @@ pub(super) struct Place<'a> {
     /// Whether the labels of the x axis stand below this panel.
     pub(super) labels_x: bool,
     pub(super) legend: Vec<Entry>,
+    /// Beside a map.
+    pub(super) bar: Option<Bar>,
 }
 
 /// A series in the legend.
@@ -78,11 +81,13 @@ impl<'a> Layout<'a> {
             axes.iter().map(|a| title_lines(ruler, &a.y_ticks.title, height)).collect();
         let lines = y_titles.iter().map(Vec::len).max().unwrap_or(0);
         let left = (EDGE + lines as f64 * AXIS_LINE + labels + LABEL_ROOM).ceil();
-        let width = (WIDTH - left - RIGHT).max(100.0);
+        let bars: Vec<Option<Bar>> = figure.panels.iter().map(|p| Bar::of(p, ruler, height)).collect();
+        let right = bars.iter().flatten().map(Bar::room).fold(RIGHT, f64::max);
+        let width = (WIDTH - left - right).max(100.0);
 
         let mut top = EDGE + title.len() as f64 * TITLE_LINE;
         let mut places = Vec::new();
-        for ((panel, axes), y_title) in figure.panels.iter().zip(axes).zip(y_titles) {
+        for (((panel, axes), y_title), bar) in figure.panels.iter().zip(axes).zip(y_titles).zip(bars) {
             let (legend, rows) = legend(ruler, panel, [left, top], width);
             top = (top + if rows > 0 { rows as f64 * LEGEND_LINE + 5.0 } else { 10.0 }).ceil();
             let frame = Rect { left, top, width, height };
@@ -100,6 +105,7 @@ impl<'a> Layout<'a> {
                 y_title_right: left - labels - LABEL_ROOM,
                 labels_x: axes.labels_x,
                 legend,
+                bar,
             });
         }
         Self { title, places, bottom: top }
@@ -163,7 +169,9 @@ fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
         _ => None,
     });
     let values = panel.series.iter().flat_map(extent).filter(|p| shown(p[0])).flat_map(|p| [p[1], p[2]]);
-    Range::around(panel.y.scale, values.chain(levels), 0.06)
+    // A map fills its panel.
+    let margin = if panel.series.iter().any(|s| matches!(s.shape(), Shape::Map(_))) { 0.0 } else { 0.06 };
+    Range::around(panel.y.scale, values.chain(levels), margin)
 }
 
 /// All points as x, lowest and highest value; a level has no x and so none.
@@ -173,6 +181,11 @@ pub(super) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_>
         Shape::Points(points) => Box::new(points.iter().map(|p| [p[0], p[1], p[1]])),
         Shape::Band(runs) => Box::new(runs.iter().flatten().copied()),
         Shape::Level(_) => Box::new(std::iter::empty()),
+        Shape::Map(grid) => {
+            let (low, high) = (grid.y.first().copied(), grid.y.last().copied());
+            let ends = grid.x.first().into_iter().chain(grid.x.last());
+            Box::new(ends.filter_map(move |x| Some([*x, low?, high?])))
+        }
     }
 }
 

@@ -25,6 +25,7 @@ mod draw;
 mod error;
 mod figure;
 mod layout;
+mod map;
 mod notes;
 mod page;
 mod png;
@@ -38,7 +39,7 @@ mod text;
 
 pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples};
 pub use error::ReportError;
-pub use figure::{Axis, Figure, Panel, Role, Scale, Series, Shape};
+pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
 pub use page::{Block, Page, Section, Severity};
 pub use table::{Column, Table};
 pub(crate) use text::unit_sign;

@@ -81,6 +81,18 @@ fn nth(counts: &mut Vec<(Role, bool, usize)>, role: Role, is_band: bool, continu
     0
 }
 
+/// Blue to white to vermilion, which the colour-blind can tell apart, over −1 to 1.
+pub(super) fn diverging(position: f64) -> Colour {
+    let end = if position < 0.0 { BLUE } else { VERMILION };
+    let share = position.abs().min(1.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between two bytes
+    let mix = |end: u8| (255.0 - share * (255.0 - f64::from(end))).round() as u8;
+    Colour(mix(end.0), mix(end.1), mix(end.2))
+}
+
+/// The line at the level of a map.
+pub(super) const CONTOUR: Stroke = Stroke { colour: INK, width: 1.6, dashed: false };
+
 /// How a line of this role is drawn.
 pub(super) fn stroke(role: Role, colour: Colour) -> Stroke {
     match role {
@@ -96,16 +108,17 @@ pub(super) fn band_edge(colour: Colour) -> Stroke {
     Stroke { colour: Colour(darker(colour.0), darker(colour.1), darker(colour.2)), width: 0.9, dashed: false }
 }
 
-/// What is drawn first lies below: bands, then wide lines, then thin ones, then points.
+/// What is drawn first lies below: maps, then bands, then wide lines, then thin ones, then points.
 pub(super) fn layer(series: &Series) -> u8 {
     match (series.shape(), series.role()) {
-        (Shape::Band(_), Role::Bound) => 0,
-        (Shape::Band(_), _) => 1,
-        (Shape::Points(_), Role::Measured | Role::Reference) => 2,
-        (Shape::Line(_) | Shape::Level(_), Role::Measured | Role::Reference) => 3,
-        (Shape::Line(_), Role::Bound) | (Shape::Level(_), _) => 4,
-        (Shape::Line(_), _) => 5,
-        (Shape::Points(_), _) => 6,
+        (Shape::Map(_), _) => 0,
+        (Shape::Band(_), Role::Bound) => 1,
+        (Shape::Band(_), _) => 2,
+        (Shape::Points(_), Role::Measured | Role::Reference) => 3,
+        (Shape::Line(_) | Shape::Level(_), Role::Measured | Role::Reference) => 4,
+        (Shape::Line(_), Role::Bound) | (Shape::Level(_), _) => 5,
+        (Shape::Line(_), _) => 6,
+        (Shape::Points(_), _) => 7,
     }
 }
 

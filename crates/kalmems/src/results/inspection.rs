@@ -56,7 +56,12 @@ fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) 
 
 /// Draws every channel of the longest segment to a PNG file.
 pub fn draw_inspection(inspection: &Inspection, path: &Path) -> Result<(), DrawError> {
-    let png = inspection_figure(inspection).to_png()?;
+    write_png(&inspection_figure(inspection), path)
+}
+
+/// Writes one picture to a file, whole or not at all.
+pub(super) fn write_png(figure: &Figure, path: &Path) -> Result<(), DrawError> {
+    let png = figure.to_png()?;
     let error = |source| OutputError::Io { path: path.to_owned(), source };
     // Beside its place first, so that there is never half a picture.
     let staged = path.with_extension("png.part");

@@ -8,6 +8,7 @@ mod image;
 mod inspection;
 mod metrics;
 mod names;
+mod outlook;
 mod output;
 mod page;
 mod simulation;
@@ -22,6 +23,7 @@ pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Metrics, RecordingMetrics, SegmentMetrics, Verdict,
 };
+pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use output::{Output, OutputError, RUN_FILE};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub(crate) use summary::significant;

@@ -10,6 +10,7 @@ use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference};
 use crate::identify::{Identification, IdentifyError};
+use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::signal::Sine;
@@ -46,6 +47,9 @@ pub trait Rig: Sync {
         recording: &Recording,
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError>;
+
+    /// What can be said of the device and its drive before anything is recorded.
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError>;
 
     /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;

@@ -1,7 +1,7 @@
 //! Whether a device at rest stays there under a periodic drive, by integration.
 
 use super::{Drive, Simulator};
-use kalmems_core::{Dynamics, Mat};
+use kalmems_core::{Dynamics, Mat, Scalar};
 
 /// How fast a small motion about rest grows (above 0) or dies, in 1/s: the larger exponent of Floquet.
 ///
@@ -23,14 +23,39 @@ pub fn floquet_exponent<D: Dynamics<f64, 2, Input = f64> + Copy>(
     drive: &Drive,
     steps_per_period: u32,
 ) -> Option<f64> {
-    let period_s = drive.period_s()?;
-    let rate_hz = f64::from(steps_per_period) / period_s;
+    Some(exponent_of(&monodromy(dynamics, drive, steps_per_period)?, drive.period_s()?))
+}
+
+/// What a small motion about rest becomes within one period of the drive: [θ, θ̇] is multiplied by this matrix. `None`
+/// where the drive has no period.
+///
+/// Its eigenvalues are the multipliers of Floquet. Their product is e^{−(b/J)·T}, whatever the drive (Liouville).
+///
+/// ```
+/// use kalmems::simulate::{Drive, monodromy};
+/// use kalmems_models::dynamics::Duffing;
+/// let spring = Duffing { damping: 40.0, stiffness: 1e6, cubic: 0.0, gain: 1.0 };
+/// let drive = Drive::Sine { offset: 0.0, amplitude: 0.0, frequency_hz: 300.0, phase_rad: 0.0 };
+/// let [[a, b], [c, d]] = monodromy(spring, &drive, 200).unwrap().0;
+/// assert!(((a * d - b * c) / (-40.0_f64 / 300.0).exp() - 1.0).abs() < 1e-6);
+/// ```
+pub fn monodromy<D: Dynamics<f64, 2, Input = f64> + Copy>(
+    dynamics: D,
+    drive: &Drive,
+    steps_per_period: u32,
+) -> Option<Mat<f64, 2, 2>> {
+    let rate_hz = f64::from(steps_per_period) / drive.period_s()?;
     let mut simulator = Simulator::new(dynamics, drive.clone(), rate_hz, [0.0, 0.0]);
     let mut monodromy = Mat::<f64, 2, 2>::identity();
     for _ in 0..steps_per_period {
         monodromy = simulator.linearized_step().times(&monodromy);
     }
-    Some(spectral_radius(&monodromy).ln() / period_s)
+    Some(monodromy)
+}
+
+/// The larger exponent of Floquet in 1/s, from what a motion becomes within a period.
+pub(super) fn exponent_of(monodromy: &Mat<f64, 2, 2>, period_s: f64) -> f64 {
+    Scalar::ln(spectral_radius(monodromy)) / period_s
 }
 
 /// The larger modulus of the eigenvalues.

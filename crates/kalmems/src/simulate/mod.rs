@@ -1,9 +1,11 @@
 //! Simulation: what a device would do, and what would be recorded of it.
 //!
 //! [`Simulator`] integrates any device under a [`Drive`]. [`stepped_sweep`] and [`start_up`] say how large a motion
-//! becomes and when; [`Stability`] and [`floquet_exponent`] whether it starts at all. A rig makes of an experiment's
+//! becomes and when, [`Balance`] the same of steady motions without integration; [`Stability`], [`floquet_exponent`] and
+//! [`StabilityMap`] whether it starts at all. A rig makes of an experiment's
 //! `[simulate]` table a [`Simulation`], which runs sample by sample.
 
+mod balance;
 mod drive;
 mod floquet;
 mod noise;
@@ -12,15 +14,22 @@ mod response;
 mod simulator;
 mod source;
 mod stability;
+mod stability_map;
 mod unwritten;
+mod waveform;
 
+pub use balance::{Balance, SteadyMotion};
 pub use drive::{Drive, Tone};
-pub use floquet::floquet_exponent;
+pub use floquet::{floquet_exponent, monodromy};
 pub use noise::WhiteNoise;
 pub use recording::{Channel, Sample, SimulateError, Simulation};
-pub use response::{StartUp, SweepPoint, SweepSettings, start_up, stepped_sweep};
+pub use response::{
+    Hold, StartUp, SweepPoint, SweepSettings, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
+};
 pub use simulator::Simulator;
 pub use source::drive_of;
-pub use stability::Stability;
+pub use stability::{Stability, starting_factor};
+pub use stability_map::{SideBySide, StabilityMap};
 pub use unwritten::Unwritten;
 pub(crate) use unwritten::{RECORDING, REFERENCE, described};
+pub use waveform::PeriodStep;

@@ -2,6 +2,8 @@
 
 use super::{Drive, Simulator};
 use kalmems_core::Dynamics;
+use serde::Serialize;
+use std::thread;
 
 /// How to hold each frequency of a [`stepped_sweep`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +22,7 @@ pub struct SweepSettings {
 }
 
 /// The amplitude of the motion at one drive frequency.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SweepPoint {
     /// The frequency of the drive.
     pub drive_hz: f64,
@@ -38,13 +40,78 @@ pub fn stepped_sweep<D: Dynamics<f64, 2, Input = f64> + Copy>(
     settings: &SweepSettings,
 ) -> Vec<SweepPoint> {
     let SweepSettings { offset, amplitude, periods, steps_per_period, disturbance } = *settings;
-    let steps = periods * steps_per_period;
-    let mut state = [disturbance, 0.0];
-    frequencies_hz
+    let hold = Hold { periods, steps_per_period, disturbance };
+    let drives = frequencies_hz
         .into_iter()
-        .map(|drive_hz| {
-            let drive = Drive::Sine { offset, amplitude, frequency_hz: drive_hz, phase_rad: 0.0 };
-            let rate_hz = drive_hz * f64::from(steps_per_period);
+        .map(|frequency_hz| (frequency_hz, Drive::Sine { offset, amplitude, frequency_hz, phase_rad: 0.0 }));
+    held_in_turn(dynamics, drives, &hold)
+}
+
+/// How each frequency of [`sweeps_both_ways`] is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    /// How many periods of the drive; the last tenth is judged.
+    pub periods: u32,
+    /// Integration steps per period.
+    pub steps_per_period: u32,
+    /// At each new frequency the motion is at least this large, in rad.
+    pub disturbance: f64,
+}
+
+/// A slow sweep down in frequency and one up.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sweeps {
+    /// From the highest frequency to the lowest.
+    pub down: Vec<SweepPoint>,
+    /// From the lowest to the highest.
+    pub up: Vec<SweepPoint>,
+}
+
+impl Sweeps {
+    /// The lowest and the highest frequency at which one way found a motion and the other none: ten times as large as
+    /// the other's, and larger than `least`, in rad. `None` where both ways agree.
+    pub fn hysteresis_hz(&self, least: f64) -> Option<[f64; 2]> {
+        let differs = |(down, up): (&SweepPoint, &SweepPoint)| {
+            let (larger, smaller) = (down.amplitude.max(up.amplitude), down.amplitude.min(up.amplitude));
+            (larger > least && larger > 10.0 * smaller).then_some(up.drive_hz)
+        };
+        self.down.iter().rev().zip(&self.up).filter_map(differs).fold(None, |span, hz| {
+            let [low, high] = span.unwrap_or([hz, hz]);
+            Some([hz.min(low), hz.max(high)])
+        })
+    }
+}
+
+/// The amplitude at each of these rising frequencies of a drive, sweeping down and sweeping up, as
+/// [`stepped_sweep`] has it; the two ways are computed at the same time. `None` where the drive does not repeat.
+pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send>(
+    dynamics: D,
+    drive: &Drive,
+    frequencies_hz: &[f64],
+    hold: &Hold,
+) -> Option<Sweeps> {
+    let drives: Option<Vec<(f64, Drive)>> =
+        frequencies_hz.iter().map(|hz| Some((*hz, drive.held_at(*hz)?))).collect();
+    let drives = drives?;
+    let upwards = drives.iter().cloned();
+    thread::scope(|scope| {
+        let up = scope.spawn(move || held_in_turn(dynamics, upwards, hold));
+        let down = held_in_turn(dynamics, drives.iter().rev().cloned(), hold);
+        Some(Sweeps { down, up: up.join().ok()? })
+    })
+}
+
+/// One drive after the other, each from the motion before.
+fn held_in_turn<D: Dynamics<f64, 2, Input = f64> + Copy>(
+    dynamics: D,
+    drives: impl Iterator<Item = (f64, Drive)>,
+    hold: &Hold,
+) -> Vec<SweepPoint> {
+    let steps = hold.periods * hold.steps_per_period;
+    let mut state = [hold.disturbance, 0.0];
+    drives
+        .map(|(drive_hz, drive)| {
+            let rate_hz = drive_hz * f64::from(hold.steps_per_period);
             let mut simulator = Simulator::new(dynamics, drive, rate_hz, state);
             let mut largest = 0.0_f64;
             for step in 0..steps {
@@ -53,7 +120,8 @@ pub fn stepped_sweep<D: Dynamics<f64, 2, Input = f64> + Copy>(
                     largest = largest.max(simulator.state()[0].abs());
                 }
             }
-            state = if largest < disturbance { [disturbance, 0.0] } else { *simulator.state() };
+            let lies_still = largest < hold.disturbance;
+            state = if lies_still { [hold.disturbance, 0.0] } else { *simulator.state() };
             SweepPoint { drive_hz, amplitude: largest }
         })
         .collect()

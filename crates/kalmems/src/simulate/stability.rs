@@ -90,6 +90,38 @@ impl Stability {
     }
 }
 
+/// How many times as large a drive must be to bring a scanner to its threshold; `None` where nothing in its square
+/// pumps, or where nothing damps the scanner.
+///
+/// The depth h grows with the square of the factor, and ω and Q move with the mean stiffness: κ·s²·c = 2·b·ω(s) with
+/// κ = C₀/θ₀² and c the component of V² that pumps.
+///
+/// ```
+/// use kalmems::simulate::{Drive, starting_factor};
+/// # use kalmems_models::{capacitance::GaussianComb, dynamics::{ParametricScanner, TorsionalResonator}};
+/// # let scanner = ParametricScanner {
+/// #     resonator: TorsionalResonator { inertia: 1.15e-14, damping: 5.95e-12, stiffness: 1.10e-4 },
+/// #     comb: GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 },
+/// #     carrier_mean_square: 18.0,
+/// # };
+/// let drive = Drive::Sine { offset: 30.0, amplitude: 30.0, frequency_hz: 31.1e3, phase_rad: 0.0 };
+/// // 4.5 times too shallow: about the root of that in volts.
+/// assert!((starting_factor(&scanner, &drive).unwrap() - 2.12).abs() < 0.01);
+/// ```
+pub fn starting_factor(scanner: &ParametricScanner<f64>, drive: &Drive) -> Option<f64> {
+    let harmonic = Stability::of(scanner, drive)?.harmonic;
+    let resonator = &scanner.resonator;
+    let per_square_volt = -0.5 * scanner.comb.curvature_at_rest();
+    let (mean, component) = drive.square(harmonic)?;
+    let pump = per_square_volt * component;
+    // p²·u² = (4·b²/J)·(k + κ·(u·M + carrier)) with u = s².
+    let braking = 4.0 * resonator.damping.powi(2) / resonator.inertia;
+    let stiffness = resonator.stiffness + per_square_volt * scanner.carrier_mean_square;
+    let half = 0.5 * braking * per_square_volt * mean;
+    let square = (half + (half.powi(2) + pump.powi(2) * braking * stiffness).sqrt()) / pump.powi(2);
+    (square.is_finite() && square > 0.0).then(|| square.sqrt())
+}
+
 impl fmt::Display for Stability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = self.drive_hz;

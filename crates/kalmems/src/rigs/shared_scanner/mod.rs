@@ -9,6 +9,7 @@ mod course;
 mod data;
 mod drive;
 pub mod identification;
+mod outlook;
 mod reproduction;
 mod ring_down;
 mod segment;
@@ -21,12 +22,14 @@ use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
+use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
 use drive::Drive;
+pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
 use settings::Settings;
 
@@ -104,6 +107,10 @@ impl Rig for SharedScannerRig {
             ));
         }
         Ok(estimates)
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook::outlook(experiment)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {

@@ -10,6 +10,7 @@ mod course;
 mod filters;
 mod hardware;
 mod lock;
+mod outlook;
 mod rig;
 mod segment;
 mod settings;

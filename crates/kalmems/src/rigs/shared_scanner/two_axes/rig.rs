@@ -1,12 +1,14 @@
 //! The rig of a scanner with two axes.
 
 use super::hardware::second_axis;
+use super::outlook::outlook;
 use super::segment::{Samples, TwoAxisEstimate, estimate};
 use super::settings::Settings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, Device, Experiment};
 use crate::estimate::{EstimateError, Motion, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
 use crate::rigs::shared_scanner::drive::Drive;
 use crate::rigs::shared_scanner::{columns, wanted};
@@ -97,6 +99,10 @@ impl Rig for TwoAxesRig {
             });
         }
         Ok(estimates)
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook(experiment)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {

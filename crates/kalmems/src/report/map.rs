@@ -1,0 +1,201 @@
+//! Maps: cells in the colours of their values, the line at a level, and the colour bar.
+
+use super::axis::{Range, Ticks};
+use super::decimate::is_drawable;
+use super::figure::{Axis, Grid, Panel, Scale, Shape};
+use super::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
+use super::scene::{Anchor, Colour, Group, Mark, Rect};
+use super::style::{self, FRAME, INK};
+use super::text::Ruler;
+
+/// Colours between the lowest and the highest value.
+const STEPS: u32 = 40;
+/// The colour bar: its distance from the frame, its width, and the room between it and its labels.
+const BAR_GAP: f64 = 14.0;
+const BAR_WIDTH: f64 = 14.0;
+const LABEL_GAP: f64 = 7.0;
+
+/// The colour bar of a panel with a map.
+pub(super) struct Bar {
+    range: Range,
+    level: f64,
+    ticks: Ticks,
+    widest: f64,
+}
+
+impl Bar {
+    /// For the first map of a panel, if it has one with values.
+    pub(super) fn of(panel: &Panel, ruler: &Ruler, height: f64) -> Option<Self> {
+        let grid = panel.series.iter().find_map(|series| match series.shape() {
+            Shape::Map(grid) => Some(grid),
+            _ => None,
+        })?;
+        let range = range(grid)?;
+        let axis = Axis { scale: Scale::Linear, ..grid.colours.clone() };
+        let ticks = Ticks::new(&axis, range, (height / 28.0).floor());
+        let widest = ticks.major.iter().map(|tick| ruler.width(&tick.label, TICK_SIZE)).fold(0.0, f64::max);
+        Some(Self { range, level: grid.level, ticks, widest })
+    }
+
+    /// The room right of the frame.
+    pub(super) fn room(&self) -> f64 {
+        BAR_GAP + BAR_WIDTH + LABEL_GAP + self.widest + 6.0 + AXIS_LINE
+    }
+
+    /// Right of a panel's frame.
+    pub(super) fn draw(&self, frame: &Rect) -> Group {
+        let mut group = Group::new("colour-bar");
+        let kind = [("low", self.range.low), ("high", self.range.high), ("level", self.level)];
+        group.data = kind.map(|(name, value)| (name, format!("{value:e}"))).to_vec();
+        let (left, right) = (frame.right() + BAR_GAP, frame.right() + BAR_GAP + BAR_WIDTH);
+        let at = |value: f64| frame.bottom() - self.range.position(value) * frame.height;
+        for (from, colour) in steps(self.range, self.level) {
+            // Up to the top, so that the next lies on it and no seam is left.
+            let outline = [[left, at(from)], [right, at(from)], [right, frame.top], [left, frame.top]];
+            group.marks.push(Mark::Areas { outlines: vec![outline.to_vec()], colour, opacity: 1.0 });
+        }
+        let (top, bottom) = (frame.top, frame.bottom());
+        let mut runs = vec![vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]];
+        let mut labels = Vec::new();
+        for tick in &self.ticks.major {
+            let y = at(tick.at);
+            runs.push(vec![[right, y], [right + 4.0, y]]);
+            labels.push(label(
+                [right + LABEL_GAP, y + 0.36 * TICK_SIZE],
+                &tick.label,
+                TICK_SIZE,
+                Anchor::Start,
+            ));
+        }
+        group.marks.push(Mark::Lines { runs, stroke: FRAME });
+        group.marks.append(&mut labels);
+        let title = [right + LABEL_GAP + self.widest + AXIS_LINE, frame.top + frame.height / 2.0];
+        let mut title = label(title, &self.ticks.title, AXIS_SIZE, Anchor::Middle);
+        if let Mark::Text { turned, .. } = &mut title {
+            *turned = true;
+        }
+        group.marks.push(title);
+        group
+    }
+}
+
+fn label(at: [f64; 2], text: &str, size: f64, anchor: Anchor) -> Mark {
+    Mark::Text { at, text: text.to_owned(), size, colour: INK, anchor, turned: false }
+}
+
+/// From the lowest to the highest value.
+fn range(grid: &Grid) -> Option<Range> {
+    Range::around(Scale::Linear, grid.finite(), 0.0)
+}
+
+/// The lower end of each step of colour, and the colour. Equal distances from the level are equally dark.
+fn steps(range: Range, level: f64) -> impl Iterator<Item = (f64, Colour)> {
+    let farthest = (range.high - level).abs().max((range.low - level).abs());
+    let step = (range.high - range.low) / f64::from(STEPS);
+    (0..STEPS).map(move |k| {
+        let from = range.low + step * f64::from(k);
+        (from, style::diverging((from + 0.5 * step - level) / farthest))
+    })
+}
+
+/// The cells of a map: for each colour all that is at least so high, so that the next colour lies on it and no seam is
+/// left between cells.
+pub(super) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Mark> {
+    let Some(range) = range(grid) else { return Vec::new() };
+    let (columns, rows) = (edges(&grid.x), edges(&grid.y));
+    let mut marks = Vec::new();
+    for (k, (from, colour)) in steps(range, grid.level).enumerate() {
+        let is_in = |value: f64| is_drawable(value) && (k == 0 || value >= from);
+        let mut outlines = Vec::new();
+        for (row, edge) in grid.values.iter().zip(rows.windows(2)) {
+            let (bottom, top) = (y(edge[0]), y(edge[1]));
+            let mut at = 0;
+            for run in row.chunk_by(|a, b| is_in(*a) == is_in(*b)) {
+                let ends = columns.get(at).zip(columns.get(at + run.len()));
+                at += run.len();
+                if let Some((left, right)) = ends.filter(|_| run.first().is_some_and(|value| is_in(*value))) {
+                    let (left, right) = (x(*left), x(*right));
+                    outlines.push(vec![[left, bottom], [right, bottom], [right, top], [left, top]]);
+                }
+            }
+        }
+        if !outlines.is_empty() {
+            marks.push(Mark::Areas { outlines, colour, opacity: 1.0 });
+        }
+    }
+    marks
+}
+
+/// Between neighbours, and the first and the last themselves.
+fn edges(at: &[f64]) -> Vec<f64> {
+    let between = at.windows(2).map(|pair| pair[0].midpoint(pair[1]));
+    at.first().copied().into_iter().chain(between).chain(at.last().copied()).collect()
+}
+
+/// Where the values pass the level: a piece in each cell between four neighbours, straight between them.
+pub(super) fn contour(grid: &Grid) -> Vec<Vec<[f64; 2]>> {
+    let mut pieces = Vec::new();
+    for (ys, rows) in grid.y.windows(2).zip(grid.values.windows(2)) {
+        let ([low, high], [below, above]) = (ys, rows) else { continue };
+        for (xs, (a, b)) in grid.x.windows(2).zip(below.windows(2).zip(above.windows(2))) {
+            let ([left, right], [v00, v10], [v01, v11]) = (xs, a, b) else { continue };
+            let corners =
+                [([*left, *low], v00), ([*right, *low], v10), ([*right, *high], v11), ([*left, *high], v01)];
+            if corners.iter().any(|(_, value)| !is_drawable(**value)) {
+                continue;
+            }
+            let mut crossings = Vec::new();
+            for (k, (from, start)) in corners.iter().enumerate() {
+                let (to, end) = &corners[(k + 1) % 4];
+                if (**start >= grid.level) != (**end >= grid.level) {
+                    let share = (grid.level - **start) / (**end - **start);
+                    crossings.push([0, 1].map(|i| from[i] + share * (to[i] - from[i])));
+                }
+            }
+            pieces.extend(crossings.chunks_exact(2).map(<[_]>::to_vec));
+        }
+    }
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(value: impl Fn(f64, f64) -> f64) -> Grid {
+        let at: Vec<f64> = (0..=40).map(|i| -2.0 + 0.1 * f64::from(i)).collect();
+        let values = at.iter().map(|y| at.iter().map(|x| value(*x, *y)).collect()).collect();
+        Grid { x: at.clone(), y: at, values, colours: Axis::new("height", "m"), level: 0.0 }
+    }
+
+    /// Of x² + y² − 1 it is the circle, all the way round.
+    #[test]
+    fn the_line_at_the_level_is_where_the_level_is() {
+        let pieces = contour(&grid(|x, y| x * x + y * y - 1.0));
+        let length: f64 = pieces.iter().map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum();
+        assert!((length - std::f64::consts::TAU).abs() < 0.02, "{length}");
+        assert!(pieces.iter().flatten().all(|p| (p[0].hypot(p[1]) - 1.0).abs() < 0.003));
+    }
+
+    /// The area that ends up in a colour is that of the values it stands for.
+    #[test]
+    fn cells_have_the_colour_of_their_value() {
+        let grid = grid(|x, _| if x > 1.5 { f64::NAN } else { x });
+        let marks = cells(&grid, |x| x, |y| y);
+        let area = |mark: &Mark| match mark {
+            Mark::Areas { outlines, .. } => {
+                outlines.iter().map(|o| (o[1][0] - o[0][0]) * (o[2][1] - o[1][1])).sum::<f64>()
+            }
+            _ => f64::NAN,
+        };
+        // All that is drawn reaches from −2 to 1.55; what is at least 0 from −0.05 or 0.05.
+        assert!((area(&marks[0]) - 3.55 * 4.0).abs() < 1e-9, "{}", area(&marks[0]));
+        let step = marks.iter().zip(steps(range(&grid).unwrap(), 0.0));
+        for (mark, (from, colour)) in step.skip(1) {
+            let Mark::Areas { colour: drawn, .. } = mark else { panic!() };
+            assert!(*drawn == colour && (area(mark) / 4.0 - (1.55 - from)).abs() < 0.101, "{from}");
+            let is_blue = colour.2 > colour.0;
+            assert!((from + 0.05).abs() < 0.09 || is_blue == (from < 0.0), "{from} {colour:?}");
+        }
+    }
+}

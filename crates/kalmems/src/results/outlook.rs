@@ -1,0 +1,154 @@
+//! The pictures and files of what can be said of a device before a recording.
+
+use super::inspection::write_png;
+use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
+use crate::config::Experiment;
+use crate::outlook::{Information, Outlook, Response, Start};
+use crate::report::{Axis, Figure, Grid, Panel, Role, Series};
+use crate::simulate::{SteadyMotion, SweepPoint};
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::io;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+/// Amplitude over frequency, the map of stability, and what the signal tells; those of them for which there are data.
+pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
+    let sweep = outlook.response.as_ref().map(|response| {
+        Figure::new(
+            "response",
+            format!("{}: amplitude against frequency", outlook.experiment),
+            "Sweeps are simulated, each frequency from the motion at the one before; the wide and the dashed line are by \
+             harmonic balance. Where the two ways differ, the unstable motion lies between.",
+        )
+        .with(response_panel(response))
+    });
+    let map = outlook.start.as_ref().map(|start| {
+        Figure::new(
+            "stability",
+            format!("{}: where a motion starts by itself", outlook.experiment),
+            "The growth rate of a small motion about rest, by integration over one period of the drive; the waveform keeps \
+             its shape over its size. The dashed lines are the tongue to first order in the pump depth.",
+        )
+        .with(stability_panel(start))
+    });
+    let tells = (!outlook.information.is_empty()).then(|| {
+        Figure::new(
+            "information",
+            format!("{}: what the signal tells in 1 ms", outlook.experiment),
+            "The least standard deviations from the signal alone, over the amplitude of a steady motion.",
+        )
+        .with(information_panel(&outlook.information))
+    });
+    [sweep, map, tells].into_iter().flatten().collect()
+}
+
+/// Both sweeps and the balance.
+fn response_panel(response: &Response) -> Panel {
+    let points = |sweep: &[SweepPoint]| -> Vec<(f64, f64)> {
+        sweep.iter().map(|point| (point.drive_hz, point.amplitude.to_degrees())).collect()
+    };
+    let mut panel = Panel::new(Axis::new("drive frequency", "Hz"), Axis::new("amplitude", "deg"));
+    let (mut named_stable, mut named_unstable) = (false, false);
+    for run in response.balance.chunk_by(|a, b| a.is_stable == b.is_stable) {
+        let line: Vec<(f64, f64)> = run
+            .iter()
+            .map(|motion: &SteadyMotion| (motion.drive_hz, motion.amplitude.to_degrees()))
+            .collect();
+        let stable = run.first().is_some_and(|motion| motion.is_stable);
+        let (role, label, named) = if stable {
+            (Role::Reference, "steady, by harmonic balance", &mut named_stable)
+        } else {
+            (Role::Bound, "steady but unstable, by harmonic balance", &mut named_unstable)
+        };
+        panel = panel.with(Series::line(if *named { "" } else { label }, role, line));
+        *named = true;
+    }
+    panel
+        .with(Series::line("simulated, sweeping down", Role::Estimate, points(&response.sweeps.down)))
+        .with(Series::points("simulated, sweeping up", Role::Model, points(&response.sweeps.up)))
+}
+
+/// The map with the tongue over it.
+fn stability_panel(start: &Start) -> Panel {
+    let volts: Vec<f64> = start.map.factor.iter().map(|factor| factor * start.peak_volts).collect();
+    let edges =
+        start.tongue_hz.iter().zip(&volts).filter_map(|(tongue, volts)| Some((tongue.as_ref()?, *volts)));
+    // Down one side and up the other: one line.
+    let edges: Vec<([f64; 2], f64)> = edges.map(|(edges, volts)| (*edges, volts)).collect();
+    let low = edges.iter().rev().map(|(edges, volts)| (edges[0], *volts));
+    let tongue: Vec<(f64, f64)> = low.chain(edges.iter().map(|(edges, volts)| (edges[1], *volts))).collect();
+    let grid = Grid {
+        x: start.map.drive_hz.clone(),
+        y: volts,
+        values: start.map.growth_rate.clone(),
+        colours: Axis::new("growth rate", "1/s"),
+        level: 0.0,
+    };
+    let panel = Panel::new(Axis::new("drive frequency", "Hz"), Axis::new("largest drive voltage", "V"))
+        .with(Series::map("rest becomes unstable", grid))
+        .with(Series::line("tongue to first order", Role::Bound, tongue));
+    panel.with(Series::level("the experiment's drive", Role::Input, start.peak_volts))
+}
+
+/// Standard deviations over the amplitude.
+fn information_panel(information: &[Information]) -> Panel {
+    let line = |of: fn(&Information) -> f64| -> Vec<(f64, f64)> {
+        information.iter().map(|at| (at.amplitude.to_degrees(), of(at).to_degrees())).collect()
+    };
+    Panel::new(Axis::new("amplitude", "deg"), Axis::new("standard deviation", "deg").log())
+        .with(Series::line("phase", Role::Estimate, line(|at| at.phase_sd)))
+        .with(Series::line("amplitude, gain and offset known", Role::Input, line(|at| at.amplitude_sd)))
+        .with(Series::line("amplitude, gain and offset free", Role::Model, line(|at| at.amplitude_sd_free)))
+}
+
+/// Draws all pictures, one below the other, to a PNG file.
+pub fn draw_outlook(outlook: &Outlook, path: &Path) -> Result<(), DrawError> {
+    let panels = outlook_figures(outlook).into_iter().flat_map(|figure| figure.panels);
+    let figure = panels.fold(Figure::new("outlook", outlook.experiment.clone(), ""), Figure::with);
+    write_png(&figure, path)
+}
+
+/// Writes what is said, its numbers and its pictures to a folder: `outlook.txt`, `outlook.json`, `figures/`, `run.toml`.
+pub fn write_outlook(
+    outlook: &Outlook,
+    experiment: &Experiment,
+    target: &Path,
+    force: bool,
+    info: RunInfo,
+) -> Result<(), WriteError> {
+    let text = experiment.to_toml().map_err(|e| failed(target, io::Error::other(e)))?;
+    let mut digest = String::new();
+    for byte in Sha256::digest(&text).iter().take(6) {
+        let _ = write!(digest, "{byte:02x}");
+    }
+    let input_id = format!("{}: outlook {digest}", experiment.name);
+    let output = Output::prepare(target, &input_id, force)?;
+    output.write("outlook.txt", |w| w.write_all(outlook.to_text().as_bytes()))?;
+    output.write("outlook.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, outlook)?;
+        writeln!(w)
+    })?;
+    for figure in outlook_figures(outlook) {
+        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+        let png = figure.to_png()?;
+        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+    }
+    let mut run = toml::Table::new();
+    run.insert("version".to_owned(), env!("CARGO_PKG_VERSION").into());
+    run.insert("command".to_owned(), "inspect".into());
+    run.insert("input_id".to_owned(), input_id.into());
+    let started = info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    let mut timing = toml::Table::new();
+    timing.insert("started_unix_s".to_owned(), i64::try_from(started).unwrap_or(i64::MAX).into());
+    timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
+    run.insert("timing".to_owned(), timing.into());
+    let described = toml::Value::try_from(experiment).map_err(|e| failed(target, io::Error::other(e)))?;
+    run.insert("experiment".to_owned(), described);
+    output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?;
+    Ok(output.commit()?)
+}
+
+fn failed(path: &Path, source: io::Error) -> super::OutputError {
+    super::OutputError::Io { path: path.to_owned(), source }
+}

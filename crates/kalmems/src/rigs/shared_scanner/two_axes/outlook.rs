@@ -1,0 +1,42 @@
+//! What can be said of both axes before anything is recorded.
+
+use super::band_plan::{BandPlan, PlannedDrive};
+use super::hardware::Hardware;
+use crate::config::Experiment;
+use crate::outlook::{Outlook, Topic};
+use crate::simulate::{SimulateError, drive_of};
+
+/// The resonances under the drive, whether each axis starts, and which lines come near which bands.
+pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+    let hardware = Hardware::of(experiment)?;
+    let drive = experiment.simulate.as_ref().map(|simulate| drive_of(experiment, simulate)).transpose()?;
+    let planned = drive.and_then(|(drive, _)| PlannedDrive::of(&drive));
+    let topic = match planned.map(|drive| BandPlan::of(&hardware.scanner, &drive, BandPlan::GUARD_HZ)) {
+        Some(plan) => planned_topic(&plan),
+        None => Topic::new("Drive").with(
+            "drive",
+            [],
+            "The experiment names no drive of two sines: add the table `[simulate.drive.tones]`.",
+        ),
+    };
+    let sign = "The sign of each motion is not observable: with θ of either axis also −θ moves the device and reads \
+                the same. It is calibrated once for each axis.";
+    Ok(Outlook {
+        experiment: experiment.name.to_string(),
+        device: "shared_scanner with a second axis",
+        topics: vec![topic, Topic::new("What the signal tells").with("sign", [], sign)],
+        response: None,
+        start: None,
+        information: Vec::new(),
+    })
+}
+
+fn planned_topic(plan: &BandPlan) -> Topic {
+    let [x, y] = plan.resonance_hz.map(|hz| hz / 1e3);
+    let topic = Topic::new("Drive").with(
+        "resonance_hz",
+        plan.resonance_hz,
+        format!("Resonances at rest under both drives: x {x:.3} kHz, y {y:.3} kHz."),
+    );
+    plan.to_string().lines().fold(topic, |topic, line| topic.with("band_plan", [], line.trim_start()))
+}
