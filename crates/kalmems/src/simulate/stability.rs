@@ -105,8 +105,8 @@ impl Stability {
 /// #     carrier_mean_square: 18.0,
 /// # };
 /// let drive = Drive::Sine { offset: 30.0, amplitude: 30.0, frequency_hz: 31.1e3, phase_rad: 0.0 };
-/// // 4.5 times too shallow: about the root of that in volts.
-/// assert!((starting_factor(&scanner, &drive).unwrap() - 2.12).abs() < 0.01);
+/// // 4.53 times too shallow: about the root of that in volts.
+/// assert!((starting_factor(&scanner, &drive).unwrap() - 2.13).abs() < 0.01);
 /// ```
 pub fn starting_factor(scanner: &ParametricScanner<f64>, drive: &Drive) -> Option<f64> {
     let harmonic = Stability::of(scanner, drive)?.harmonic;
