@@ -45,6 +45,12 @@ fn main() {
         ("adskalman", peers::adskalman),
     ];
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
+    // The goal is 8 times the step of two states.
+    let states: [(&str, Run<f64>); 2] = [
+        ("2 states", |s| cases::follow(cases::ekf(s), s, &s.runge_kutta(), |d| *d)),
+        ("5 states", cases::five_states),
+    ];
+    compare("f64", "EKF, Runge–Kutta, by states", &System::simulated(LENGTH), &states);
 }
 
 fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {

@@ -37,7 +37,7 @@ fn with_the_true_stiffness_the_filters_reach_what_an_independent_one_reached() {
     for q in ["1e4", "1e6", "1e8"] {
         let experiment = changed("true_stiffness.toml", &[(Q, &format!("{q} rad^2/s^3"))]);
         let (_, metrics) = run(&experiment);
-        for estimator in metrics.estimators().filter(|e| e.key != "model") {
+        for estimator in metrics.estimators().filter(|e| e.key != "model_alone") {
             let power = q.trim_start_matches("1e");
             let achieved = &expected["achieved"][format!("{}2_q1e+0{power}", estimator.key)];
             let errors = estimator.errors.as_ref().unwrap();
@@ -59,7 +59,7 @@ fn with_the_true_stiffness_the_filters_reach_what_an_independent_one_reached() {
 fn with_a_wrong_stiffness_the_filter_is_ten_times_better_than_the_model_alone() {
     let (_, metrics) = run(&changed("experiment.toml", &[]));
     let errors = |key| metrics.estimators().find(|e| e.key == key).unwrap().errors.clone().unwrap();
-    let (model, ekf) = (errors("model"), errors("ekf"));
+    let (model, ekf) = (errors("model_alone"), errors("ekf"));
     assert!(model.angle.rmse_deg > 1.0, "the model alone misses by degrees: {}", model.angle.rmse_deg);
     assert!(model.angle.rmse_deg > 10.0 * ekf.angle.rmse_deg);
     assert!(model.peak_phase_rmse_deg.unwrap() > 10.0 * ekf.peak_phase_rmse_deg.unwrap());
@@ -72,7 +72,7 @@ fn with_a_wrong_stiffness_the_filter_is_ten_times_better_than_the_model_alone() 
 fn a_model_that_is_trusted_too_far_loses_lock_and_says_so() {
     let (_, metrics) = run(&changed("experiment.toml", &[(Q, "1e2 rad^2/s^3")]));
     for estimator in metrics.estimators() {
-        let expected = if estimator.key == "model" { Verdict::Astray } else { Verdict::LostLock };
+        let expected = if estimator.key == "model_alone" { Verdict::Astray } else { Verdict::LostLock };
         assert_eq!(estimator.verdict, expected, "{}", estimator.name);
         assert!(!estimator.lock.held());
     }
@@ -121,7 +121,7 @@ fn deleting_the_reference_changes_no_estimate() {
     std::fs::write(&path, text).unwrap();
     let (opposite, metrics) = run(&Experiment::load(&path).unwrap());
     assert_eq!(bits(&with), bits(&opposite));
-    assert!(metrics.estimators().filter(|e| e.key != "model").all(|e| e.verdict == Verdict::WrongSign));
+    assert!(metrics.estimators().filter(|e| e.key != "model_alone").all(|e| e.verdict == Verdict::WrongSign));
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn the_sign_is_an_input() {
 fn a_start_at_exactly_zero_is_refused_with_the_reason() {
     let experiment = changed("experiment.toml", &[("angle = \"0.05 rad\"", "angle = \"0 rad\"")]);
     let error = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
-    assert!(error.contains("experiment.toml:") && error.contains("estimate.model.start"), "{error}");
+    assert!(error.contains("experiment.toml:") && error.contains("estimate.filter[0].start"), "{error}");
     assert!(error.contains("symmetric"), "{error}");
     // Hardly more than zero is enough.
     let experiment = changed("experiment.toml", &[("angle = \"0.05 rad\"", "angle = \"1e-6 rad\"")]);
@@ -173,7 +173,7 @@ fn a_change_of_branch_on_the_way_is_told() {
         let toml = toml.replace("1.1033e-4 N m", "1.122e-4 N m").replace(Q, "1e10 rad^2/s^3");
         let experiment = Experiment::parse(&toml, &folder.path().join("experiment.toml")).unwrap();
         let (_, metrics) = run(&experiment);
-        for estimator in metrics.estimators().filter(|e| e.key != "model") {
+        for estimator in metrics.estimators().filter(|e| e.key != "model_alone") {
             // The reference knows: mirrored for the rest of the record, the error is that of twice the motion.
             let is_mirrored = estimator.errors.as_ref().unwrap().angle.rmse_deg > 5.0;
             let told = estimator.lock.events.iter().any(|e| matches!(e, LockEvent::Flipped { .. }));
@@ -321,7 +321,7 @@ fn the_pictures_show_the_figures_beside_them() {
     let ids: Vec<&str> = figures.iter().map(|figure| figure.id.as_str()).collect();
     assert_eq!(ids, ["motion", "angle_error", "phase_error", "nis"]);
     for (estimator, trajectory) in metrics.estimators().zip(&segment.estimate.trajectories) {
-        let label = if estimator.key == "model" { "Model alone (astray)" } else { estimator.name };
+        let label = if estimator.key == "model_alone" { "Model alone (astray)" } else { &estimator.name };
         let errors = estimator.errors.as_ref().unwrap();
         // The decimated error keeps its extremes.
         let drawn = points(&figures, "angle_error", label);
@@ -333,7 +333,7 @@ fn the_pictures_show_the_figures_beside_them() {
         assert_eq!(drawn.len(), errors.peaks);
         let rms = (drawn.iter().map(|p| p[1] * p[1]).sum::<f64>() / drawn.len() as f64).sqrt();
         assert!((rms - errors.peak_phase_rmse_deg.unwrap()).abs() < 1e-12);
-        if estimator.key != "model" {
+        if estimator.key != "model_alone" {
             // The cycles' means after the settling time average to the mean NIS but for a cycle at each end.
             let drawn = points(&figures, "nis", label);
             let settled: Vec<f64> = drawn.iter().filter(|p| p[0] > 0.008).map(|p| p[1]).collect();
@@ -342,7 +342,7 @@ fn the_pictures_show_the_figures_beside_them() {
         }
         // The close-up of the angle holds the trajectory's own samples.
         if estimator.key != "ukf" {
-            let name = if estimator.key == "model" { "Model alone" } else { "EKF" };
+            let name = if estimator.key == "model_alone" { "Model alone" } else { "EKF" };
             let angle = &trajectory.state("angle").unwrap().mean;
             for point in points(&figures, "motion", name) {
                 let k = trajectory.time_s.iter().position(|t| *t == point[0]).unwrap();

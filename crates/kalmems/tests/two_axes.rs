@@ -338,14 +338,14 @@ type Model = (f64, f64);
 /// Starts from the signal, and starts that know nothing: the centre of what is possible, as wide as that is.
 fn locks(trials: u64, (stiffness_error, density): Model) -> [Locks; 2] {
     let mut from_signal = settings();
-    from_signal.filters.ukf = None;
-    from_signal.acceleration_density = [density; 2];
+    from_signal.filters.truncate(1);
+    from_signal.filters[0].acceleration_density = [density; 2];
     let truth = from_signal.hardware.scanner;
     from_signal.hardware.scanner.x.resonator.stiffness *= 1.0 + stiffness_error;
     from_signal.hardware.scanner.y.resonator.stiffness *= 1.0 + stiffness_error;
     let mut blind = from_signal.clone();
     let covariance = Covariance::from_standard_deviations([0.15, 15e3, 0.15, 6e3]);
-    blind.filters.ekf = Some(Start::Given { mean: [0.05, 0.0, 0.05, 0.0], covariance });
+    blind.filters[0].start = Start::Given { mean: [0.05, 0.0, 0.05, 0.0], covariance };
     let mut counts = [Locks::default(); 2];
     for seed in 0..trials {
         let recorded = record(truth, anywhere(seed), 0, 14_000, seed);
@@ -496,12 +496,13 @@ fn the_example_from_end_to_end() {
 fn files_that_are_wrong_say_where() {
     for (from, to, expected) in [
         (
-            "{ window = \"2 ms\" }\nstart_sd = {}\n\n",
-            "{ angle_x = \"0.1 rad\", rate_x = \"0 rad/s\", angle_y = \"0 rad\", rate_y = \"0 rad/s\" }\nstart_sd = {}\n\n",
-            "estimate.ekf.start: angle and rate of y are exactly 0",
+            "\"from_signal\"\n\n",
+            "{ angle_x = \"0.1 rad\", rate_x = \"0 rad/s\", angle_y = \"0 rad\", rate_y = \"0 rad/s\" }\nstart_sd = { angle_x = \"1 rad\" }\n\n",
+            "estimate.filter[0].start: angle and rate of y are exactly 0",
         ),
         ("angular_acceleration_y = \"1e4 rad^2/s^3\"", "", "estimate.process_noise.angular_acceleration_y"),
-        ("window = \"2 ms\"", "window = \"2 V\"", "estimate.ekf.start.window"),
+        ("method = \"ekf\"", "method = \"euler_ekf\"", "estimate.filter[0].method"),
+        ("\"from_signal\"\n\n", "\"from_signal\"\nsmooth = true\n\n", "estimate.filter[0].smooth"),
     ] {
         let message = Settings::of(&changed(&[(from, to)])).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");

@@ -41,7 +41,8 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
     }
     eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
 
-    let failed: Vec<&str> = metrics.estimators().filter(|e| !e.verdict.passes()).map(|e| e.name).collect();
+    let failed: Vec<&str> =
+        metrics.estimators().filter(|e| !e.verdict.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {
         let failed = failed.join(", ");
         return Err(Ending::NotConsistent(format!("failed the consistency test: {failed}")));

@@ -4,7 +4,11 @@
 
 use crate::by_hand;
 use crate::system::{Innovations, Outcome, Run, System};
-use kalmems_core::{Ekf, Filter, FilterError, Nodes, Process, Scalar, SigmaPoints, SquareRootEkf, Ukf};
+use kalmems_core::{
+    AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, FilterError, Measurement,
+    Nodes, NoiseDensity, Process, Rk4, Scalar, SigmaPoints, SquareRootEkf, Ukf,
+};
+use kalmems_models::dynamics::DriveGain;
 
 /// A filter against another that does the same.
 pub struct Case<T> {
@@ -215,21 +219,53 @@ fn fixed_gain<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, 
 /// Any filter, through the public interface.
 #[inline(always)]
 pub fn follow<T: Scalar<Mask = bool>, P: Process<T, 2>>(
-    mut filter: impl Filter<T, 2>,
+    filter: impl Filter<T, 2>,
     system: &System<T>,
     process: &P,
+    input: impl Fn(&Nodes<T>) -> P::Input,
+) -> Result<Outcome<T>, FilterError> {
+    follow_states(filter, system, process, &system.readout, input)
+}
+
+/// The extended filter by Runge–Kutta with stiffness, gain and offset as states beside angle and rate.
+pub fn five_states<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
+    let of = |value: f64| T::of(value);
+    let drift = Drift::RandomWalk { density: of(1e-8) };
+    let (stiffness, gain) = (system.scanner.resonator.stiffness, system.readout.gain);
+    let added = [stiffness, gain, of(1.0)].map(|scale| AddedState { scale, drift });
+    let model = DriveGain { scanner: system.scanner, drive_gain: of(1.0) };
+    let noise = NoiseDensity::none().on::<1>(of(1e10));
+    let step = Rk4::new(model, system.interval, &noise, (&[of(0.0); 2], &of(0.0)));
+    let in_motion = [Some("scanner.resonator.stiffness"), None, None];
+    let in_readout = [None, Some("gain"), Some("offset")];
+    let process = Augmented::<_, _, 2, 3, 5>::new(step, &added, in_motion).expect("the names are right");
+    let readout = AugmentedMeasurement::<_, _, 2, 3>::new(system.readout, &added, in_readout);
+    let readout = readout.expect("the names are right");
+    let [angle, rate] = system.start_mean;
+    let deviations = [of(0.05), of(5e3), of(0.01), of(0.05), of(0.05)];
+    let start = Covariance::from_standard_deviations(deviations);
+    let filter = Ekf::new([angle, rate, of(0.0), of(0.0), of(0.0)], start);
+    follow_states(filter, system, &process, &readout, |drive| *drive)
+}
+
+#[inline(always)]
+fn follow_states<T: Scalar<Mask = bool>, P: Process<T, N>, const N: usize>(
+    mut filter: impl Filter<T, N>,
+    system: &System<T>,
+    process: &P,
+    readout: &impl Measurement<T, N, 1>,
     input: impl Fn(&Nodes<T>) -> P::Input,
 ) -> Result<Outcome<T>, FilterError> {
     let r = system.r();
     let mut innovations = Innovations::none();
     for sample in &system.samples {
         filter.predict(process, &input(&sample.drive))?;
-        let innovation = filter.update(&system.readout, &[sample.signal], &r)?;
+        let innovation = filter.update(readout, &[sample.signal], &r)?;
         innovations.add(innovation.residual[0], innovation.covariance.get(0, 0), innovation.nis);
     }
     let p = filter.covariance();
     Ok(Outcome {
-        mean: *filter.mean(),
+        mean: [filter.mean()[0], filter.mean()[1]],
         covariance: [p.get(0, 0), p.get(1, 0), p.get(1, 1)],
         innovations: Some(innovations),
     })

@@ -1,11 +1,13 @@
 //! How devices move.
 
+mod drive_gain;
 mod duffing;
 mod electrostatic;
 mod parametric;
 mod resonator;
 mod two_axis;
 
+pub use drive_gain::DriveGain;
 pub use duffing::Duffing;
 pub use electrostatic::{torque, torque_slope};
 pub use parametric::ParametricScanner;

@@ -3,12 +3,13 @@
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
-use super::values::{self, Entry, Values};
+use super::values::{self, AnyValue, Entry, Values};
 use super::{
     Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Identify, Key, Name, Quantity,
-    Recording, Reference, Segments, Simulate,
+    Recording, Reference, Segments, Sign, Simulate,
 };
 use crate::recording::{self, Layout};
+use crate::units::Kind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -76,9 +77,8 @@ impl Experiment {
             return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;
-        if let Some(Estimate { model: None, ekf: None, ukf: None, .. }) = self.estimate {
-            let why = "found no filter; add at least one of `[estimate.model]`, `[estimate.ekf]` and `[estimate.ukf]`";
-            return Err(self.error("estimate", Fault::Value { why: why.to_owned() }));
+        if let Some(estimate) = &self.estimate {
+            estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
         }
         if let Some(simulate) = &self.simulate {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
@@ -146,7 +146,7 @@ impl Experiment {
     /// The SI values of a table whose keys and kinds a rig knows, in the order of `expected`. All of them
     /// must be there, and no others.
     ///
-    /// `key` says where the table stands, such as `estimate.ekf.start`.
+    /// `key` says where the table stands, such as `simulate.start`.
     pub fn values<const N: usize>(
         &self,
         key: impl Into<Key>,
@@ -155,6 +155,17 @@ impl Experiment {
     ) -> Result<[f64; N], ConfigError> {
         values::read(values, expected)
             .map_err(|(name, fault)| self.error(key.into().child(name.last()), fault))
+    }
+
+    /// The SI value of a key whose kind a rig knows.
+    pub fn value(
+        &self,
+        key: impl Into<Key>,
+        value: &AnyValue,
+        kind: &Kind,
+        sign: Sign,
+    ) -> Result<f64, ConfigError> {
+        sign.check(value.value(), kind).map_err(|why| self.error(key, Fault::Value { why }))
     }
 
     /// The columns of a recording by the meanings that a rig knows, in the order of `meanings`. All of them

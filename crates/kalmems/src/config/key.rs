@@ -70,7 +70,7 @@ impl Key {
 }
 
 impl From<&str> for Key {
-    /// From names joined by dots: `estimate.ekf.start`.
+    /// From names joined by dots: `simulate.drive.sine`.
     fn from(dotted: &str) -> Self {
         Self { steps: dotted.split('.').map(|name| Step::Name(name.to_owned())).collect() }
     }
@@ -109,6 +109,6 @@ mod tests {
         for wrong in ["", "a..b", ".a", "a[", "a[]", "a[x]", "a[+1]", "a[1]b", "[0]", "a]"] {
             assert_eq!(Key::parse(wrong), None, "{wrong}");
         }
-        assert_eq!(Key::from("estimate.ekf").child("a b").to_string(), "estimate.ekf.\"a b\"");
+        assert_eq!(Key::from("simulate.drive").child("a b").to_string(), "simulate.drive.\"a b\"");
     }
 }

@@ -18,6 +18,7 @@ mod device;
 mod error;
 mod estimate;
 mod experiment;
+mod filter;
 mod identify;
 mod image;
 mod key;
@@ -36,8 +37,9 @@ mod values;
 
 pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
-pub use estimate::{Ekf, Estimate, ModelAlone, Peak, Ukf};
+pub use estimate::{Estimate, Peak};
 pub use experiment::Experiment;
+pub use filter::{Filter, FilterName, Method, Start, TrackedState};
 pub use identify::Identify;
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;

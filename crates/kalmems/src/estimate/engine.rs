@@ -1,8 +1,9 @@
 //! The one loop that takes a filter through a segment.
 
-use super::{Counts, Failure, Lock, Progress, StateSeries, Trajectory};
+use super::smoothing::Linked;
+use super::{Counts, Failure, Lock, Progress, StateSeries, Trajectory, TrajectoryKind};
 use crate::units::Kind;
-use kalmems_core::{Covariance, Filter, FilterError, Measurement};
+use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -33,39 +34,57 @@ pub trait Course<const N: usize> {
 /// Samples between two looks at the progress.
 const CHUNK: usize = 65_536;
 
+/// A state of a trajectory: its name, its SI unit as column names have it, and what it is.
+pub type StateName = (&'static str, &'static str, &'static Kind);
+
+impl Trajectory {
+    /// A trajectory without a number yet, over these times.
+    pub(crate) fn blank(
+        (key, name): (&str, &str),
+        kind: TrajectoryKind,
+        time_s: &[f64],
+        states: &[StateName],
+    ) -> Self {
+        let n = time_s.len();
+        let blank = || vec![f64::NAN; n];
+        Self {
+            key: key.to_owned(),
+            name: name.to_owned(),
+            kind,
+            states: states
+                .iter()
+                .map(|&(name, unit, kind)| StateSeries { name, unit, kind, mean: blank(), sd: blank() })
+                .collect(),
+            innovation: blank(),
+            innovation_sd: blank(),
+            nis: blank(),
+            log_likelihood: blank(),
+            counts: Counts { samples: n, ..Counts::default() },
+            lock: Lock::default(),
+            mirrored: false,
+            failure: None,
+            seconds_per_step: f64::NAN,
+            time_s: time_s.to_vec(),
+        }
+    }
+}
+
 /// Takes a filter through a segment and records what it says. `None` where the work was stopped.
 ///
 /// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
 /// says where and why, and has no numbers from there on.
 pub fn follow<F: Filter<f64, N>, C: Course<N>, const N: usize>(
-    (key, name): (&'static str, &'static str),
-    mut filter: F,
+    names: (&str, &str),
+    filter: F,
     course: &mut C,
-    states: &[(&'static str, &'static str, &'static Kind); N],
+    states: &[StateName; N],
     progress: &dyn Progress,
 ) -> Option<Trajectory> {
-    let time_s = course.time_s().to_vec();
-    let n = time_s.len();
-    let blank = || vec![f64::NAN; n];
-    let mut trajectory = Trajectory {
-        key,
-        name,
-        states: states
-            .iter()
-            .map(|&(name, unit, kind)| StateSeries { name, unit, kind, mean: blank(), sd: blank() })
-            .collect(),
-        innovation: blank(),
-        innovation_sd: blank(),
-        nis: blank(),
-        log_likelihood: blank(),
-        counts: Counts { samples: n, ..Counts::default() },
-        lock: Lock::default(),
-        mirrored: false,
-        failure: None,
-        seconds_per_step: f64::NAN,
-        time_s,
-    };
-    progress.begin(name, n as u64);
+    let mut trajectory = Trajectory::blank(names, TrajectoryKind::Filtered, course.time_s(), states);
+    let n = trajectory.time_s.len();
+    // Remembers what only a smoother needs; so that a filter is compiled once for both.
+    let mut filter = Linked::new(filter);
+    progress.begin(names.1, n as u64);
     let started = Instant::now();
     for k in 0..n {
         if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(()) {
@@ -85,29 +104,43 @@ pub fn follow<F: Filter<f64, N>, C: Course<N>, const N: usize>(
 
 /// One sample: prediction from the last one, update if there is a signal.
 fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
-    filter: &mut F,
+    filter: &mut Linked<F, N>,
     course: &mut C,
     k: usize,
     trajectory: &mut Trajectory,
 ) -> Result<(), FilterError> {
     if k > 0 {
+        filter.forget();
         course.advance(filter, k, &mut trajectory.counts)?;
     }
-    let y = course.signal()[k];
-    if y.is_finite() {
-        let (measurement, variance) = course.measurement();
-        let innovation = filter.update(measurement, &[y], &Covariance::from_variances([variance]))?;
-        trajectory.innovation[k] = innovation.residual[0];
-        trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
-        trajectory.nis[k] = innovation.nis;
-        trajectory.log_likelihood[k] = innovation.log_likelihood();
-        trajectory.counts.updates += 1;
-    } else {
-        trajectory.counts.without_signal += 1;
+    match correct(filter, course, k)? {
+        Some(innovation) => {
+            trajectory.innovation[k] = innovation.residual[0];
+            trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
+            trajectory.nis[k] = innovation.nis;
+            trajectory.log_likelihood[k] = innovation.log_likelihood();
+            trajectory.counts.updates += 1;
+        }
+        None => trajectory.counts.without_signal += 1,
     }
     for (i, state) in trajectory.states.iter_mut().enumerate() {
         state.mean[k] = filter.mean()[i];
         state.sd[k] = filter.covariance().standard_deviation(i);
     }
     Ok(())
+}
+
+/// Corrects a filter by sample `k`, if there is a signal.
+#[inline(never)]
+pub(super) fn correct<F: Filter<f64, N>, C: Course<N>, const N: usize>(
+    filter: &mut F,
+    course: &C,
+    k: usize,
+) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+    let y = course.signal()[k];
+    if !y.is_finite() {
+        return Ok(None);
+    }
+    let (measurement, variance) = course.measurement();
+    filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
 }

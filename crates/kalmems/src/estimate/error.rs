@@ -48,13 +48,43 @@ pub enum EstimateError {
         /// The time of the first.
         first_s: f64,
     },
+    /// A filter needs the phase of the drive, and there is none.
+    #[error(
+        "{place}: `{filter}` needs the phase of the drive, which is not a steady sine here; give the filter a start \
+         of values, or leave a lock-in out"
+    )]
+    NoSteadyDrive {
+        /// The recording and its segment.
+        place: String,
+        /// The filter.
+        filter: String,
+    },
+    /// The states of a filter do not make a model.
+    #[error("the filter `{filter}`: {why}; correct its table `[estimate.filter.states]`")]
+    Model {
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: kalmems_core::augmentation::AugmentationError,
+    },
     /// The signal does not tell where the motion starts.
-    #[error("{place}: no start: {why}")]
+    #[error("{place}: `{filter}` cannot start from the signal: {why}; give it a start of values")]
     NoStart {
         /// The recording and its segment.
         place: String,
+        /// The filter.
+        filter: String,
         /// Why.
         why: String,
+    },
+    /// A device with two axes needs a drive for each.
+    #[error(
+        "{place}: the drive is not an offset and two steady sines, which would say where in the signal the axes are; \
+         record it with both, or split the recording with a segment column"
+    )]
+    NotTwoSines {
+        /// The recording and its segment.
+        place: String,
     },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]

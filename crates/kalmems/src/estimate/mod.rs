@@ -2,16 +2,22 @@
 //!
 //! Nothing here, and nothing that calls it, reads a reference: see [`crate::evaluate`].
 
+mod any_filter;
 mod engine;
 mod error;
+mod literal_ukf;
 mod lock;
 mod model_alone;
 mod progress;
+mod smoothing;
 mod trajectory;
 
-pub use engine::{Course, follow};
+pub use any_filter::{AnyFilter, ITERATIONS};
+pub use engine::{Course, StateName, follow};
 pub use error::EstimateError;
+pub use literal_ukf::{LiteralUkf, Misprint};
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
 pub use model_alone::ModelAlone;
 pub use progress::{Progress, Silent};
-pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory};
+pub use smoothing::{Lookahead, smooth};
+pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

@@ -10,10 +10,12 @@ use std::ops::Range;
 /// A filter's answer over one segment of a recording, one entry per sample.
 #[derive(Clone, Debug)]
 pub struct Trajectory {
-    /// The filter, as a key of files and tables: `model`, `ekf`, `ukf`.
-    pub key: &'static str,
+    /// The filter, as a key of files and tables, such as `ekf`.
+    pub key: String,
     /// The filter, for people.
-    pub name: &'static str,
+    pub name: String,
+    /// What kind of answer it is.
+    pub kind: TrajectoryKind,
     /// When, in s.
     pub time_s: Vec<f64>,
     /// The states, each with its uncertainty.
@@ -36,6 +38,19 @@ pub struct Trajectory {
     pub failure: Option<Failure>,
     /// How long a step took, prediction, update and recording together; a measurement, not a result.
     pub seconds_per_step: f64,
+}
+
+/// What an answer rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrajectoryKind {
+    /// The model alone; it takes no notice of the signal.
+    ModelAlone,
+    /// The signal alone, cycle by cycle. It predicts nothing, so that it has no innovations.
+    LockIn,
+    /// Both, at each sample from what was measured until then.
+    Filtered,
+    /// Both, at each sample from what was measured later as well. Its innovations are those of its filter.
+    Smoothed,
 }
 
 /// One state over time.
@@ -106,7 +121,7 @@ impl Trajectory {
         self.states.iter().find(|state| state.name == name)
     }
 
-    /// Whether it says how uncertain it is; the model alone does not.
+    /// Whether it says how uncertain it is; the model alone and the lock-in do not.
     pub fn claims(&self) -> bool {
         self.states.iter().all(|state| !state.sd.is_empty())
     }

@@ -260,7 +260,7 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::{Counts, Lock, StateSeries};
+    use crate::estimate::{Counts, Lock, StateSeries, TrajectoryKind};
     use crate::units::kind;
     use approx::assert_abs_diff_eq;
 
@@ -280,8 +280,9 @@ mod tests {
         let n = time_s.len();
         let state = |name, unit, kind, mean| StateSeries { name, unit, kind, mean, sd: vec![1e-3; n] };
         Trajectory {
-            key: "ekf",
-            name: "EKF",
+            key: "ekf".to_owned(),
+            name: "EKF".to_owned(),
+            kind: TrajectoryKind::Filtered,
             states: vec![
                 state("angle", "rad", &kind::ANGLE, angle),
                 state("rate", "rad_per_s", &kind::ANGULAR_RATE, rate),

@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use super::metrics::verdict;
-use crate::estimate::Trajectory;
+use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
 use crate::report::{Axis, Figure, Panel, Role, Series};
@@ -39,7 +39,7 @@ fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
 /// The filter that a close-up shows: the first that takes notice of the signal.
 fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
     let trajectories = &segment.estimate.trajectories;
-    trajectories.iter().find(|t| t.key != "model").or(trajectories.first())
+    trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).or(trajectories.first())
 }
 
 /// Drive, signal and angle over the last cycles.
@@ -74,7 +74,7 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
             .with(Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, zip(&predicted))),
     );
 
-    let model = segment.estimate.trajectories.iter().find(|t| t.key == "model");
+    let model = segment.estimate.trajectories.iter().find(|t| t.kind == TrajectoryKind::ModelAlone);
     let model = model.filter(|model| model.key != trajectory.key);
     for angle in trajectory.states.iter().filter(|state| state.kind.name == kind::ANGLE.name) {
         let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
@@ -91,12 +91,12 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
                 .collect();
             panel = panel.with(Series::band("±3σ", Role::Estimate, band));
         }
-        panel = panel.with(Series::line(trajectory.name, Role::Estimate, zip(&degrees)));
+        panel = panel.with(Series::line(&trajectory.name, Role::Estimate, zip(&degrees)));
         if let Some(model) = model
             && let Some(angle) = model.state(angle.name)
         {
             let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
-            panel = panel.with(Series::line(model.name, Role::Model, zip(&degrees)));
+            panel = panel.with(Series::line(&model.name, Role::Model, zip(&degrees)));
         }
         panels.push(panel);
     }
@@ -180,7 +180,8 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
          ({window} samples), and the interval that holds 95 % of such averages if the filter is right. Above it \
          the filter claims to know more than it does; below it, less."
     );
-    let filters = estimate.trajectories.iter().filter(|t| t.claims());
+    // A smoother's innovations are its filter's.
+    let filters = estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
     let panels = filters.map(|trajectory| {
         let mut panel = Panel::new(time_axis(), Axis::new("mean NIS", "1").log());
         if let Ok(chi) = ChiSquared::new(window as f64) {
@@ -216,12 +217,12 @@ fn label(trajectory: &Trajectory, segment: &SegmentOutcome) -> String {
         bad @ (Verdict::LostLock | Verdict::Failed | Verdict::WrongSign | Verdict::Astray) => {
             format!("{} ({})", trajectory.name, bad.words())
         }
-        _ => trajectory.name.to_owned(),
+        _ => trajectory.name.clone(),
     }
 }
 
 fn role(trajectory: &Trajectory) -> Role {
-    if trajectory.key == "model" { Role::Model } else { Role::Estimate }
+    if trajectory.kind == TrajectoryKind::ModelAlone { Role::Model } else { Role::Estimate }
 }
 
 #[cfg(test)]

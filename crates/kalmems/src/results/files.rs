@@ -157,7 +157,7 @@ fn run_file(outcome: &Outcome, metrics: &Metrics, info: RunInfo) -> io::Result<S
     for estimator in metrics.estimators() {
         // Tenths of a nanosecond are noise.
         let nanoseconds = (estimator.seconds_per_step * 1e10).round() / 10.0;
-        steps.entry(estimator.key).or_insert(toml::Value::Float(nanoseconds));
+        steps.entry(estimator.key.clone()).or_insert(toml::Value::Float(nanoseconds));
     }
     let sources = outcome.recordings.iter().flat_map(|recording| {
         let reference = recording.reference.as_ref().map(|r| r.recording().source());

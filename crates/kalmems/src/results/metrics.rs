@@ -1,6 +1,6 @@
 //! The figures of an estimate.
 
-use crate::estimate::{Consistency, Counts, Lock, Trajectory};
+use crate::estimate::{Consistency, Counts, Lock, Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Finding;
 use crate::signal::Sine;
@@ -91,9 +91,9 @@ pub struct DriveMetrics {
 #[derive(Clone, Debug, Serialize)]
 pub struct EstimatorMetrics {
     /// The filter, as a key.
-    pub key: &'static str,
+    pub key: String,
     /// The filter, for people.
-    pub name: &'static str,
+    pub name: String,
     /// Whether to trust it.
     pub verdict: Verdict,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
@@ -129,7 +129,7 @@ pub enum Verdict {
     Failed,
     /// The reference has the opposite sign of what the experiment states.
     WrongSign,
-    /// It makes no claim that could be tested: the model alone.
+    /// It makes no claim that could be tested: the model alone, and the lock-in.
     NoClaim,
     /// The model alone, where it does not follow the signal. It had no lock to lose.
     Astray,
@@ -223,7 +223,8 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
         return Verdict::Failed;
     }
     if !trajectory.lock.held() {
-        return if trajectory.claims() { Verdict::LostLock } else { Verdict::Astray };
+        let alone = trajectory.kind == TrajectoryKind::ModelAlone;
+        return if alone { Verdict::Astray } else { Verdict::LostLock };
     }
     if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
         return Verdict::WrongSign;
@@ -238,8 +239,8 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
 
 fn estimator(trajectory: &Trajectory, errors: Option<MotionErrors>, skip_s: f64) -> EstimatorMetrics {
     EstimatorMetrics {
-        key: trajectory.key,
-        name: trajectory.name,
+        key: trajectory.key.clone(),
+        name: trajectory.name.clone(),
         verdict: verdict(trajectory, errors.as_ref(), skip_s),
         errors,
         consistency: consistency(trajectory, skip_s),

@@ -49,7 +49,8 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
     let sign = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
             let word = if peak == Peak::Positive { "positive" } else { "negative" };
-            let mirrored: Vec<&str> = metrics.estimators().filter(|e| e.mirrored).map(|e| e.name).collect();
+            let mirrored: Vec<&str> =
+                metrics.estimators().filter(|e| e.mirrored).map(|e| e.name.as_str()).collect();
             let turned = if mirrored.is_empty() {
                 String::new()
             } else {
@@ -111,7 +112,7 @@ type AngleDetail = fn(&MotionErrors) -> Option<f64>;
 
 /// What the summary leaves out: a row per figure, a column per filter.
 fn details(segment: &SegmentMetrics) -> Table {
-    let names = segment.estimators.iter().map(|estimator| Column::number(estimator.name, ""));
+    let names = segment.estimators.iter().map(|estimator| Column::number(&estimator.name, ""));
     let columns = [Column::text("figure"), Column::text("unit")].into_iter().chain(names);
     let mut table = Table::new("More figures", columns);
     let mut push = |name: String, unit: &str, digits: usize, values: Vec<Option<f64>>| {

@@ -71,7 +71,7 @@ fn row(estimator: &EstimatorMetrics) -> Vec<String> {
     let errors = estimator.errors.as_ref();
     let name = match errors {
         Some(errors) if !errors.other_angles.is_empty() => format!("{}, {}", estimator.name, errors.of),
-        _ => estimator.name.to_owned(),
+        _ => estimator.name.clone(),
     };
     let mut cells = vec![name];
     cells.extend(figures(errors));

@@ -88,6 +88,8 @@ kinds! {
         "an angular acceleration per square of a voltage", of [-2, -4, 4, 2, 0, 1], "12 rad/s^2/V^2";
     #[strict] RATE_VARIANCE = "a variance of an angular rate", of [0, 0, -2, 0, 0, 2], "3e-6 rad^2/s^2";
     #[strict] INTEGRAL_GAIN = "a gain per time", of [0, 0, -1, 0, 0, 0], "1 1/s";
+    #[strict] RATIO_DRIFT = "a variance of a ratio per time", of [0, 0, -1, 0, 0, 0], "1e-7 1/s";
+    VOLTAGE_DRIFT = "a variance of a voltage per time", of [2, 4, -7, -2, 0, 0], "1e-8 V^2/s";
     CAPACITANCE_DENSITY =
         "a noise density of a capacitance", of_halves [-2, -4, 9, 4, 0, 0], "0.151 aF/sqrt(Hz)";
 }

@@ -9,7 +9,8 @@ use crate::config::kinds::{
 use crate::config::quantity::Quantity;
 use crate::config::sign::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A resonant scanner that one comb drives by its charge and senses by a carrier.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -65,6 +66,28 @@ pub struct DemodulatedReadout {
     pub offset: Quantity<Voltage>,
     /// The variance of one sample.
     pub noise_variance: Quantity<VoltageVariance, Positive>,
+    /// The corner frequencies of the demodulator's two low-pass stages, such as `["31.35 kHz", "31.35 kHz"]`; for
+    /// filters that track them as states.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "two_poles")]
+    #[schemars(example = poles())]
+    pub poles: Option<[Pole; 2]>,
+}
+
+type Pole = Quantity<Frequency, Positive>;
+
+fn two_poles<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[Pole; 2]>, D::Error> {
+    let poles = Vec::<Pole>::deserialize(deserializer)?;
+    let two = <[Pole; 2]>::try_from(poles).map_err(|poles| {
+        let found = poles.len();
+        D::Error::custom(format!(
+            "found {found} in the list; expected the two corner frequencies, such as `[\"31.35 kHz\", \"31.35 kHz\"]`"
+        ))
+    })?;
+    Ok(Some(two))
+}
+
+fn poles() -> serde_json::Value {
+    serde_json::json!(["31.35 kHz", "31.35 kHz"])
 }
 
 /// The carrier that senses the capacitance. Its mean square drives the device as well.

@@ -23,9 +23,10 @@ impl SegmentData<'_> {
     pub fn motion(&self, settings: &Settings) -> Motion {
         match self.drive.sine() {
             Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
-            None => {
-                Motion { frequency_hz: settings.scanner.resonator.natural_rate() / TAU, is_driven: false }
-            }
+            None => Motion {
+                frequency_hz: settings.hardware.scanner.resonator.natural_rate() / TAU,
+                is_driven: false,
+            },
         }
     }
 

@@ -8,8 +8,11 @@ mod circuit;
 mod course;
 mod data;
 mod drive;
+mod filters;
 pub mod identification;
+mod lock_in;
 mod outlook;
+mod plant;
 mod reproduction;
 mod ring_down;
 mod segment;
@@ -96,8 +99,7 @@ impl Rig for SharedScannerRig {
                 let column = drive_column.to_owned();
                 return Err(EstimateError::DriveUnknown { place, column, count, first_s });
             }
-            let trajectories =
-                segment::estimate(&settings, &data, progress).ok_or(EstimateError::Interrupted)?;
+            let trajectories = segment::estimate(&settings, &data, &place, progress)?;
             estimates.push(estimate_of(
                 segment,
                 &data,

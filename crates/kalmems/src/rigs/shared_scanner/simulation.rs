@@ -1,7 +1,7 @@
 //! A recording of the scanner that is computed.
 
 use super::circuit::SensingCircuit;
-use super::settings::{Hardware, acceleration_density, state_at};
+use super::settings::{Hardware, Settings, state_at};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Simulate, Values};
 use crate::recording::Source;
 use crate::simulate::{
@@ -110,7 +110,13 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
         Channel { meaning: "rate", column: "rate_rad_per_s" },
     ];
     if matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some()) {
-        let density = acceleration_density(experiment)?.unwrap_or(USUAL_DENSITY);
+        let density = match &experiment.estimate {
+            Some(_) => {
+                let filters = Settings::of(experiment)?.filters;
+                filters.iter().find(|f| f.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density)
+            }
+            None => USUAL_DENSITY,
+        };
         let circuit = |simulate: &Simulate, drive: &Drive| SensingCircuit::of(experiment, simulate, drive);
         let outlook = |circuit: &SensingCircuit, drive: &Drive, start: [f64; 2]| {
             let circuit = circuit.outlook(&hardware, (drive, start), density);

@@ -5,7 +5,7 @@ use super::super::drive::Drive as RecordedDrive;
 use super::super::segment;
 use super::super::settings::{Hardware, Settings};
 use super::failed;
-use crate::config::Experiment;
+use crate::config::{Experiment, Method};
 use crate::estimate::{Progress, Trajectory};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::reproduce::ReproduceError;
@@ -161,7 +161,7 @@ impl Bench {
         let settings = self.told(belief, motion, &data);
         let extent =
             Extent { from_s: settings.skip_s, motion_hz: 0.5 * motion.drive_hz, drive: data.drive.sine() };
-        let trajectories = segment::estimate(&settings, &data, progress)?;
+        let trajectories = segment::estimate(&settings, &data, "the simulated recording", progress).ok()?;
         let judged = trajectories.into_iter().map(|trajectory| {
             let errors = evaluate_motion(&trajectory, &motion.truth, extent);
             Judged { trajectory, errors }
@@ -172,13 +172,16 @@ impl Bench {
     /// The settings with what the estimators believe, and the sign of this motion, which no signal shows.
     fn told(&self, belief: &Belief, motion: &Steady, data: &SegmentData) -> Settings {
         let mut settings = self.settings.clone();
-        settings.scanner.resonator.stiffness *= belief.stiffness;
-        settings.scanner.resonator.damping *= belief.damping;
-        settings.acceleration_density = belief.density;
+        settings.hardware.scanner.resonator.stiffness *= belief.stiffness;
+        settings.hardware.scanner.resonator.damping *= belief.damping;
         // The model alone has nothing to find the motion with: it starts from it.
-        if let Some(start) = &mut settings.model {
-            let rate = motion.truth.rate.as_ref().and_then(|rate| rate.first());
-            *start = [motion.truth.angle.first(), rate].map(|first| first.copied().unwrap_or(f64::NAN));
+        let rate = motion.truth.rate.as_ref().and_then(|rate| rate.first());
+        let first = [motion.truth.angle.first(), rate].map(|first| first.copied().unwrap_or(f64::NAN));
+        for filter in &mut settings.filters {
+            filter.acceleration_density = belief.density;
+            if filter.method == Method::Model {
+                filter.start = Some(first);
+            }
         }
         let peak = data.first_drive_peak(&settings);
         let from = motion.time_s.partition_point(|t| *t < peak);

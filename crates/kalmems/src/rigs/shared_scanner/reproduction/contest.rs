@@ -69,10 +69,10 @@ const FREQUENCIES: u32 = 15;
 const BAND_HZ: [f64; 2] = [31_220.0, 31_480.0];
 
 /// One estimator at one point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Score {
-    key: &'static str,
-    name: &'static str,
+    key: String,
+    name: String,
     angle: f64,
     percent: f64,
     phase: f64,
@@ -96,8 +96,8 @@ fn score(judged: &Judged, from: usize) -> Score {
     let highest = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let lowest = angle.iter().copied().fold(f64::INFINITY, f64::min);
     Score {
-        key: judged.trajectory.key,
-        name: judged.trajectory.name,
+        key: judged.trajectory.key.clone(),
+        name: judged.trajectory.name.clone(),
         angle: number(errors.map(|e| e.angle.rmse_deg)),
         percent: number(errors.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
         phase: number(errors.and_then(|e| e.peak_phase_rmse_deg)),
@@ -156,9 +156,11 @@ fn rounds(
 
 impl Round {
     /// The estimators, by key and name, in the order in which they ran.
-    fn estimators(&self) -> Vec<(&'static str, &'static str)> {
+    fn estimators(&self) -> Vec<(&str, &str)> {
         let first = self.scores.first().and_then(|seeds| seeds.first());
-        first.map(|scores| scores.iter().map(|s| (s.key, s.name)).collect()).unwrap_or_default()
+        first
+            .map(|scores| scores.iter().map(|s| (s.key.as_str(), s.name.as_str())).collect())
+            .unwrap_or_default()
     }
 
     /// A figure of one estimator, one per seed: its mean over the frequencies, as the papers average.
@@ -190,7 +192,7 @@ fn journal(rounds: &[Round], motions: &[Steady]) -> Item {
     let mut item = Item::new(&JOURNAL);
     let Some(round) = rounds.first() else { return item };
     let (model, ekf, ukf) = (s_table_iii::MODEL, s_table_iii::EKF, s_table_iii::UKF);
-    item = beside(item, round, ("model", "model alone (ACM)"), model);
+    item = beside(item, round, ("model_alone", "model alone (ACM)"), model);
     item = beside(item, round, ("ekf", "EKF"), ekf);
     item = beside(item, round, ("ukf", "UKF"), ukf);
     let phase = |key: &str| round.mean(key, |s| s.phase).median;
@@ -200,10 +202,10 @@ fn journal(rounds: &[Round], motions: &[Steady]) -> Item {
         format!("EKF {}, UKF {}", times(model.phase, ekf.phase), times(model.phase, ukf.phase)),
         format!(
             "EKF {}, UKF {}",
-            times(phase("model"), phase("ekf")),
-            times(phase("model"), phase("ukf"))
+            times(phase("model_alone"), phase("ekf")),
+            times(phase("model_alone"), phase("ukf"))
         ),
-        phase("ekf") < phase("model") && phase("ukf") < phase("model"),
+        phase("ekf") < phase("model_alone") && phase("ukf") < phase("model_alone"),
     ))
     .remark(
         "Ours: 15 drive frequencies from 31.22 to 31.48 kHz (below, the device lies still; see the sweep), 40 ms at 1 MHz \
@@ -312,7 +314,7 @@ fn panel_of(
     figure: impl Fn(&Score) -> f64 + Copy,
 ) -> Panel {
     for (index, (key, name)) in round.estimators().into_iter().enumerate() {
-        let role = if key == "model" { Role::Model } else { Role::Other };
+        let role = if key == "model_alone" { Role::Model } else { Role::Other };
         let spreads = round.over_frequency(key, figure);
         let line: Vec<(f64, f64)> =
             motions.iter().zip(&spreads).map(|(m, s)| (m.drive_hz, s.median)).collect();

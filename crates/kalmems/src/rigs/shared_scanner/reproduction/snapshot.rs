@@ -28,6 +28,8 @@ pub static DISSERTATION: Head = Head {
 const DRIVE_HZ: f64 = 31_350.0;
 /// Samples that are shown: about three cycles of the motion.
 const SHOWN: usize = 200;
+/// The estimators that the papers' figures show.
+const PUBLISHED: [&str; 3] = ["model_alone", "ekf", "ukf"];
 
 /// Estimates one recording.
 pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
@@ -65,13 +67,14 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         Role::Measured,
         since(&signal),
     ));
-    for Judged { trajectory, .. } in &judged {
+    let shown = |judged: &&Judged| PUBLISHED.contains(&judged.trajectory.key.as_str());
+    for Judged { trajectory, .. } in judged.iter().filter(shown) {
         let role = if trajectory.claims() { Role::Other } else { Role::Model };
         if let Some(state) = trajectory.state("angle") {
-            angle = angle.with(Series::line(trajectory.name, role, degrees(&state.mean)));
+            angle = angle.with(Series::line(&trajectory.name, role, degrees(&state.mean)));
         }
         let predicted: Vec<f64> = signal.iter().zip(&trajectory.innovation).map(|(y, i)| y - i).collect();
-        sensor = sensor.with(Series::line(trajectory.name, role, since(&predicted)));
+        sensor = sensor.with(Series::line(&trajectory.name, role, since(&predicted)));
     }
     angle.shares_x = true;
     let motions = Figure::new(
@@ -94,7 +97,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 
     let error = |key: &str| judged.iter().find(|j| j.trajectory.key == key).and_then(|j| j.errors.as_ref());
     let phase = |key| error(key).and_then(|e| e.peak_phase_rmse_deg).unwrap_or(f64::NAN);
-    let (model, ekf, ukf) = (phase("model"), phase("ekf"), phase("ukf"));
+    let (model, ekf, ukf) = (phase("model_alone"), phase("ekf"), phase("ukf"));
     let apart = difference_of_predictions(&judged);
     let noise = bench.hardware().noise_variance.sqrt();
     let journal = Item::new(&JOURNAL)

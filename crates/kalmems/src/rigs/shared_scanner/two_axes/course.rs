@@ -12,6 +12,7 @@ type Step = Rk4<TwoAxisScanner<f64>, f64, 4>;
 /// Model, drive and signal of one segment. Its drive is known throughout.
 pub struct TwoAxisCourse<'a> {
     settings: &'a Settings,
+    acceleration_density: [f64; 2],
     data: &'a SegmentData<'a>,
     usual: Step,
 }
@@ -21,14 +22,14 @@ const SAME: f64 = 1e-6;
 
 impl<'a> TwoAxisCourse<'a> {
     /// A way through this segment.
-    pub fn new(settings: &'a Settings, data: &'a SegmentData<'a>) -> Self {
-        Self { settings, data, usual: step(settings, data.interval_s) }
+    pub fn new(settings: &'a Settings, acceleration_density: [f64; 2], data: &'a SegmentData<'a>) -> Self {
+        let usual = step(settings, acceleration_density, data.interval_s);
+        Self { settings, acceleration_density, data, usual }
     }
 }
 
 /// One integration step; the noise is discretised for the motion at rest and without a drive.
-fn step(settings: &Settings, interval_s: f64) -> Step {
-    let [of_x, of_y] = settings.acceleration_density;
+fn step(settings: &Settings, [of_x, of_y]: [f64; 2], interval_s: f64) -> Step {
     let noise = NoiseDensity::none().on::<1>(of_x).on::<3>(of_y);
     Rk4::new(settings.hardware.scanner, interval_s, &noise, (&[0.0; 4], &0.0))
 }
@@ -59,7 +60,7 @@ impl Course<4> for TwoAxisCourse<'_> {
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
             filter.predict(&self.usual, &nodes).map(drop)
         } else {
-            filter.predict(&step(self.settings, interval), &nodes).map(drop)
+            filter.predict(&step(self.settings, self.acceleration_density, interval), &nodes).map(drop)
         }
     }
 }

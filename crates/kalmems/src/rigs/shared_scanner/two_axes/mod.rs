@@ -19,7 +19,7 @@ mod start;
 mod tones;
 
 pub use band_plan::{Band, BandPlan, Conflict, Line, Place, PlannedDrive};
-pub use filters::{Filters, STATES, Start};
+pub use filters::{FilterSettings, STATES, Start};
 pub use hardware::Hardware;
 pub use rig::TwoAxesRig;
 pub use segment::{Samples, TwoAxisEstimate, estimate};

@@ -1,16 +1,17 @@
 //! The estimates of one segment.
 
 use super::course::TwoAxisCourse;
-use super::filters::{STATES, Start};
+use super::filters::{FilterSettings, STATES, Start};
 use super::lock::judge;
 use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
-use crate::estimate::{EstimateError, ModelAlone, Progress, Trajectory, follow};
+use crate::estimate::{EstimateError, Progress, Trajectory, TrajectoryKind, follow};
 use crate::rigs::shared_scanner::data::SegmentData;
 use crate::rigs::shared_scanner::drive::Drive;
+use crate::rigs::shared_scanner::segment::filter_of;
 use crate::signal::{extremes_of_rate, usual_interval};
-use kalmems_core::{Covariance, Ekf, Filter, Ukf};
+use kalmems_core::Covariance;
 use std::f64::consts::TAU;
 
 /// The samples of one segment.
@@ -35,7 +36,7 @@ pub struct TwoAxisEstimate {
     pub trajectories: Vec<Trajectory>,
 }
 
-/// Runs the wanted ones of model alone, extended and unscented Kalman filter over both axes.
+/// Runs the wanted filters over both axes.
 pub fn estimate(
     settings: &Settings,
     samples: Samples,
@@ -43,29 +44,26 @@ pub fn estimate(
 ) -> Result<TwoAxisEstimate, EstimateError> {
     let Samples { place, time_s, drive, signal } = samples;
     let interval_s = usual_interval(time_s);
-    let no_start = |why: StartError| EstimateError::NoStart { place: place.to_owned(), why: why.to_string() };
     let tones = DriveTones::of(time_s, drive, interval_s, resonances_hz(settings))
-        .ok_or_else(|| no_start(StartError::NotTwoSines))?;
+        .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?;
     let data = SegmentData { time_s, signal, drive: Drive::new(time_s, drive, interval_s), interval_s };
     let run = Run { settings, data: &data, tones: &tones, progress };
-    let filters = &settings.filters;
     let mut trajectories = Vec::new();
-    if let Some(start) = &filters.model {
-        let (mean, _) = run.start(start).map_err(no_start)?;
-        let mut model = run.follow(("model", "Model alone"), ModelAlone::new(mean))?;
-        for state in &mut model.states {
-            // The model alone claims no uncertainty; zeros would look like a claim.
-            state.sd.clear();
+    for filter in &settings.filters {
+        let start = run.start(&filter.start).map_err(|why| EstimateError::NoStart {
+            place: place.to_owned(),
+            filter: filter.name.clone(),
+            why: why.to_string(),
+        })?;
+        let mut trajectory = run.follow(filter, start)?;
+        if !filter.method.claims() {
+            trajectory.kind = TrajectoryKind::ModelAlone;
+            for state in &mut trajectory.states {
+                // The model alone claims no uncertainty; zeros would look like a claim.
+                state.sd.clear();
+            }
         }
-        trajectories.push(model);
-    }
-    if let Some(start) = &filters.ekf {
-        let (mean, covariance) = run.start(start).map_err(no_start)?;
-        trajectories.push(run.follow(("ekf", "EKF"), Ekf::new(mean, covariance))?);
-    }
-    if let Some((start, points)) = &filters.ukf {
-        let (mean, covariance) = run.start(start).map_err(no_start)?;
-        trajectories.push(run.follow(("ukf", "UKF"), Ukf::new(mean, covariance, *points))?);
+        trajectories.push(trajectory);
     }
     Ok(TwoAxisEstimate { drive: tones, trajectories })
 }
@@ -75,6 +73,9 @@ fn resonances_hz(settings: &Settings) -> [f64; 2] {
     let scanner = &settings.hardware.scanner;
     [scanner.x, scanner.y].map(|axis| axis.resonator.natural_rate() / TAU)
 }
+
+/// How much of the signal a start from it takes in, in s.
+const WINDOW_S: f64 = 2e-3;
 
 struct Run<'a> {
     settings: &'a Settings,
@@ -88,9 +89,9 @@ impl Run<'_> {
     fn start(&self, start: &Start) -> Result<([f64; 4], Covariance<f64, 4>), StartError> {
         match start {
             Start::Given { mean, covariance } => Ok((*mean, *covariance)),
-            Start::Signal { window_s } => {
+            Start::Signal => {
                 let first = self.data.time_s.first().copied().unwrap_or(0.0);
-                let end = self.data.time_s.partition_point(|t| *t <= first + window_s);
+                let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
                 let drives_hz = self.tones.tones.map(|tone| tone.frequency_hz);
                 let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
                 let found = BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)?;
@@ -99,14 +100,16 @@ impl Run<'_> {
         }
     }
 
-    fn follow<F: Filter<f64, 4>>(
+    fn follow(
         &self,
-        name: (&'static str, &'static str),
-        filter: F,
+        filter: &FilterSettings,
+        start: ([f64; 4], Covariance<f64, 4>),
     ) -> Result<Trajectory, EstimateError> {
-        let mut course = TwoAxisCourse::new(self.settings, self.data);
+        let mut course = TwoAxisCourse::new(self.settings, filter.acceleration_density, self.data);
+        let names = (filter.key.as_str(), filter.name.as_str());
+        let at_start = filter_of(filter.method, filter.points, start);
         let mut trajectory =
-            follow(name, filter, &mut course, &STATES, self.progress).ok_or(EstimateError::Interrupted)?;
+            follow(names, at_start, &mut course, &STATES, self.progress).ok_or(EstimateError::Interrupted)?;
         let start_s = self.data.time_s.first().copied().unwrap_or(0.0) + self.settings.skip_s;
         self.orient(&mut trajectory, start_s);
         trajectory.lock = judge(&trajectory, self.data.signal, self.tones, start_s);

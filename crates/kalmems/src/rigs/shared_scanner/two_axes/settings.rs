@@ -1,30 +1,22 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::{Filters, STATES, four};
+use super::filters::{FilterSettings, STATES, four};
 use super::hardware::Hardware;
-use crate::config::{ConfigError, Entry, Experiment, Fault, Peak, Sign, Values};
-use crate::units::kind;
+use crate::config::{ConfigError, Experiment, Fault, Peak, Sign, Values};
 
 /// Device, noise and filter settings.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The device.
     pub hardware: Hardware,
-    /// The densities of the angular accelerations' noise of x and y, in rad²/s³.
-    pub acceleration_density: [f64; 2],
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// For x and y, whether the first angle extreme after the settling time and the peak of the axis's own drive that
     /// follows it is a maximum; `None` leaves the sign as the filter started.
     pub first_peak_positive: [Option<bool>; 2],
-    /// The filters that are wanted.
-    pub filters: Filters,
+    /// The filters, in the order of the file.
+    pub filters: Vec<FilterSettings>,
 }
-
-const NOISE: [Entry; 2] = [
-    Entry::new("angular_acceleration_x", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
-    Entry::new("angular_acceleration_y", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
-];
 
 impl Settings {
     /// Reads and checks what the rig needs.
@@ -32,20 +24,17 @@ impl Settings {
         let hardware = Hardware::of(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy =
-                "add the table `[estimate]` with `skip`, `process_noise` and at least one filter".to_owned();
+                "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`".to_owned();
             return Err(experiment.error("estimate", Fault::MissingKey { remedy }));
         };
         let positive = |peak: &Option<Peak>| peak.as_ref().map(|peak| *peak == Peak::Positive);
         Ok(Self {
             hardware,
-            acceleration_density: experiment.values(
-                "estimate.process_noise",
-                &estimate.process_noise,
-                NOISE,
-            )?,
             skip_s: estimate.skip.si(),
             first_peak_positive: [positive(&estimate.first_peak), positive(&estimate.first_peak_y)],
-            filters: Filters::of(experiment, estimate)?,
+            filters: (0..estimate.filters.len())
+                .map(|index| FilterSettings::of(experiment, estimate, index))
+                .collect::<Result<_, _>>()?,
         })
     }
 }

@@ -35,16 +35,10 @@ pub struct BatchStart {
 /// Why a window does not tell the start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StartError {
-    /// The drive is not one that moves two axes.
-    #[error(
-        "the drive is not an offset and two steady sines, which would say where in the signal the axes are; record it with \
-         both, or split the recording with a segment column"
-    )]
-    NotTwoSines,
     /// There is too little of it.
     #[error(
         "{samples} samples of the signal within {cycles:.1} cycles of the slower axis; expected at least 100 in 6 cycles; \
-         lengthen the window"
+         take a longer recording"
     )]
     TooShort {
         /// Finite samples.

@@ -1,0 +1,392 @@
+//! What an experiment file says about one filter.
+
+use super::error::shown;
+use super::kinds::Time;
+use super::quantity::Quantity;
+use super::sign::Positive;
+use super::values::{AnyValue, Values};
+use super::{Fault, Key};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// One way of estimating the motion: a method, where it starts, and which states it tracks beside the motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Filter {
+    /// Its name in tables and pictures. Files are named after it, in lower case.
+    pub name: FilterName,
+    /// How it estimates.
+    #[schemars(example = &"ekf")]
+    pub method: Method,
+    /// The first mean of each state, or the word `from_signal`: the filter then starts from the amplitude and phase
+    /// that the first cycles of the signal show. Not for `lock_in`, which has no start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Start>,
+    /// The first standard deviation of each state, such as `{ angle = "0.15 rad", rate = "15e3 rad/s" }`. Not for
+    /// `model` and `lock_in`, which claim none.
+    #[serde(default, skip_serializing_if = "Values::is_empty")]
+    #[schemars(example = start_sd())]
+    pub start_sd: Values,
+    /// The power density of the process noise by state; what `[estimate]` says if left out.
+    #[serde(default, skip_serializing_if = "Values::is_empty")]
+    pub process_noise: Values,
+    /// Parameters of the device that are tracked as states, by their names, such as
+    /// `{ stiffness = { start_sd = "1 %", drift = "1e-7 1/s" } }`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub states: BTreeMap<String, TrackedState>,
+    /// Whether the demodulator's two low-pass poles, which the device's readout states, are tracked as two states;
+    /// false if left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub demodulator: bool,
+    /// Whether there is a smoothed trajectory as well, in which each sample has seen the whole recording; false if
+    /// left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub smooth: bool,
+    /// How far a smoothed trajectory may look ahead that could be had while samples arrive; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"64 us")]
+    pub smooth_lag: Option<Quantity<Time, Positive>>,
+    /// The spread of the sigma points of an unscented method; above 0, 1 if left out.
+    ///
+    /// With `n` states the points lie at `alpha * sqrt(n + kappa)` standard deviations. The defaults keep all
+    /// weights of the mean above 0 for every `n`.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_zero")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub alpha: Option<f64>,
+    /// What is known of the kurtosis, 2 for a Gaussian; 0 or more, 2 if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "not_negative")]
+    #[schemars(extend("minimum" = 0))]
+    pub beta: Option<f64>,
+    /// The second parameter of the spread; 0 or more, 1 if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "not_negative")]
+    #[schemars(extend("minimum" = 0))]
+    pub kappa: Option<f64>,
+}
+
+/// How a filter estimates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// The model alone, without a measurement.
+    Model,
+    /// The extended Kalman filter.
+    Ekf,
+    /// The unscented Kalman filter.
+    Ukf,
+    /// The extended Kalman filter in square-root form.
+    SquareRootEkf,
+    /// The unscented Kalman filter in square-root form.
+    SquareRootUkf,
+    /// The extended Kalman filter that linearises each measurement again where it leads.
+    IteratedEkf,
+    /// The extended Kalman filter with Euler's method as its process, as published.
+    EulerEkf,
+    /// The unscented Kalman filter with the weights as published, for `1 + 2 n` in place of `n` states.
+    UkfLiteralWeights,
+    /// The unscented Kalman filter with the measurement noise added to the cross covariance, as published.
+    UkfLiteralCrossCovariance,
+    /// The unscented Kalman filter whose update adds to the covariance, as published.
+    UkfLiteralCovariance,
+    /// Amplitude and phase of the signal at the drive's frequency, cycle by cycle.
+    LockIn,
+}
+
+impl Method {
+    /// The word in the file.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Model => "model",
+            Self::Ekf => "ekf",
+            Self::Ukf => "ukf",
+            Self::SquareRootEkf => "square_root_ekf",
+            Self::SquareRootUkf => "square_root_ukf",
+            Self::IteratedEkf => "iterated_ekf",
+            Self::EulerEkf => "euler_ekf",
+            Self::UkfLiteralWeights => "ukf_literal_weights",
+            Self::UkfLiteralCrossCovariance => "ukf_literal_cross_covariance",
+            Self::UkfLiteralCovariance => "ukf_literal_covariance",
+            Self::LockIn => "lock_in",
+        }
+    }
+
+    /// Whether it draws sigma points.
+    pub const fn is_unscented(self) -> bool {
+        matches!(
+            self,
+            Self::Ukf
+                | Self::SquareRootUkf
+                | Self::UkfLiteralWeights
+                | Self::UkfLiteralCrossCovariance
+                | Self::UkfLiteralCovariance
+        )
+    }
+
+    /// Whether it is a published form with a misprint, kept for comparison: of the published states alone.
+    pub const fn is_literal(self) -> bool {
+        matches!(
+            self,
+            Self::EulerEkf
+                | Self::UkfLiteralWeights
+                | Self::UkfLiteralCrossCovariance
+                | Self::UkfLiteralCovariance
+        )
+    }
+
+    /// Whether it says how uncertain it is.
+    pub const fn claims(self) -> bool {
+        !matches!(self, Self::Model | Self::LockIn)
+    }
+}
+
+/// A parameter of the device that is tracked as a state: how well it is known, and how it wanders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrackedState {
+    /// How far it may be off what the device table says: of a factor as a ratio, such as `"1 %"`, of an offset in
+    /// its unit.
+    #[schemars(example = &"1 %")]
+    pub start_sd: AnyValue,
+    /// By how much its variance grows per second; it is a constant if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1e-7 1/s")]
+    pub drift: Option<AnyValue>,
+}
+
+/// Where a filter starts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Start {
+    /// At these values.
+    Values(Values),
+    /// At what the first cycles of the signal show.
+    FromSignal,
+}
+
+/// The word for [`Start::FromSignal`].
+const FROM_SIGNAL: &str = "from_signal";
+
+impl Serialize for Start {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Values(values) => values.serialize(serializer),
+            Self::FromSignal => serializer.serialize_str(FROM_SIGNAL),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Start {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct WordOrTable;
+        impl<'de> Visitor<'de> for WordOrTable {
+            type Value = Start;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a table of values or the word `\"{FROM_SIGNAL}\"`")
+            }
+
+            fn visit_str<E: Error>(self, word: &str) -> Result<Start, E> {
+                if word == FROM_SIGNAL {
+                    return Ok(Start::FromSignal);
+                }
+                Err(E::custom(format!(
+                    "`{}` is not a start; expected a table of values or the word `{FROM_SIGNAL}`",
+                    shown(word)
+                )))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Start, A::Error> {
+                Values::deserialize(MapAccessDeserializer::new(map)).map(Start::Values)
+            }
+        }
+        deserializer.deserialize_any(WordOrTable)
+    }
+}
+
+impl JsonSchema for Start {
+    fn schema_name() -> Cow<'static, str> {
+        "Start".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "anyOf": [generator.subschema_for::<Values>(), { "const": FROM_SIGNAL }],
+            "examples": [{ "angle": "0.05 rad", "rate": "0 rad/s" }],
+        })
+    }
+}
+
+/// The name of a filter: a few words on one line, with at least one letter or digit.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct FilterName(String);
+
+const LONGEST: usize = 40;
+
+impl FilterName {
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// The name as files have it: lower-case letters and digits with `_` between them.
+    pub fn key(&self) -> String {
+        let words = self.0.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        words.collect::<Vec<_>>().join("_").to_ascii_lowercase()
+    }
+}
+
+impl fmt::Display for FilterName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl From<FilterName> for String {
+    fn from(name: FilterName) -> Self {
+        name.0
+    }
+}
+
+impl TryFrom<String> for FilterName {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let is_short = name.chars().count() <= LONGEST && !name.chars().any(char::is_control);
+        let named = Self(name);
+        if is_short && !named.key().is_empty() {
+            return Ok(named);
+        }
+        Err(format!(
+            "`{}` cannot name a filter; expected up to {LONGEST} characters on one line, at least one of them of a-z \
+             or 0-9, such as `EKF with stiffness`",
+            shown(&named.0)
+        ))
+    }
+}
+
+impl JsonSchema for FilterName {
+    fn schema_name() -> Cow<'static, str> {
+        "FilterName".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": "string",
+            "pattern": "[A-Za-z0-9]",
+            "maxLength": LONGEST,
+            "examples": ["EKF"],
+        })
+    }
+}
+
+impl Filter {
+    /// What no single value can be blamed for, for the filter that stands at `at`.
+    pub(super) fn check(&self, at: &Key) -> Result<(), (Key, Fault)> {
+        let word = self.method.word();
+        let refuse = |name: &str, why: String| Err((at.clone().child(name), Fault::Value { why }));
+        let missing = |name: &str, remedy: &str| {
+            Err((at.clone().child(name), Fault::MissingKey { remedy: remedy.to_owned() }))
+        };
+        if self.method == Method::LockIn {
+            if self.start.is_some() {
+                return refuse("start", "the method `lock_in` has no start; leave it out".to_owned());
+            }
+        } else if self.start.is_none() {
+            return missing("start", "write `start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }`");
+        }
+        if self.method.claims() {
+            // A start from the signal may bring its own; the rig says.
+            if self.start_sd.is_empty() && self.start != Some(Start::FromSignal) {
+                return missing(
+                    "start_sd",
+                    "write `start_sd = { angle = \"0.15 rad\", rate = \"15e3 rad/s\" }`",
+                );
+            }
+        } else {
+            let claims = [
+                ("start_sd", !self.start_sd.is_empty()),
+                ("process_noise", !self.process_noise.is_empty()),
+                ("states", !self.states.is_empty()),
+                ("smooth", self.smooth),
+                ("smooth_lag", self.smooth_lag.is_some()),
+            ];
+            if let Some((name, _)) = claims.into_iter().find(|(_, given)| *given) {
+                let why =
+                    format!("the method `{word}` claims no uncertainty and has no use for it; leave it out");
+                return refuse(name, why);
+            }
+        }
+        if self.method.is_literal() {
+            let more = [("states", !self.states.is_empty()), ("demodulator", self.demodulator)];
+            if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
+                let why = format!("the method `{word}` has the published states alone; leave it out");
+                return refuse(name, why);
+            }
+        }
+        let points = [("alpha", self.alpha), ("beta", self.beta), ("kappa", self.kappa)];
+        if let Some((name, _)) = points.into_iter().find(|(_, value)| value.is_some())
+            && !self.method.is_unscented()
+        {
+            return refuse(name, format!("the method `{word}` draws no sigma points; leave it out"));
+        }
+        Ok(())
+    }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_false(value: &bool) -> bool {
+    !*value
+}
+
+fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let number = f64::deserialize(deserializer)?;
+    if number > 0.0 && number.is_finite() {
+        Ok(Some(number))
+    } else {
+        Err(D::Error::custom(format!("`{number}` is not a finite number above 0; write one, such as `1`")))
+    }
+}
+
+fn not_negative<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let number = f64::deserialize(deserializer)?;
+    if number >= 0.0 && number.is_finite() {
+        Ok(Some(number))
+    } else {
+        Err(D::Error::custom(format!(
+            "`{number}` is not a finite number of 0 or more; write one, such as `1`"
+        )))
+    }
+}
+
+fn start_sd() -> serde_json::Value {
+    serde_json::json!({ "angle": "0.15 rad", "rate": "15e3 rad/s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FilterName;
+
+    #[test]
+    fn a_name_becomes_the_name_of_a_file() {
+        for (name, key) in
+            [("EKF", "ekf"), ("Model alone", "model_alone"), (" UKF, q = 1e8/2 ", "ukf_q_1e8_2")]
+        {
+            assert_eq!(FilterName::try_from(name.to_owned()).unwrap().key(), key);
+        }
+        for bad in ["", " ", "µ", "a\nb", &"x".repeat(41)] {
+            assert!(FilterName::try_from(bad.to_owned()).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The lock-in: amplitude and phase of the signal at the drive's frequency.
+
+use super::data::SegmentData;
+use super::settings::Hardware;
+use crate::estimate::{StateName, Trajectory, TrajectoryKind};
+use crate::signal::{Sine, fit_sine_at};
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+/// The motion A·sin(φ) of one window, φ = ω·t + ψ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Swing {
+    /// A in rad, above 0.
+    pub amplitude: f64,
+    /// ω in rad/s.
+    pub rate: f64,
+    /// ψ in rad.
+    pub phase: f64,
+}
+
+impl Swing {
+    /// Angle in rad and rate in rad/s.
+    pub fn at(&self, time_s: f64) -> [f64; 2] {
+        let phase = self.rate * time_s + self.phase;
+        [self.amplitude * phase.sin(), self.amplitude * self.rate * phase.cos()]
+    }
+}
+
+/// Reads the swing from the signal's component at the drive's frequency.
+///
+/// With θ = A·sin φ and z = A²/(2·θ₀²) the comb's law is C₀·e^{−z}·e^{z·cos 2φ} + C_b, whose component at twice the
+/// motion's frequency is 2·C₀·e^{−z}·I₁(z)·cos 2φ (Abramowitz and Stegun, 9.6.34). The drive has that frequency, so
+/// that a lock-in on it measures a·2·C₀·e^{−z}·I₁(z) and 2φ. Offset and C_b do not enter, the gain does. φ is known
+/// but for π: the sign of the motion is not in the signal. z is found where e^{−z}·I₁(z) rises, up to an amplitude
+/// of 1.76·θ₀; a larger one gives the same signal as a smaller one.
+#[derive(Clone, Copy, Debug)]
+pub struct LockIn<'a> {
+    hardware: &'a Hardware,
+    drive: &'a Sine,
+    /// What the demodulator's stages leave of the component, and by how much they delay it, in rad.
+    stages: (f64, f64),
+}
+
+/// Where e^{−z}·I₁(z) is largest.
+const LARGEST: f64 = 1.545_127_3;
+
+impl<'a> LockIn<'a> {
+    /// For this device and drive, behind low-pass stages with these corners in rad/s, if any.
+    pub fn new(hardware: &'a Hardware, drive: &'a Sine, poles: Option<[f64; 2]>) -> Self {
+        let rate = TAU * drive.frequency_hz;
+        let stages = poles.into_iter().flatten().fold((1.0, 0.0), |(left, delay), pole| {
+            (left / (rate / pole).hypot(1.0), delay + (rate / pole).atan())
+        });
+        Self { hardware, drive, stages }
+    }
+
+    /// The swing in some samples; its sign is that which lies nearer to the swing before, where there is one.
+    /// `None` where there are too few samples, or more signal than the electrodes can make.
+    pub fn swing(&self, time_s: &[f64], signal: &[f64], before: Option<&Swing>) -> Option<Swing> {
+        let readout = &self.hardware.readout;
+        let sine = fit_sine_at(time_s, signal, self.drive.frequency_hz)?;
+        let share = sine.amplitude / (self.stages.0 * 2.0 * (readout.gain * readout.comb.nominal).abs());
+        let z = inverse(share)?;
+        let rate = PI * self.drive.frequency_hz;
+        // The signal is cosine-shaped: largest in size where 2φ = 0, of the gain's sign.
+        let turned = if readout.gain < 0.0 { PI } else { 0.0 };
+        let mut phase = (sine.phase_rad + turned + self.stages.1) / 2.0;
+        if let Some(before) = before {
+            phase += PI * ((before.phase - phase) / PI).round();
+        }
+        Some(Swing { amplitude: readout.comb.angular_width * (2.0 * z).sqrt(), rate, phase })
+    }
+
+    /// One swing per cycle of the motion, each for the samples that it was read from.
+    pub fn swings(&self, data: &SegmentData) -> Vec<(Range<usize>, Option<Swing>)> {
+        let cycle_s = 2.0 / self.drive.frequency_hz;
+        let start_s = data.time_s.first().copied().unwrap_or(0.0);
+        let mut windows = Vec::new();
+        let (mut first, mut before) = (0, None);
+        for index in 1_u32.. {
+            if first >= data.time_s.len() {
+                break;
+            }
+            let end_s = start_s + f64::from(index) * cycle_s;
+            let end = first + data.time_s[first..].partition_point(|t| *t < end_s);
+            let samples = first..end;
+            let signal = &data.signal[samples.clone()];
+            let enough = signal.iter().filter(|y| y.is_finite()).count() >= ENOUGH;
+            let swing = if enough {
+                self.swing(&data.time_s[samples.clone()], signal, before.as_ref())
+            } else {
+                None
+            };
+            before = swing.or(before);
+            windows.push((samples, swing));
+            first = end;
+        }
+        windows
+    }
+
+    /// The motion in the segment, cycle by cycle.
+    pub fn trajectory(&self, names: (&str, &str), states: &[StateName], data: &SegmentData) -> Trajectory {
+        let begun = std::time::Instant::now();
+        let mut answer = Trajectory::blank(names, TrajectoryKind::LockIn, data.time_s, states);
+        for (samples, swing) in self.swings(data) {
+            let Some(swing) = swing else { continue };
+            for k in samples {
+                let [angle, rate] = swing.at(data.time_s[k]);
+                for (state, value) in answer.states.iter_mut().zip([angle, rate]) {
+                    state.mean[k] = value;
+                }
+            }
+        }
+        let there = data.signal.iter().filter(|y| y.is_finite()).count();
+        answer.counts.updates = there;
+        answer.counts.without_signal = data.signal.len() - there;
+        answer.seconds_per_step = begun.elapsed().as_secs_f64() / data.time_s.len().max(1) as f64;
+        answer
+    }
+}
+
+/// Samples that a cycle must have at least.
+const ENOUGH: usize = 8;
+
+/// The z at which e^{−z}·I₁(z) has a value, where it rises. `None` above its largest.
+fn inverse(value: f64) -> Option<f64> {
+    if value.is_nan() || value <= 0.0 || value > scaled_bessel(LARGEST) {
+        return None;
+    }
+    let (mut low, mut high) = (0.0, LARGEST);
+    while high - low > 1e-15 * high {
+        let middle = f64::midpoint(low, high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if scaled_bessel(middle) < value { low = middle } else { high = middle }
+    }
+    Some(f64::midpoint(low, high))
+}
+
+/// e^{−z}·I₁(z) by its series (Abramowitz and Stegun, 9.6.10), for z up to 2.
+fn scaled_bessel(z: f64) -> f64 {
+    let mut term = z / 2.0;
+    let mut sum = term;
+    for k in 1..20 {
+        term *= z * z / (4.0 * f64::from(k) * f64::from(k + 1));
+        sum += term;
+    }
+    sum * (-z).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_series_is_that_of_published_tables() {
+        // I₁ at 0.5, 1 and 1.5 as tables have it.
+        for (z, bessel) in [(0.5, 0.257_894_305_4), (1.0, 0.565_159_104_0), (1.5, 0.981_666_428_6)] {
+            let value = bessel * f64::exp(-z);
+            assert!((scaled_bessel(z) - value).abs() < 1e-10, "{z}: {}", scaled_bessel(z));
+            assert!((inverse(value).unwrap() - z).abs() < 1e-5);
+        }
+        // The slope vanishes at the largest.
+        let [below, at, above] = [-1e-3, 0.0, 1e-3].map(|d| scaled_bessel(LARGEST + d));
+        assert!(at > below && at > above && (below - above).abs() < 1e-9);
+        assert_eq!(inverse(at * 1.001), None);
+        assert_eq!(inverse(f64::NAN), None);
+    }
+}
