@@ -29,7 +29,9 @@ impl Drive {
             }
             Self::Tones { offset, tones } => {
                 *offset *= factor;
-                tones.iter_mut().for_each(|tone| tone.amplitude *= factor);
+                for tone in tones {
+                    tone.amplitude *= factor;
+                }
             }
             Self::Recorded { volts, .. } => volts.iter_mut().for_each(|v| *v *= factor),
         }

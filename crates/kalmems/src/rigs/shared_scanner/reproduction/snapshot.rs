@@ -139,7 +139,7 @@ fn errors_table(judged: &[Judged]) -> Table {
         let cell = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
         let errors = errors.as_ref();
         table.push([
-            trajectory.name.to_owned(),
+            trajectory.name.clone(),
             cell(errors.map(|e| e.angle.rmse_deg)),
             cell(errors.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
             cell(errors.and_then(|e| e.peak_phase_rmse_deg)),
