@@ -80,7 +80,7 @@ pub enum Method {
     Ukf,
     /// The extended Kalman filter in square-root form.
     SquareRootEkf,
-    /// The unscented Kalman filter in square-root form.
+    /// The unscented Kalman filter in square-root form; without parameters as states.
     SquareRootUkf,
     /// The extended Kalman filter that linearises each measurement again where it leads.
     IteratedEkf,
@@ -334,6 +334,10 @@ impl Filter {
                 let why = format!("the method `{word}` has the published states alone; leave it out");
                 return refuse(name, why);
             }
+        }
+        if self.method == Method::SquareRootUkf && !self.states.is_empty() {
+            let why = "the method `square_root_ukf` tracks no parameters; use `ukf`, which says the same to rounding";
+            return refuse("states", why.to_owned());
         }
         let points = [("alpha", self.alpha), ("beta", self.beta), ("kappa", self.kappa)];
         if let Some((name, _)) = points.into_iter().find(|(_, value)| value.is_some())

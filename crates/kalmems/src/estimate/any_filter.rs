@@ -4,13 +4,14 @@ use super::{LiteralUkf, ModelAlone};
 use kalmems_core::update::Policy;
 use kalmems_core::{
     Covariance, Ekf, Filter, FilterError, Innovation, IteratedEkf, Link, Measurement, Process, SquareRootEkf,
-    SquareRootUkf, Ukf,
+    Ukf,
 };
 
 /// Iterations that the iterated filter takes at most.
 pub const ITERATIONS: usize = 10;
 
-/// One of the filters.
+/// One of the filters, but for the unscented one in square-root form, which takes longer to compile than all the others
+/// together.
 ///
 /// A filter dissolves into the loop that it is used in. That is what makes it fast, and what takes long to compile
 /// where every filter meets every model in every loop. Behind this, a loop is compiled once per model; the choice
@@ -28,8 +29,6 @@ pub enum AnyFilter<const N: usize> {
     SquareRootEkf(SquareRootEkf<f64, N>),
     /// The unscented Kalman filter.
     Ukf(Ukf<f64, N>),
-    /// The unscented one in square-root form.
-    SquareRootUkf(SquareRootUkf<f64, N>),
     /// The unscented one as it was printed.
     LiteralUkf(LiteralUkf<N>),
 }
@@ -43,7 +42,6 @@ macro_rules! each {
             AnyFilter::IteratedEkf($filter) => $body,
             AnyFilter::SquareRootEkf($filter) => $body,
             AnyFilter::Ukf($filter) => $body,
-            AnyFilter::SquareRootUkf($filter) => $body,
             AnyFilter::LiteralUkf($filter) => $body,
         }
     };

@@ -13,7 +13,7 @@ use crate::estimate::{
 };
 use crate::signal::extremes_of_rate;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, Ekf, IteratedEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf};
+use kalmems_core::{Covariance, Ekf, Filter, IteratedEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf};
 
 /// Runs the wanted filters over a segment, which `place` names in messages.
 pub fn estimate(
@@ -68,6 +68,10 @@ fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
     let wrong = |why: AugmentationError| EstimateError::Model { filter: filter.name.clone(), why };
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
     match (poles, filter.tracked.len()) {
+        (None, _) if filter.method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter)),
+        (Some(poles), _) if filter.method == Method::SquareRootUkf => {
+            task.root::<_, 4>(&staged(hardware, filter, poles))
+        }
         (None, 0) if filter.method == Method::EulerEkf => task.run(&Published::new(hardware, filter)),
         (None, 0) => task.run::<_, 2>(&affine(hardware, filter)),
         (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?),
@@ -84,7 +88,7 @@ fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
     }
 }
 
-/// The filter of a method, at its start.
+/// The filter of a method, at its start; that in square-root form for an unscented one is [`Task::root`]'s.
 pub(super) fn filter_of<const N: usize>(
     method: Method,
     points: SigmaPoints<f64>,
@@ -96,8 +100,7 @@ pub(super) fn filter_of<const N: usize>(
         Method::Ekf | Method::EulerEkf | Method::LockIn => AnyFilter::Ekf(Ekf::new(mean, covariance)),
         Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
         Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-        Method::Ukf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
-        Method::SquareRootUkf => AnyFilter::SquareRootUkf(SquareRootUkf::new(mean, covariance, points)),
+        Method::Ukf | Method::SquareRootUkf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
         Method::UkfLiteralWeights => literal(Misprint::Weights),
         Method::UkfLiteralCrossCovariance => literal(Misprint::CrossCovariance),
         Method::UkfLiteralCovariance => literal(Misprint::Covariance),
@@ -119,11 +122,18 @@ impl Task<'_> {
         Ok(trajectories)
     }
 
+    /// The unscented filter in square-root form, which tracks no parameters.
+    fn root<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
+        let (mean, sd) = self.start::<N>()?;
+        let covariance = Covariance::from_standard_deviations(sd);
+        self.follow(plant, &SquareRootUkf::new(mean, covariance, self.filter.points))
+    }
+
     /// The filtered trajectory, and the smoothed ones that are wanted.
-    fn follow<P: Plant<N>, const N: usize>(
+    fn follow<P: Plant<N>, F: Filter<f64, N> + Copy, const N: usize>(
         &self,
         plant: &P,
-        start: &AnyFilter<N>,
+        start: &F,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = self.filter;
         let course = ScannerCourse::new(plant, self.settings.hardware.noise_variance, self.data);

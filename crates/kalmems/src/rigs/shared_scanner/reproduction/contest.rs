@@ -2,6 +2,7 @@
 
 use super::bench::{Belief, Bench, Judged, SAMPLES, SAMPLING_HZ, Steady};
 use super::published::{Errors, d_table_5_3, s_table_ii, s_table_iii};
+use super::snapshot::PUBLISHED;
 use crate::report::{Axis, Column, Figure, Panel, Role, Series, Table};
 use crate::reproduce::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
 use crate::results::significant;
@@ -68,7 +69,10 @@ const BELIEFS: [Belief; 4] = [
 const FREQUENCIES: u32 = 15;
 const BAND_HZ: [f64; 2] = [31_220.0, 31_480.0];
 
-/// One estimator at one point.
+/// An angle that no mirror tilts to: an estimate with larger errors has diverged.
+const DIVERGED_DEG: f64 = 90.0;
+
+/// One estimator at one point. The errors are not a number where it diverged or stopped.
 #[derive(Clone, Debug)]
 struct Score {
     key: String,
@@ -91,6 +95,7 @@ struct Round {
 
 fn score(judged: &Judged, from: usize) -> Score {
     let errors = judged.errors.as_ref();
+    let held = errors.filter(|e| judged.trajectory.failure.is_none() && e.angle.rmse_deg < DIVERGED_DEG);
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let angle = judged.trajectory.state("angle").and_then(|state| state.mean.get(from..)).unwrap_or_default();
     let highest = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -98,9 +103,9 @@ fn score(judged: &Judged, from: usize) -> Score {
     Score {
         key: judged.trajectory.key.clone(),
         name: judged.trajectory.name.clone(),
-        angle: number(errors.map(|e| e.angle.rmse_deg)),
-        percent: number(errors.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
-        phase: number(errors.and_then(|e| e.peak_phase_rmse_deg)),
+        angle: number(held.map(|e| e.angle.rmse_deg)),
+        percent: number(held.map(|e| e.angle.rmse_percent_of_peak_to_peak)),
+        phase: number(held.and_then(|e| e.peak_phase_rmse_deg)),
         span: (highest - lowest).to_degrees(),
         shift: number(errors.and_then(|e| e.phase_shift_estimate_deg)),
         true_shift: number(errors.and_then(|e| e.phase_shift_reference_deg)),
@@ -163,14 +168,21 @@ impl Round {
             .unwrap_or_default()
     }
 
-    /// A figure of one estimator, one per seed: its mean over the frequencies, as the papers average.
+    /// A figure of one estimator, one per seed: its mean over the frequencies at which it held, as the papers average.
     fn mean(&self, key: &str, figure: impl Fn(&Score) -> f64) -> Spread {
         let seeds = self.scores.first().map_or(0, Vec::len);
         let of = |point: &Vec<Score>| point.iter().find(|s| s.key == key).map_or(f64::NAN, &figure);
         Spread::of((0..seeds).map(|seed| {
-            let sum: f64 = self.scores.iter().map(|at| at.get(seed).map_or(f64::NAN, of)).sum();
-            sum / self.scores.len() as f64
+            let all = self.scores.iter().map(|at| at.get(seed).map_or(f64::NAN, of));
+            let (sum, count) = all.filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+            sum / count
         }))
+    }
+
+    /// In how many of all runs an estimator held.
+    fn held(&self, key: &str) -> String {
+        let all = || self.scores.iter().flatten().flatten().filter(|score| score.key == key);
+        format!("{} of {}", all().filter(|score| score.angle.is_finite()).count(), all().count())
     }
 
     /// A figure of one estimator at each frequency, over the seeds.
@@ -284,13 +296,15 @@ fn dissertation(rounds: &[Round], motions: &[Steady]) -> Item {
 /// Every estimator under every belief.
 fn estimators_table(rounds: &[Round]) -> Table {
     let mut table = Table::new(
-        "Every estimator under every belief: median over the seeds (smallest … largest) of the mean over the frequencies",
+        "Every estimator under every belief: median over the seeds (smallest … largest) of the mean over the frequencies at \
+         which it held",
         [
             Column::text("what the estimators are told"),
             Column::text("estimator"),
             Column::number("angle RMSE", "deg"),
             Column::number("of p-p", "%"),
             Column::number("phase RMSE", "deg"),
+            Column::text("held in"),
         ],
     );
     for round in rounds {
@@ -301,6 +315,7 @@ fn estimators_table(rounds: &[Round]) -> Table {
                 round.mean(key, |s| s.angle).to_text(),
                 round.mean(key, |s| s.percent).to_text(),
                 round.mean(key, |s| s.phase).to_text(),
+                round.held(key),
             ]);
         }
     }
@@ -313,7 +328,8 @@ fn panel_of(
     (round, motions): (&Round, &[Steady]),
     figure: impl Fn(&Score) -> f64 + Copy,
 ) -> Panel {
-    for (index, (key, name)) in round.estimators().into_iter().enumerate() {
+    let published = round.estimators().into_iter().filter(|(key, _)| PUBLISHED.contains(key));
+    for (index, (key, name)) in published.enumerate() {
         let role = if key == "model_alone" { Role::Model } else { Role::Other };
         let spreads = round.over_frequency(key, figure);
         let line: Vec<(f64, f64)> =

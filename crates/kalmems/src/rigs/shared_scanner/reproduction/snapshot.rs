@@ -29,7 +29,7 @@ const DRIVE_HZ: f64 = 31_350.0;
 /// Samples that are shown: about three cycles of the motion.
 const SHOWN: usize = 200;
 /// The estimators that the papers' figures show.
-const PUBLISHED: [&str; 3] = ["model_alone", "ekf", "ukf"];
+pub(super) const PUBLISHED: [&str; 3] = ["model_alone", "ekf", "ukf"];
 
 /// Estimates one recording.
 pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {

@@ -61,7 +61,7 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        if filter.method.is_literal() || filter.method == Method::LockIn {
+        if filter.method.is_literal() || matches!(filter.method, Method::LockIn | Method::SquareRootUkf) {
             return refuse("method", "this method is for one axis; with two write `ekf`, `ukf` or `model`");
         }
         let more = [
