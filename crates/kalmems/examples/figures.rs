@@ -5,7 +5,7 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
 use kalmems::report::{Axis, Figure, Panel, Role, Series};
-use kalmems::results::{Metrics, RunInfo, outlook_figures, write_estimate};
+use kalmems::results::{Metrics, RunInfo, outlook_figures, summary_table, write_estimate};
 use kalmems::rigs;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Euler, Nodes, NoiseDensity, Process, Rk4};
@@ -25,15 +25,25 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::write(folder.join("integrator_growth.svg"), figure.to_svg())?;
     std::fs::write(folder.join("integrator_growth.md"), table)?;
 
-    let experiment = Experiment::load(&root.join("examples/shared_scanner/experiment.toml"))?;
-    let outcome = workflow::estimate(&experiment, &Silent)?;
-    let staged = tempfile::tempdir()?;
-    let results = staged.path().join("results");
-    let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    write_estimate(&outcome, &Metrics::of(&outcome), &results, false, info, &|| false)?;
-    for (name, ending) in [("motion", "svg"), ("angle_error", "svg"), ("motion", "png")] {
-        let to = folder.join(format!("shared_scanner_{name}.{ending}"));
-        std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;
+    for (file, figures) in [
+        ("experiment", &[("motion", "svg"), ("angle_error", "svg"), ("motion", "png")][..]),
+        ("stiffness_state", &[("phase_error", "svg")]),
+    ] {
+        let experiment = Experiment::load(&root.join(format!("examples/shared_scanner/{file}.toml")))?;
+        let outcome = workflow::estimate(&experiment, &Silent)?;
+        let metrics = Metrics::of(&outcome);
+        let staged = tempfile::tempdir()?;
+        let results = staged.path().join("results");
+        let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+        write_estimate(&outcome, &metrics, &results, false, info, &|| false)?;
+        for (name, ending) in figures {
+            let to = folder.join(format!("shared_scanner_{name}.{ending}"));
+            std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;
+        }
+        if file == "stiffness_state" {
+            let table = summary_table(&metrics, false).to_text();
+            std::fs::write(folder.join("shared_scanner_estimators.txt"), table)?;
+        }
     }
 
     let experiment = Experiment::load(&root.join("examples/shared_scanner/simulation.toml"))?;

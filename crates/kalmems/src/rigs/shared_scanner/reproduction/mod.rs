@@ -3,7 +3,9 @@
 //! Both report the same device: S is the journal paper, D chapter 5 of the dissertation before it.
 
 mod bench;
+mod circuit_figures;
 mod contest;
+mod image_figure;
 mod parameters;
 mod published;
 mod ring_down;
@@ -32,16 +34,20 @@ pub static PROGRAM: Program = Program {
         "The device is that of S Table II. At the printed drive of 0 to 60 V it cannot move (S Table I, below), so \
          that wherever motion is needed here the drive is 90 V + 90 V sin. The recorded signal has the noise of S \
          Table II. The reference is the simulated motion itself: it has no error of an optical sensor in it.",
-        "Not among these: S Figures 1, 2 and 6 are a photograph, a circuit diagram and the set-up; S Figures 3 to 5 need \
-         the circuit, S Figure 10 the image.",
+        "Not among these: S Figures 1, 2 and 6, which are a photograph, a circuit diagram and the set-up.",
     ],
     parts: &[
         Part { heads: &[&target::SCANNER, &target::SAMPLING], run: target::run },
         Part { heads: &[&parameters::SETTINGS, &parameters::MOTION], run: parameters::run },
+        Part {
+            heads: &[&circuit_figures::AMPLIFIED, &circuit_figures::DEMODULATED],
+            run: circuit_figures::run,
+        },
         Part { heads: &[&sweep::HEAD], run: sweep::run },
         Part { heads: &[&ring_down::HEAD], run: ring_down::run },
         Part { heads: &[&snapshot::JOURNAL, &snapshot::DISSERTATION], run: snapshot::run },
         Part { heads: &[&contest::JOURNAL, &contest::DISSERTATION, &contest::GAP], run: contest::run },
+        Part { heads: &[&image_figure::HEAD], run: image_figure::run },
     ],
 };
 

@@ -23,6 +23,26 @@ pub mod s_table_i {
     pub const BIAS_V: f64 = 23.76;
 }
 
+/// The circuit in S Table I.
+pub mod s_table_i_circuit {
+    /// The carrier in Hz.
+    pub const CARRIER_HZ: f64 = 500e3;
+    /// The amplifier's feedback resistance in Ω.
+    pub const FEEDBACK_OHM: f64 = 17.86e3;
+    /// The cut-off of the high-pass in Hz.
+    pub const HIGH_PASS_HZ: f64 = 482e3;
+    /// The cut-offs of the low-pass stage and of the envelope detector in Hz.
+    pub const LOW_PASS_HZ: [f64; 2] = [40.8e3, 41.1e3];
+}
+
+/// S Figure 10, section IV-C: the phases of x in degrees.
+pub mod s_figure_10 {
+    /// Of the calibration before the experiment.
+    pub const CALIBRATED_DEG: f64 = 380.143;
+    /// Tuned by hand.
+    pub const TUNED_DEG: f64 = 379.398;
+}
+
 /// D Table 5.1 where it differs from S Table I, and the text above it.
 pub mod d_table_5_1 {
     /// Lowest and highest frequency of the drive in kHz.
@@ -115,6 +135,13 @@ mod tests {
             format!("Resonant frequency of micro-scanner\t{:.2} kHz", s_table_i::RESONANCE_KHZ),
             format!("Frequency of driving voltage\t{low:.2} to {high:.2} kHz"),
             format!("Bias voltage\t{:.2} V", s_table_i::BIAS_V),
+            format!("Frequency of carrier voltage\t{} kHz", s_table_i_circuit::CARRIER_HZ / 1e3),
+            format!("Feedback resistors\t{} kohm", s_table_i_circuit::FEEDBACK_OHM / 1e3),
+            format!("HPF cut-off frequency\t{} kHz", s_table_i_circuit::HIGH_PASS_HZ / 1e3),
+            format!("LPF cut-off frequency\t{} kHz", s_table_i_circuit::LOW_PASS_HZ[0] / 1e3),
+            format!("Envelop detector LPF cut-off\t{} kHz", s_table_i_circuit::LOW_PASS_HZ[1] / 1e3),
+            format!("{} degree for x-axis and", s_figure_10::CALIBRATED_DEG),
+            format!("({} degree for x-axis)", s_figure_10::TUNED_DEG),
             format!("Spring constant\t{:.2} × 10⁻⁴ N m", s_table_ii::STIFFNESS),
             format!("Viscous damping coefficient\t{:.2} × 10⁻¹² N m/s", s_table_ii::DAMPING),
             "Noise variance of angular position\t10¹¹ m/s".to_owned(),
