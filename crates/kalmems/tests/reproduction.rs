@@ -176,7 +176,7 @@ fn no_two_items_share_a_name() {
     let count = keys.len();
     keys.sort_unstable();
     keys.dedup();
-    assert_eq!((keys.len(), count), (count, 11));
+    assert_eq!((keys.len(), count), (count, 14));
 }
 
 /// The pump depth is 4.53 times too small; with that much less damping, or the square root of that more voltage, the
