@@ -207,6 +207,7 @@ fn the_target_of_the_journal_holds_and_that_of_the_dissertation_lacks_two_pi() {
 /// What an independent prototype found over these frequencies: EKF and UKF 0.047 and 0.48 degrees with q = 1e8 and the
 /// stiffness 0.3 % wrong, and no difference between them.
 #[test]
+#[ignore = "takes half a minute; run with -- --ignored slow_"]
 fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
     let folder = tempfile::tempdir().unwrap();
     let runs = [1, 5].map(|threads| scanner(Some("Table III"), threads));
@@ -235,6 +236,7 @@ fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
 }
 
 #[test]
+#[ignore = "takes half a minute; run with -- --ignored slow_"]
 fn slow_the_ring_down_gives_back_the_published_device() {
     for label in ["Figure 7", "Figure 5.6", "Figure 5.7"] {
         let found = scanner(Some(label), 2);
