@@ -45,18 +45,12 @@ fn main() {
         ("adskalman", peers::adskalman),
     ];
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
-    // The goal is 8 times the step of two states.
-    let states: [(&str, Run<f64>); 2] = [
-        ("2 states", |s| cases::follow(cases::ekf(s), s, &s.runge_kutta(), |d| *d)),
-        ("5 states", cases::five_states),
-    ];
-    compare("f64", "EKF, Runge–Kutta, by states", &System::simulated(LENGTH), &states);
 }
 
 fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {
     let system = System::<T>::simulated(LENGTH);
-    for comparison in cases::comparisons(extended) {
-        let mut filters = vec![("by hand", comparison.by_hand)];
+    for comparison in cases::comparisons(extended).into_iter().chain([cases::more_states()]) {
+        let mut filters = vec![(comparison.first, comparison.run)];
         filters.extend(comparison.others.iter().map(|case| (case.name, case.run)));
         compare(number, comparison.name, &system, &filters);
     }

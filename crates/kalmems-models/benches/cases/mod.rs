@@ -10,27 +10,32 @@ use kalmems_core::{
 };
 use kalmems_models::dynamics::DriveGain;
 
-/// A filter against another that does the same.
+/// A filter against the first.
 pub struct Case<T> {
     pub name: &'static str,
     pub run: Run<T>,
-    /// How many times the other's instructions it may take.
+    /// How many times the first's instructions it may take.
     pub bound: f64,
 }
 
-/// Filters that do the same, the first written by hand.
+/// Filters beside the first of them.
 pub struct Comparison<T> {
     pub name: &'static str,
-    pub by_hand: Run<T>,
+    /// What the first is called.
+    pub first: &'static str,
+    pub run: Run<T>,
     pub others: Vec<Case<T>>,
 }
 
 impl<T> Comparison<T> {
-    /// All of them, the one by hand first.
+    /// All of them.
     pub fn runs(&self) -> impl Iterator<Item = Run<T>> {
-        [self.by_hand].into_iter().chain(self.others.iter().map(|case| case.run))
+        [self.run].into_iter().chain(self.others.iter().map(|case| case.run))
     }
 }
+
+/// The filters that are written by hand.
+const BY_HAND: &str = "by hand";
 
 /// The bound of the generic extended filter in f64.
 pub const EXTENDED_F64: f64 = 1.10;
@@ -53,6 +58,16 @@ pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> 
     all
 }
 
+/// What more states cost.
+pub fn more_states<T: Scalar<Mask = bool>>() -> Comparison<T> {
+    Comparison {
+        name: "EKF, Runge–Kutta, states",
+        first: "2 states",
+        run: |s| follow(ekf(s), s, &s.runge_kutta(), |d| *d),
+        others: vec![case("5 states", five_states, 8.0)],
+    }
+}
+
 fn case<T>(name: &'static str, run: Run<T>, bound: f64) -> Case<T> {
     Case { name, run, bound }
 }
@@ -61,7 +76,8 @@ fn extended_filters<T: Scalar<Mask = bool>>(bound: f64) -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "EKF, Euler",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::Extended::new(system);
                 for sample in &system.samples {
                     filter.predict_euler(sample.drive.start)?;
@@ -80,7 +96,8 @@ fn extended_filters<T: Scalar<Mask = bool>>(bound: f64) -> Vec<Comparison<T>> {
         },
         Comparison {
             name: "EKF, Runge–Kutta",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::Extended::new(system);
                 for sample in &system.samples {
                     filter.predict_runge_kutta(&sample.drive)?;
@@ -101,7 +118,8 @@ fn unscented_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "UKF, Euler",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::Unscented::new(system);
                 for sample in &system.samples {
                     filter.predict_euler(sample.drive.start)?;
@@ -113,7 +131,8 @@ fn unscented_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
         },
         Comparison {
             name: "UKF, Runge–Kutta",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::Unscented::new(system);
                 for sample in &system.samples {
                     filter.predict_runge_kutta(&sample.drive)?;
@@ -130,7 +149,8 @@ fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "SR-EKF, Euler",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::SquareRoot::new(system);
                 for sample in &system.samples {
                     filter.predict_euler(sample.drive.start)?;
@@ -153,7 +173,8 @@ fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
         },
         Comparison {
             name: "SR-EKF, Runge–Kutta",
-            by_hand: |system| {
+            first: BY_HAND,
+            run: |system| {
                 let mut filter = by_hand::SquareRoot::new(system);
                 for sample in &system.samples {
                     filter.predict_runge_kutta(&sample.drive)?;
@@ -174,7 +195,8 @@ fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
 pub fn fixed_gain_filters<T: Scalar<Mask = bool>>() -> Comparison<T> {
     Comparison {
         name: "Fixed gain, exact",
-        by_hand: |system| {
+        first: BY_HAND,
+        run: |system| {
             let mut filter = by_hand::FixedGain::new(system);
             for sample in &system.held {
                 filter.predict(sample.torque)?;
@@ -228,7 +250,7 @@ pub fn follow<T: Scalar<Mask = bool>, P: Process<T, 2>>(
 }
 
 /// The extended filter by Runge–Kutta with stiffness, gain and offset as states beside angle and rate.
-pub fn five_states<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
+fn five_states<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
     let of = |value: f64| T::of(value);
     let drift = Drift::RandomWalk { density: of(1e-8) };
     let (stiffness, gain) = (system.scanner.resonator.stiffness, system.readout.gain);
