@@ -367,6 +367,55 @@ fn an_unknown_metric_is_a_note() {
     assert!(!folder.path("out/figures").exists());
 }
 
+/// A map shows the medians over two keys, each colour where results.csv has its value.
+#[test]
+fn two_keys_make_a_map() {
+    let two = "\n[[vary]]\nkey = \"device.shared_scanner.readout.offset\"\nname = \"offset\"\napplies_to = \"told\"\n\
+               values = [\"6.3945 V\", \"6.45 V\"]\n";
+    let (head, tail) =
+        STUDY.split_once("\n[[vary]]\nkey = \"device.shared_scanner.readout.offset\"").unwrap();
+    let (_, figure) = tail.split_once("[[figure]]").unwrap();
+    let study = format!("{head}{two}\n[[figure]]{figure}over = \"offset\"\nlevel = 1.0\n");
+    let folder = Folder::with(&study);
+    let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
+    let results = folder.written("out", std::slice::from_ref(&journal));
+    let mut medians: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for row in table(&results) {
+        medians.entry(row["point"].clone()).or_default().push(row["errors.angle.rmse_deg"].parse().unwrap());
+    }
+    assert_eq!(medians.len(), 6);
+    let medians = medians.values().map(|pair| pair[0].midpoint(pair[1]));
+    let (low, high) = medians.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+    // The line is where the medians pass the level, and nowhere else.
+    let svg_at = |level: f64| {
+        fs::write(folder.path("study.toml"), study.replace("level = 1.0", &format!("level = {level:?}")))
+            .unwrap();
+        let out = folder.path("level");
+        folder.plan().unwrap().write_results(std::slice::from_ref(&journal), &out, true).unwrap();
+        fs::read_to_string(out.join("figures/1_errors_angle_rmse_deg.svg")).unwrap()
+    };
+    let pieces = |svg: &str| svg.matches("stroke-linejoin").count();
+    let (below, between, above) = (svg_at(0.9 * low), svg_at(low.midpoint(high)), svg_at(1.1 * high));
+    assert!(between.contains("angle rmse is"), "{between}");
+    assert_eq!(pieces(&below), pieces(&above));
+    assert_eq!(pieces(&between), pieces(&above) + 1);
+
+    for (was, is, note) in [
+        ("over = \"offset\"", "over = \"stiffness\"", "figure[0]: `against` and `over` are the same"),
+        (
+            "values = [\"6.3945 V\", \"6.45 V\"]",
+            "values = [\"6.3945 V\"]",
+            "`offset` has no two values side by side",
+        ),
+    ] {
+        assert!(study.contains(was));
+        let folder = Folder::with(&study.replace(was, is));
+        let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
+        let summary = folder.plan().unwrap().write_results(&[journal], &folder.path("out"), false).unwrap();
+        assert!(summary.notes[0].contains(note), "{:?}", summary.notes);
+    }
+}
+
 /// Without `[simulate]` the recordings stay and what the filters are told varies.
 #[test]
 fn a_recording_can_be_studied() {

@@ -102,19 +102,20 @@ fn steps(range: Range, level: f64) -> impl Iterator<Item = (f64, Colour)> {
 /// left between cells.
 pub(super) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Mark> {
     let Some(range) = range(grid) else { return Vec::new() };
-    let (columns, rows) = (edges(&grid.x), edges(&grid.y));
+    // Between neighbours as they are drawn, so that cells are alike on a logarithmic axis as well.
+    let (columns, rows) = (edges(grid.x.iter().map(|at| x(*at))), edges(grid.y.iter().map(|at| y(*at))));
     let mut marks = Vec::new();
     for (k, (from, colour)) in steps(range, grid.level).enumerate() {
         let is_in = |value: f64| is_drawable(value) && (k == 0 || value >= from);
         let mut outlines = Vec::new();
         for (row, edge) in grid.values.iter().zip(rows.windows(2)) {
-            let (bottom, top) = (y(edge[0]), y(edge[1]));
+            let (bottom, top) = (edge[0], edge[1]);
             let mut at = 0;
             for run in row.chunk_by(|a, b| is_in(*a) == is_in(*b)) {
                 let ends = columns.get(at).zip(columns.get(at + run.len()));
                 at += run.len();
-                if let Some((left, right)) = ends.filter(|_| run.first().is_some_and(|value| is_in(*value))) {
-                    let (left, right) = (x(*left), x(*right));
+                let drawn = ends.filter(|_| run.first().is_some_and(|value| is_in(*value)));
+                if let Some((&left, &right)) = drawn {
                     outlines.push(vec![[left, bottom], [right, bottom], [right, top], [left, top]]);
                 }
             }
@@ -127,7 +128,8 @@ pub(super) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64)
 }
 
 /// Between neighbours, and the first and the last themselves.
-fn edges(at: &[f64]) -> Vec<f64> {
+fn edges(at: impl Iterator<Item = f64>) -> Vec<f64> {
+    let at: Vec<f64> = at.collect();
     let between = at.windows(2).map(|pair| pair[0].midpoint(pair[1]));
     at.first().copied().into_iter().chain(between).chain(at.last().copied()).collect()
 }

@@ -143,10 +143,16 @@ pub(super) struct Picture {
     /// The name of what varies; what varies first if left out.
     #[serde(default)]
     pub(super) against: Option<String>,
-    /// What the vertical axis is called; the end of the column's name if left out.
+    /// The name of what varies upwards in a map: the column is then shown in colours. Both have a grid or values.
+    #[serde(default)]
+    pub(super) over: Option<String>,
+    /// Where the colours of a map part and a line is drawn; the colours rise from the lowest value if left out.
+    #[serde(default)]
+    pub(super) level: Option<f64>,
+    /// What the column is called; the end of its name if left out.
     #[serde(default)]
     pub(super) label: Option<String>,
-    /// How the vertical axis is divided; `linear` if left out.
+    /// How the column's axis is divided, or its colours; `linear` if left out.
     #[serde(default)]
     pub(super) scale: Spacing,
 }

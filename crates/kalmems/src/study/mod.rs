@@ -38,6 +38,7 @@ mod axis;
 mod description;
 mod error;
 mod journal;
+mod map;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod patch;

@@ -1,8 +1,9 @@
 //! The pictures of a study: a figure of the results against what varies.
 
 use super::Plan;
-use super::axis::{Axis, Setting, Values};
+use super::axis::{Setting, Values};
 use super::description::{Picture, Spacing};
+use super::map::{self, Map};
 use super::spread::{Group, groups, spreads};
 use super::table::{Table, number};
 use crate::report::{self, Figure, Panel, Role, Series};
@@ -26,50 +27,58 @@ pub(super) fn pictures(plan: &Plan, table: &Table) -> (Vec<Figure>, Vec<String>)
 
 fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Figure, String> {
     let column = figure_column(table, &picture.metric)?;
-    let place = match &picture.against {
-        Some(name) => plan.axes.iter().position(|axis| axis.name == *name),
-        None => Some(0),
-    };
-    let Some((place, axis)) = place.and_then(|place| plan.axes.get(place).map(|axis| (place, axis))) else {
+    let place_of = |name: &str| plan.axes.iter().position(|axis| axis.name == name);
+    let place = picture.against.as_deref().map_or(Some(0), place_of);
+    let Some(place) = place.filter(|place| *place < plan.axes.len()) else {
         return Err("there is nothing to draw it against".to_owned());
     };
-    let series = match axis.values {
-        Values::Listed(_) => over_grid(plan, table, column, place)?,
-        Values::Drawn(_) => over_draws(plan, table, column, place),
-    };
-    if series.is_empty() {
-        return Err(format!("no run has a number for `{}`", picture.metric));
-    }
     let header = Header::parse(&picture.metric);
     let label = picture.label.clone().unwrap_or_else(|| {
         let name = picture.metric.strip_suffix(&format!("_{}", header.unit_text)).unwrap_or(&picture.metric);
         let words: Vec<&str> = name.split(['.', '_']).filter(|word| *word != "errors").collect();
         words.join(" ")
     });
-    let mut y = report::Axis::new(&label, header.unit_text);
+    let mut value = report::Axis::new(&label, header.unit_text);
     if picture.scale == Spacing::Log {
-        y = y.log();
+        value = value.log();
     }
-    let mut x = report::Axis::new(axis.name.replace('_', " "), axis.unit.clone());
-    if plan
-        .description
-        .vary
-        .get(place)
-        .and_then(|v| v.grid.as_ref())
-        .is_some_and(|g| g.spacing == Spacing::Log)
-    {
-        x = x.log();
+    let over = picture.over.as_deref().and_then(place_of);
+    let panels = match over {
+        Some(over) => {
+            map::panels(plan, table, column, &Map { places: [place, over], value, level: picture.level })?
+        }
+        None => vec![lines(plan, table, column, place, value)?],
+    };
+    if panels.is_empty() {
+        return Err(format!("no run has a number for `{}`", picture.metric));
     }
-    let panel = series.into_iter().fold(Panel::new(x, y), Panel::with);
     let file: String =
         picture.metric.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-    let caption = caption(plan, table, axis);
-    Ok(Figure::new(
-        format!("{}_{file}", index + 1),
-        format!("{label} against {}", axis.name.replace('_', " ")),
-        caption,
-    )
-    .with(panel))
+    let words = |place: usize| plan.axes[place].name.replace('_', " ");
+    let over_words = over.map_or_else(String::new, |over| format!(" and {}", words(over)));
+    let title = format!("{label} against {}{over_words}", words(place));
+    let figure = Figure::new(format!("{}_{file}", index + 1), title, caption(plan, table, place, over));
+    Ok(panels.into_iter().fold(figure, Figure::with))
+}
+
+/// Lines over one axis, or points where its values are drawn by chance.
+fn lines(plan: &Plan, table: &Table, column: usize, place: usize, y: report::Axis) -> Result<Panel, String> {
+    let series = match plan.axes[place].values {
+        Values::Listed(_) => over_grid(plan, table, column, place)?,
+        Values::Drawn(_) => over_draws(plan, table, column, place),
+    };
+    if series.is_empty() {
+        return Err(format!("no run has a number for `{}`", table.columns[column]));
+    }
+    Ok(series.into_iter().fold(Panel::new(axis(plan, place), y), Panel::with))
+}
+
+/// What varies, along an axis of a picture.
+pub(super) fn axis(plan: &Plan, place: usize) -> report::Axis {
+    let varied = &plan.axes[place];
+    let axis = report::Axis::new(varied.name.replace('_', " "), varied.unit.clone());
+    let grid = plan.description.vary.get(place).and_then(|vary| vary.grid.as_ref());
+    if grid.is_some_and(|grid| grid.spacing == Spacing::Log) { axis.log() } else { axis }
 }
 
 fn figure_column(table: &Table, name: &str) -> Result<usize, String> {
@@ -82,10 +91,12 @@ fn figure_column(table: &Table, name: &str) -> Result<usize, String> {
     Err(format!("{fault}; the runs need not be made again for a figure"))
 }
 
-fn caption(plan: &Plan, table: &Table, axis: &Axis) -> String {
+fn caption(plan: &Plan, table: &Table, place: usize, over: Option<usize>) -> String {
     let repeats = plan.description.repeats;
-    let mut caption = if matches!(axis.values, Values::Drawn(_)) {
+    let mut caption = if matches!(plan.axes[place].values, Values::Drawn(_)) {
         "One point for each run.".to_owned()
+    } else if repeats > 1 && over.is_some() {
+        format!("Colours: medians of {repeats} runs with noise of their own.")
     } else if repeats > 1 {
         format!(
             "Lines: medians of {repeats} runs with noise of their own; bands: from the lowest to the highest of them."
@@ -166,7 +177,7 @@ fn over_draws(plan: &Plan, table: &Table, column: usize, place: usize) -> Vec<Se
 }
 
 /// The estimator's name, with recording and segment where there are several, and its key where others share the name.
-fn name(groups: &[Group], group: &Group) -> String {
+pub(super) fn name(groups: &[Group], group: &Group) -> String {
     let mut parts = Vec::new();
     if groups.iter().any(|other| other.recording != group.recording) {
         parts.push(group.recording.as_str());

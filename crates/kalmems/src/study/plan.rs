@@ -313,15 +313,17 @@ impl Plan {
         Ok(())
     }
 
-    /// A picture is drawn against something that varies.
+    /// A picture is drawn against something that varies, and over something else that does.
     fn check_pictures(&self) -> Result<(), ConfigError> {
         for (i, picture) in self.description.figure.iter().enumerate() {
-            if let Some(against) = &picture.against
-                && !self.axes.iter().any(|axis| axis.name == *against)
-            {
-                let known = self.axes.iter().map(|axis| axis.name.as_str());
-                let key = Key::from("figure").index(i).child("against");
-                return Err(self.refuse(key, Fault::unknown_word(against, known)));
+            for (word, name) in [("against", &picture.against), ("over", &picture.over)] {
+                if let Some(name) = name
+                    && !self.axes.iter().any(|axis| axis.name == *name)
+                {
+                    let known = self.axes.iter().map(|axis| axis.name.as_str());
+                    let key = Key::from("figure").index(i).child(word);
+                    return Err(self.refuse(key, Fault::unknown_word(name, known)));
+                }
             }
         }
         Ok(())
