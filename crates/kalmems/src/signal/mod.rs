@@ -1,5 +1,7 @@
-//! What is read off a periodic signal, its sine, its cycles, its turning points; and a signal between its samples.
+//! What is read off a periodic signal, its sine, its cycles, its turning points; a signal between its samples; and how
+//! the mean of a signal at rest wanders.
 
+mod allan;
 mod band_limited;
 mod cubic;
 mod cycles;
@@ -7,6 +9,7 @@ mod extremes;
 mod interval;
 mod sine;
 
+pub use allan::{Averaged, Deviation, octaves};
 pub use band_limited::band_limited;
 pub use cubic::cubic_between;
 pub use cycles::{Cycle, fit_cycles};
