@@ -1,6 +1,6 @@
 //! What can be asked for.
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use kalmems::study::Shard;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -33,10 +33,28 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Join the journals of a study that was run in shards, and write its results.
     Merge(MergeArguments),
-    /// Print the JSON schema of experiment files, for editors.
-    Schema,
+    /// Print the JSON schema of experiment, study or image files, for editors.
+    Schema(SchemaArguments),
     /// Run an experiment again and again, over a grid or by chance, and compare its estimators.
     Study(StudyArguments),
+}
+
+#[derive(Args)]
+pub struct SchemaArguments {
+    /// What the files describe.
+    #[arg(value_enum, default_value_t = Described::Experiment)]
+    pub of: Described,
+}
+
+/// What a file can describe.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Described {
+    /// A device, its recordings and filters.
+    Experiment,
+    /// An image.
+    Image,
+    /// A study.
+    Study,
 }
 
 #[derive(Args)]

@@ -35,7 +35,7 @@ fn main() -> ExitCode {
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
         Command::Simulate(arguments) => commands::simulate::run(arguments),
         Command::Merge(arguments) => commands::study::merge(arguments),
-        Command::Schema => commands::schema::run(),
+        Command::Schema(arguments) => commands::schema::run(arguments),
         Command::Study(arguments) => commands::study::run(arguments),
     };
     let (message, code) = match ending {

@@ -118,10 +118,43 @@ fn usage_is_2_and_help_is_0() {
 }
 
 #[test]
-fn the_schema_is_json() {
-    let output = run(&["schema"]);
-    let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(schema["properties"]["device"].is_object() || schema["$defs"].is_object());
+fn a_schema_is_json_and_of_what_is_asked_for() {
+    for (asked, key) in [
+        (&["schema"][..], "device"),
+        (&["schema", "experiment"], "device"),
+        (&["schema", "study"], "vary"),
+        (&["schema", "image"], "intensity"),
+    ] {
+        let output = run(asked);
+        let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(schema["properties"][key].is_object(), "{asked:?}");
+    }
+    assert_eq!(run(&["schema"]).stdout, run(&["schema", "experiment"]).stdout);
+    assert_eq!(run(&["schema", "recording"]).status.code(), Some(2));
+}
+
+/// What the circuit is to a filter stands in the outlook as words and as numbers.
+#[test]
+fn inspect_says_what_poles_and_delay_cost() {
+    const CIRCUIT: &str = "examples/shared_scanner/circuit.toml";
+    let output = run(&["inspect", CIRCUIT]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let words = text(&output.stdout);
+    assert!(words.contains("What a filter has to know of the circuit"), "{words}");
+    assert!(words.contains("Poles and delay are needed (0.38° permitted)"), "{words}");
+    let output = run(&["inspect", CIRCUIT, "--json"]);
+    let outlook: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let facts = outlook["topics"].as_array().unwrap().iter().flat_map(|t| t["facts"].as_array().unwrap());
+    let facts: Vec<_> = facts.collect();
+    let first = |name: &str| {
+        let fact = facts.iter().find(|f| f["name"] == name).unwrap_or_else(|| panic!("{name} is missing"));
+        fact["values"][0].as_f64().unwrap()
+    };
+    let costs = ["cost_of_affine_deg", "cost_of_poles_deg", "cost_of_poles_and_delay_deg"].map(first);
+    assert!(costs[0] > 1.0 && costs[1] < costs[0] && costs[1] > 0.38 && costs[2].abs() < 0.05, "{costs:?}");
+    // A device without a circuit says nothing of one.
+    let plain = run(&["inspect", "examples/shared_scanner/simulation.toml"]);
+    assert!(!text(&plain.stdout).contains("know of the circuit"));
 }
 
 /// The example with its text changed, in a folder of its own; the message and what is left there.

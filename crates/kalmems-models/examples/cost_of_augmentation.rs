@@ -1,5 +1,5 @@
 //! What an added state costs: the time of one step of the scanner's EKF, prediction and correction, with more
-//! and more parameters as states.
+//! and more parameters as states; and what a late readout costs.
 //!
 //!     cargo run --release -p kalmems-models --example cost_of_augmentation
 //!
@@ -10,8 +10,8 @@ use kalmems_core::{
     Nodes, NoiseDensity, Over, Process, Rk4, Scalar,
 };
 use kalmems_models::capacitance::GaussianComb;
-use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
-use kalmems_models::readout::DemodulatedComb;
+use kalmems_models::dynamics::{DriveGain, ParametricScanner, TorsionalResonator};
+use kalmems_models::readout::{AngleBefore, DelayedComb, DemodulatedComb, LowPassedComb};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -138,8 +138,28 @@ fn main() {
         let readout = [None, None, Some(a), Some(o)];
         augmented::<4, 6>(&data, &noise, process, readout, [3.3e-7, 6e-13, 1e10, 0.02])
     };
-    let variants: [(&str, &dyn Fn() -> f64); 6] = [
+    let late = || {
+        let process = Rk4::new(SCANNER, 1e-6, &noise, (&[0.0, 0.0], &0.0));
+        time(&process, &DelayedComb::of(&READOUT, 1.16e-6, &SCANNER.resonator), &start::<2>(), &data)
+    };
+    let staged = |delay: f64| {
+        let stages = LowPassedComb {
+            device: DriveGain { scanner: SCANNER, drive_gain: 1.0 },
+            before: AngleBefore::of(delay, &SCANNER.resonator),
+            gain: READOUT.gain,
+            offset: READOUT.offset,
+            poles: [2.57e5; 2],
+        };
+        let process = Rk4::new(stages, 1e-6, &NoiseDensity::none().on::<1>(1e8), (&[0.0; 4], &0.0));
+        let sd = Covariance::from_standard_deviations([0.05, 5e3, 0.5, 0.5]);
+        time(&process, &stages, &Ekf::new([0.14, 0.0, 1.5, 1.5], sd), &data)
+    };
+    let (staged_at_once, staged_late) = (|| staged(0.0), || staged(1.16e-6));
+    let variants: [(&str, &dyn Fn() -> f64); 9] = [
         ("2 states", &two),
+        ("2 states, a late readout", &late),
+        ("4 states: two stages", &staged_at_once),
+        ("4 states: two stages behind a late readout", &staged_late),
         ("3 states, stiffness by hand", &by_hand),
         ("3 states: stiffness", &three),
         ("4 states: stiffness, damping", &four),

@@ -1,6 +1,6 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
-use kalmems::config::{Clock, Experiment, Recording, schema};
+use kalmems::config::{Clock, Experiment, Recording, image_schema, schema};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -129,8 +129,75 @@ fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
     }
 }
 
+/// What a second validator makes of files by a schema.
+fn accepts(schema: &serde_json::Value, file: &serde_json::Value) -> bool {
+    let mut schemas = boon::Schemas::new();
+    let mut compiler = boon::Compiler::new();
+    compiler.add_resource("schema.json", schema.clone()).unwrap();
+    let compiled = compiler.compile("schema.json", &mut schemas).unwrap();
+    schemas.validate(file, compiled).inspect_err(|e| println!("{e}")).is_ok()
+}
+
+fn example(name: &str) -> String {
+    fs::read_to_string(Path::new("../../examples/shared_scanner").join(name)).unwrap()
+}
+
+fn as_json(toml: &str) -> serde_json::Value {
+    serde_json::to_value(toml::from_str::<toml::Table>(toml).unwrap()).unwrap()
+}
+
 #[test]
-fn every_example_in_the_schema_is_accepted_by_the_schema() {
+fn the_schemas_of_studies_and_images_accept_the_examples_and_refuse_what_is_broken() {
+    let (studies, images) = (kalmems::study::schema(), image_schema());
+    let (study, image) = (example("study.toml"), example("image.toml"));
+    assert_eq!((&studies["title"], &images["title"]), (&"A kalmems study".into(), &"A kalmems image".into()));
+    assert!(accepts(&studies, &as_json(&study)) && accepts(&images, &as_json(&image)));
+    assert!(accepts(&images, &as_json(&example("two_axes_image.toml"))));
+    // Words and plain numbers are varied as well.
+    let others = "name = \"a\"\nexperiment = \"b.toml\"\n[[vary]]\nkey = \"estimate.filter[0].alpha\"\n\
+                  normal = { mean = 0.5, sd = 0.1 }\n[[vary]]\nkey = \"estimate.first_peak\"\nvalues = [\"positive\"]\n";
+    assert!(accepts(&studies, &as_json(others)));
+    for (schema, text, from, to) in [
+        (&studies, &study, "[[vary]]", "[[varied]]"),
+        (&studies, &study, "points = 7", "points = 1"),
+        (&studies, &study, "points = 7", "points = \"7\""),
+        (&studies, &study, "applies_to = \"told\"", "applies_to = \"tolld\""),
+        (&studies, &study, "scale = \"log\"", "scale = \"ln\""),
+        (&studies, &study, "grid = {", "values = [1]\ngrid = {"),
+        (&studies, &study, "experiment =", "# experiment ="),
+        (&images, &image, "[intensity]", "[intensities]"),
+        (&images, &image, "pixels = 100", "pixels = 1"),
+        (&images, &image, "fill = \"neighbours\"", "fill = \"white\""),
+        (&images, &image, "search = \"5 deg\"", "search = 5"),
+        (&images, &image, "clock = { rate = \"2 MHz\" }", "clock = { }"),
+        (&images, &image, "column = \"x_mrad\"", ""),
+    ] {
+        assert!(text.contains(from), "{from}");
+        assert!(!accepts(schema, &as_json(&text.replacen(from, to, 1))), "{to} passes the schema");
+    }
+    // Each is a schema of its own files alone.
+    assert!(!accepts(&studies, &as_json(&image)) && !accepts(&images, &as_json(&study)));
+    // A study that varies nothing.
+    assert!(!accepts(&studies, &as_json("name = \"a\"\nexperiment = \"b.toml\"\nvary = []")));
+}
+
+#[test]
+fn every_example_experiment_passes_the_schema() {
+    let schema = schema();
+    let folder = fs::read_dir("../../examples/shared_scanner").unwrap();
+    let names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let experiments: Vec<String> = names
+        .filter(|name| Path::new(name).extension().is_some_and(|ending| ending == "toml"))
+        .filter(|name| !name.ends_with("image.toml") && name != "study.toml")
+        .collect();
+    assert!(experiments.len() >= 9, "{experiments:?}");
+    for name in experiments {
+        assert!(accepts(&schema, &as_json(&example(&name))), "{name}");
+    }
+}
+
+#[test]
+fn every_example_in_a_schema_is_accepted_by_it() {
     fn visit(value: &serde_json::Value, check: &mut impl FnMut(&serde_json::Value)) {
         check(value);
         match value {
@@ -139,22 +206,19 @@ fn every_example_in_the_schema_is_accepted_by_the_schema() {
             _ => {}
         }
     }
-    let whole = schema();
-    let mut count = 0;
-    visit(&whole, &mut |part| {
-        let Some(examples) = part.get("examples").and_then(|e| e.as_array()) else { return };
-        let mut part = part.clone();
-        part["$defs"] = whole["$defs"].clone();
-        let mut schemas = boon::Schemas::new();
-        let mut compiler = boon::Compiler::new();
-        compiler.add_resource("part.json", part.clone()).unwrap();
-        let compiled = compiler.compile("part.json", &mut schemas).unwrap();
-        for example in examples {
-            assert!(schemas.validate(example, compiled).is_ok(), "{example} in {part:#}");
-            count += 1;
-        }
-    });
-    assert!(count > 50, "{count} examples");
+    for (whole, least) in [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4)] {
+        let mut count = 0;
+        visit(&whole, &mut |part| {
+            let Some(examples) = part.get("examples").and_then(|e| e.as_array()) else { return };
+            let mut part = part.clone();
+            part["$defs"] = whole["$defs"].clone();
+            for example in examples {
+                assert!(accepts(&part, example), "{example} in {part:#}");
+                count += 1;
+            }
+        });
+        assert!(count > least, "{count} examples");
+    }
 }
 
 #[test]

@@ -1,8 +1,15 @@
 //! `kalmems schema`.
 
+use crate::args::{Described, SchemaArguments};
 use crate::{Ending, print};
+use kalmems::config::{image_schema, schema};
 
-pub fn run() -> Result<(), Ending> {
-    let schema = serde_json::to_string_pretty(&kalmems::config::schema());
+pub fn run(arguments: &SchemaArguments) -> Result<(), Ending> {
+    let schema = match arguments.of {
+        Described::Experiment => schema(),
+        Described::Image => image_schema(),
+        Described::Study => kalmems::study::schema(),
+    };
+    let schema = serde_json::to_string_pretty(&schema);
     print(&(schema.map_err(|e| Ending::Wrong(e.to_string()))? + "\n"))
 }

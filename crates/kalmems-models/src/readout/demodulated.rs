@@ -34,7 +34,7 @@ pub struct DemodulatedComb<P> {
 #[model]
 impl<T: Scalar> DemodulatedComb<T> {
     /// y in V.
-    fn voltage<S: Over<T>>(&self, angle: S) -> S {
+    pub fn voltage<S: Over<T>>(&self, angle: S) -> S {
         self.comb.capacitance(angle) * self.gain + self.offset
     }
 }

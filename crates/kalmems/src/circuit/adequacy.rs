@@ -1,13 +1,13 @@
-//! Whether a filter may do without the poles of the demodulator.
+//! Whether a filter may do without the poles of the demodulator, and without its delay.
 
 use super::excitation::turned;
 use super::reduced::{HARMONICS, output_harmonics};
 use super::{Circuit, Complex, Excitation, Motion, Reduced};
 use crate::signal::{Sine, fit_sine_at};
 use crate::simulate::{Drive, Simulator};
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, Nodes, NoiseDensity, Rk4};
-use kalmems_models::dynamics::ParametricScanner;
-use kalmems_models::readout::DemodulatedComb;
+use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FilterError, Measurement, Nodes, NoiseDensity, Rk4};
+use kalmems_models::dynamics::{DriveGain, ParametricScanner};
+use kalmems_models::readout::{AngleBefore, DemodulatedComb, LowPassedComb};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fmt;
 
@@ -37,11 +37,22 @@ pub struct Cost {
     pub angle_rmse_deg: f64,
 }
 
-/// Whether y = a·C + b is good enough for a filter.
+/// What a filter knows of the circuit, the simplest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    /// y = a·C + b.
+    Affine,
+    /// The same behind the poles of the two low-pass stages.
+    Poles,
+    /// The same of C a time ago, that of [`Reduced::front_delay_s`].
+    PolesAndDelay,
+}
+
+/// Whether y = a·C + b is good enough for a filter, and if not, whether the poles are.
 ///
-/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and an extended
-/// Kalman filter that knows the device exactly follows the circuit's output, without noise and carrier, by a model that
-/// leaves poles and delay out. Its gain and offset are those of [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase, and is pulled less; a large
+/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and extended
+/// Kalman filters that know the device exactly follow the circuit's output, without noise and carrier, each knowing
+/// as much of poles and delay as [`Known`] says. Their gain and offset are those of [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase, and is pulled less; a large
 /// one follows its signal wherever it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adequacy {
@@ -53,6 +64,10 @@ pub struct Adequacy {
     pub reduced: Reduced,
     /// What the affine model without poles costs.
     pub affine: Cost,
+    /// What the poles without the delay cost.
+    pub poles: Cost,
+    /// What is left with both.
+    pub poles_and_delay: Cost,
     /// What was asked.
     pub setting: Setting,
 }
@@ -70,7 +85,7 @@ pub enum AdequacyError {
         settle_s: f64,
     },
     /// The filter gave up.
-    #[error("a filter without the poles fails on this signal: {0}")]
+    #[error("a filter fails on this signal: {0}")]
     Filter(#[from] FilterError),
 }
 
@@ -137,41 +152,56 @@ impl Adequacy {
             drive_hz: frequency_hz,
             earlier_s: phase_rad / (TAU * frequency_hz),
         };
-        let estimated = follow_without_poles(scanner, drive, &truth, rate_hz, (&signal, &reduced), setting)?;
-        let estimated = &estimated[follow - scored..];
-        // θ → −θ is the same to the filter: the nearer of both counts, and phases count modulo half a cycle.
-        let squares = [1.0, -1.0].map(|sign| -> f64 {
-            estimated.iter().zip(&true_angles).map(|(a, b)| (sign * a - b).powi(2)).sum()
-        });
-        let square = squares[0].min(squares[1]);
-        let found = sine_of(estimated).unwrap_or(Sine { amplitude: 0.0, ..moving });
-        let behind = (moving.phase_rad - found.phase_rad + 0.5 * PI).rem_euclid(PI) - 0.5 * PI;
+        let heard: Vec<f64> = truth.iter().map(|(t, _)| signal.at(*t)).collect();
+        let cost = |known: Known| -> Result<Cost, FilterError> {
+            let record = Followed { scanner, drive, truth: &truth, heard: &heard, rate_hz, setting };
+            let estimated = record.by(known, &reduced)?;
+            let estimated = &estimated[follow - scored..];
+            // θ → −θ is the same to the filter: the nearer of both counts, and phases count modulo half a cycle.
+            let squares = [1.0, -1.0].map(|sign| -> f64 {
+                estimated.iter().zip(&true_angles).map(|(a, b)| (sign * a - b).powi(2)).sum()
+            });
+            let square = squares[0].min(squares[1]);
+            let found = sine_of(estimated).unwrap_or(Sine { amplitude: 0.0, ..moving });
+            let behind = (moving.phase_rad - found.phase_rad + 0.5 * PI).rem_euclid(PI) - 0.5 * PI;
+            Ok(Cost {
+                phase_deg: behind.to_degrees(),
+                amplitude_deg: (found.amplitude - moving.amplitude).to_degrees(),
+                angle_rmse_deg: (square / scored as f64).sqrt().to_degrees(),
+            })
+        };
         Ok(Self {
             amplitude_deg: moving.amplitude.to_degrees(),
             motion_hz,
             reduced,
-            affine: Cost {
-                phase_deg: behind.to_degrees(),
-                amplitude_deg: (found.amplitude - moving.amplitude).to_degrees(),
-                angle_rmse_deg: (square / scored as f64).sqrt().to_degrees(),
-            },
+            affine: cost(Known::Affine)?,
+            poles: cost(Known::Poles)?,
+            poles_and_delay: cost(Known::PolesAndDelay)?,
             setting: *setting,
         })
     }
 
-    /// What is to be said of the delay.
-    fn beside_the_poles(&self) -> &'static str {
-        let left = self.reduced.with_poles.lag_deg.abs();
-        if left > self.setting.permitted_phase_deg { ", and the delay besides" } else { "" }
+    /// What it costs to know so much.
+    pub fn cost(&self, known: Known) -> &Cost {
+        match known {
+            Known::Affine => &self.affine,
+            Known::Poles => &self.poles,
+            Known::PolesAndDelay => &self.poles_and_delay,
+        }
     }
 
-    /// Whether y = a·C + b without poles will do: phase, and angle by no more than such an error of phase makes.
+    /// Whether so much will do: phase, and angle by no more than such an error of phase makes.
     ///
     /// The second catches a motion of a wrong amplitude whose phase happens to be right.
-    pub fn affine_is_adequate(&self) -> bool {
-        let permitted = self.setting.permitted_phase_deg;
+    pub fn is_adequate(&self, known: Known) -> bool {
+        let (cost, permitted) = (self.cost(known), self.setting.permitted_phase_deg);
         let of_angle_deg = self.amplitude_deg * permitted.to_radians() * FRAC_1_SQRT_2;
-        self.affine.phase_deg.abs() <= permitted && self.affine.angle_rmse_deg <= of_angle_deg
+        cost.phase_deg.abs() <= permitted && cost.angle_rmse_deg <= of_angle_deg
+    }
+
+    /// The simplest model that is adequate; `None` where none is.
+    pub fn needed(&self) -> Option<Known> {
+        [Known::Affine, Known::Poles, Known::PolesAndDelay].into_iter().find(|known| self.is_adequate(*known))
     }
 }
 
@@ -193,66 +223,107 @@ impl Output {
     }
 }
 
-/// The angles of an extended Kalman filter whose measurement model has no poles.
-fn follow_without_poles(
-    scanner: &ParametricScanner<f64>,
-    drive: &Drive,
-    truth: &[(f64, [f64; 2])],
+/// A motion and its signal, for filters to follow.
+struct Followed<'a> {
+    scanner: &'a ParametricScanner<f64>,
+    drive: &'a Drive,
+    truth: &'a [(f64, [f64; 2])],
+    heard: &'a [f64],
     rate_hz: f64,
-    (signal, reduced): (&Output, &Reduced),
-    setting: &Setting,
-) -> Result<Vec<f64>, FilterError> {
-    let model = reduced.with_poles_and_delay;
-    let readout = DemodulatedComb { comb: scanner.comb, gain: model.gain, offset: model.offset };
-    let noise = NoiseDensity::none().on::<1>(setting.acceleration_density);
-    let step = Rk4::new(*scanner, 1.0 / rate_hz, &noise, (&[0.0, 0.0], &0.0));
-    let variance = Covariance::from_variances([setting.noise_variance]);
-    let start = truth.first().map_or([0.0; 2], |(_, state)| *state);
-    let rate_sd = TAU * 0.5 * rate_hz / STEPS_PER_DRIVE_CYCLE * 0.05;
-    let mut filter = Ekf::new(start, Covariance::from_standard_deviations([0.05, rate_sd]));
-    let mut angles = Vec::with_capacity(truth.len());
-    let half = 0.5 / rate_hz;
-    for (time_s, _) in truth {
-        let nodes = Nodes {
-            start: drive.at(time_s - 2.0 * half),
-            middle: drive.at(time_s - half),
-            end: drive.at(*time_s),
+    setting: &'a Setting,
+}
+
+impl Followed<'_> {
+    /// The angles of a filter that knows so much.
+    fn by(&self, known: Known, reduced: &Reduced) -> Result<Vec<f64>, FilterError> {
+        let scanner = self.scanner;
+        let model = reduced.with_poles_and_delay;
+        let affine = DemodulatedComb { comb: scanner.comb, gain: model.gain, offset: model.offset };
+        let [angle, rate] = self.truth.first().map_or([0.0; 2], |(_, state)| *state);
+        let rate_sd = TAU * 0.5 * self.rate_hz / STEPS_PER_DRIVE_CYCLE * 0.05;
+        let delay_s = match known {
+            Known::Affine => return self.angles(*scanner, &affine, ([angle, rate], [0.05, rate_sd])),
+            Known::Poles => 0.0,
+            Known::PolesAndDelay => reduced.front_delay_s,
         };
-        if !angles.is_empty() {
-            filter.predict(&step, &nodes)?;
-        }
-        filter.update(&readout, &[signal.at(*time_s)], &variance)?;
-        angles.push(filter.mean()[0]);
+        let staged = LowPassedComb {
+            device: DriveGain { scanner: *scanner, drive_gain: 1.0 },
+            before: AngleBefore::of(delay_s, &scanner.resonator),
+            gain: model.gain,
+            offset: model.offset,
+            poles: reduced.poles_hz.map(|hz| TAU * hz),
+        };
+        let (volts, volts_sd) = (affine.voltage(angle), (model.gain * scanner.comb.nominal).abs());
+        let start = ([angle, rate, volts, volts], [0.05, rate_sd, volts_sd, volts_sd]);
+        self.angles(staged, &staged, start)
     }
-    Ok(angles)
+
+    /// The angles of an extended Kalman filter.
+    fn angles<D, H, const N: usize>(
+        &self,
+        dynamics: D,
+        readout: &H,
+        (mean, sd): ([f64; N], [f64; N]),
+    ) -> Result<Vec<f64>, FilterError>
+    where
+        D: Dynamics<f64, N, Input = f64>,
+        H: Measurement<f64, N, 1>,
+    {
+        let noise = NoiseDensity::none().on::<1>(self.setting.acceleration_density);
+        let step = Rk4::new(dynamics, 1.0 / self.rate_hz, &noise, (&[0.0; N], &0.0));
+        let variance = Covariance::from_variances([self.setting.noise_variance]);
+        let mut filter = Ekf::new(mean, Covariance::from_standard_deviations(sd));
+        let mut angles = Vec::with_capacity(self.truth.len());
+        let half = 0.5 / self.rate_hz;
+        for ((time_s, _), volts) in self.truth.iter().zip(self.heard) {
+            let at = |earlier_s: f64| self.drive.at(time_s - earlier_s);
+            let nodes = Nodes { start: at(2.0 * half), middle: at(half), end: at(0.0) };
+            if !angles.is_empty() {
+                filter.predict(&step, &nodes)?;
+            }
+            filter.update(readout, &[*volts], &variance)?;
+            angles.push(filter.mean()[0]);
+        }
+        Ok(angles)
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} deg in phase and {:+.2} deg in amplitude", self.phase_deg.abs(), self.amplitude_deg)
+    }
 }
 
 impl fmt::Display for Adequacy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Cost { phase_deg, amplitude_deg, .. } = self.affine;
+        let lag_deg = self.reduced.affine.lag_deg;
         write!(
             f,
-            "at {:.2} deg and {:.3} kHz the circuit is {}; its signal is {:.1} deg of the motion late, of which the poles \
-             explain {:.1} deg, and a filter without either, of q = {:.0e} rad²/s³, would be wrong by {:.2} deg in phase \
-             and {:+.2} deg in amplitude: ",
+            "at {:.2} deg and {:.3} kHz the circuit is {}; its signal is {lag_deg:.1} deg of the motion late, of which the \
+             poles explain {:.1} deg. A filter of q = {:.0e} rad²/s³ would be wrong by {} without either, by {} with the \
+             poles, by {} with poles and delay: ",
             self.amplitude_deg,
             self.motion_hz / 1e3,
             self.reduced,
-            self.reduced.affine.lag_deg,
-            self.reduced.affine.lag_deg - self.reduced.with_poles.lag_deg,
+            lag_deg - self.reduced.with_poles.lag_deg,
             self.setting.acceleration_density,
-            phase_deg.abs(),
-            amplitude_deg,
+            self.affine,
+            self.poles,
+            self.poles_and_delay,
         )?;
         let permitted = self.setting.permitted_phase_deg;
-        if self.affine_is_adequate() {
-            write!(f, "y = a·C + b is adequate ({permitted} deg permitted)")
-        } else {
-            let besides = self.beside_the_poles();
-            write!(
+        match self.needed() {
+            Some(Known::Affine) => write!(f, "y = a·C + b is adequate ({permitted} deg permitted)"),
+            Some(Known::Poles) => write!(
                 f,
-                "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states{besides}"
-            )
+                "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states"
+            ),
+            Some(Known::PolesAndDelay) => write!(
+                f,
+                "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states, and the delay \
+                 besides"
+            ),
+            None => write!(f, "none of these is adequate ({permitted} deg permitted)"),
         }
     }
 }

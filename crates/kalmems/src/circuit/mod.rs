@@ -15,7 +15,7 @@ mod printed;
 mod reduced;
 mod spectrum;
 
-pub use adequacy::{Adequacy, AdequacyError, Cost, Setting};
+pub use adequacy::{Adequacy, AdequacyError, Cost, Known, Setting};
 pub use bands::Bands;
 pub use chain::{Chain, Inputs, SAMPLES_PER_CARRIER_CYCLE, Stages, run};
 pub use design::{Demodulation, DesignError, DriveRejection, HighPassDesign, LowPassDesign};

@@ -48,7 +48,8 @@ pub use name::Name;
 pub use quantity::Quantity;
 pub(crate) use reader::read_source;
 pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
-pub use schema::schema;
+pub(crate) use schema::schema_of;
+pub use schema::{image_schema, schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, RingDownDrive, Simulate, SineDrive,

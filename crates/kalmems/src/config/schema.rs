@@ -1,7 +1,8 @@
-//! The JSON schema of an experiment file, from the types that read it.
+//! The JSON schemas of experiment and image files, and what those of other files are made with, from the types that read
+//! them.
 
 use super::key::Step;
-use super::{Experiment, Key};
+use super::{Experiment, Image, Key};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
@@ -9,7 +10,19 @@ use serde_json::Value;
 
 /// The JSON schema of an experiment file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {
-    generate::<Experiment>(false)
+    schema_of::<Experiment>("A kalmems experiment")
+}
+
+/// The JSON schema of an image file.
+pub fn image_schema() -> Value {
+    schema_of::<Image>("A kalmems image")
+}
+
+/// The JSON schema of what a type reads, under a title.
+pub(crate) fn schema_of<T: JsonSchema>(title: &str) -> Value {
+    let mut schema = generate::<T>(false);
+    schema["title"] = title.into();
+    schema
 }
 
 fn generate<T: JsonSchema>(inline: bool) -> Value {
@@ -17,7 +30,6 @@ fn generate<T: JsonSchema>(inline: bool) -> Value {
     settings.inline_subschemas = inline;
     let mut schema = settings.into_generator().into_root_schema_for::<T>();
     RecursiveTransform(remove_null).transform(&mut schema);
-    schema.insert("title".to_owned(), "A kalmems experiment".into());
     schema.to_value()
 }
 
@@ -77,6 +89,9 @@ fn tables(schema: &Value, key: &Key) -> String {
     };
     let names = variants.iter().filter_map(|v| v.get("properties")?.as_object()?.keys().next());
     let headers: Vec<String> = names.map(|name| format!("`[{key}.{name}]`")).collect();
+    if headers.is_empty() {
+        return format!("the table `[{key}]`");
+    }
     format!("one of the tables {}", headers.join(", "))
 }
 

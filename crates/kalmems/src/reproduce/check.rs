@@ -169,7 +169,8 @@ fn difference(paper: f64, ours: f64) -> String {
     } else if ratio > 0.0 && ratio <= 0.5 {
         format!("{} times smaller", significant(1.0 / ratio))
     } else {
-        format!("{:+.1} %", 100.0 * (ratio - 1.0))
+        let tenths = (1000.0 * (ratio - 1.0)).round();
+        if tenths == 0.0 { "0.0 %".to_owned() } else { format!("{:+.1} %", tenths / 10.0) }
     }
 }
 

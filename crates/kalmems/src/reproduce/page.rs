@@ -37,7 +37,7 @@ fn section(item: &Item) -> Section {
     };
     let labels: Vec<String> = item.head.places.iter().map(|p| format!("{} {}", p.paper, p.label)).collect();
     let mut section = Section::new(format!("{}: {}", labels.join(", "), item.head.title))
-        .notice(severity, format!("{}. {}", capital(verdict.words()), item.why()))
+        .notice(severity, format!("{}: {}", capital(verdict.words()), item.why()))
         .table(checks_table(item));
     for remark in &item.remarks {
         section = section.paragraph(remark.as_str());

@@ -1,9 +1,11 @@
 //! The study file.
 
-use crate::config::Name;
-use schemars::JsonSchema;
+use crate::config::{Name, schema_of};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
+use serde_json::Value;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -30,9 +32,10 @@ pub(super) struct Description {
     pub(super) seed: u64,
     /// Keys of the experiment whose values differ in what is simulated.
     #[serde(default)]
-    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
+    #[schemars(with = "BTreeMap<String, Value>")]
     pub(super) truth: BTreeMap<String, toml::Value>,
     /// The keys that vary.
+    #[schemars(length(min = 1))]
     pub(super) vary: Vec<Vary>,
     /// The pictures that are wanted.
     #[serde(default)]
@@ -42,6 +45,9 @@ pub(super) struct Description {
 /// One key that varies: over a grid, a list, or by chance.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["grid"] }, { "required": ["values"] }, { "required": ["normal"] }, { "required": ["uniform"] },
+]))]
 pub(super) struct Vary {
     /// The key of the experiment file, such as `simulate.drive.sine.frequency` or `recording[0].clock.rate`.
     #[schemars(example = &"simulate.drive.sine.frequency")]
@@ -57,7 +63,7 @@ pub(super) struct Vary {
     pub(super) grid: Option<Grid>,
     /// A list of values.
     #[serde(default)]
-    #[schemars(with = "Option<Vec<serde_json::Value>>")]
+    #[schemars(with = "Option<Vec<Value>>")]
     pub(super) values: Option<Vec<toml::Value>>,
     /// Drawn from a normal distribution in each repeat.
     #[serde(default)]
@@ -84,10 +90,10 @@ pub(super) enum AppliesTo {
 #[serde(deny_unknown_fields)]
 pub(super) struct Grid {
     /// The first.
-    #[schemars(with = "String", example = &"31.1 kHz")]
+    #[schemars(with = "NumberOrText", example = &"31.1 kHz")]
     pub(super) from: toml::Value,
     /// The last.
-    #[schemars(with = "String", example = &"31.5 kHz")]
+    #[schemars(with = "NumberOrText", example = &"31.5 kHz")]
     pub(super) to: toml::Value,
     /// How many, 2 or more.
     #[serde(deserialize_with = "whole")]
@@ -109,15 +115,37 @@ pub(super) enum Spacing {
     Log,
 }
 
+/// A value of an experiment that lies between others: a number, or text of a number with a unit.
+struct NumberOrText;
+
+impl JsonSchema for NumberOrText {
+    fn schema_name() -> Cow<'static, str> {
+        "NumberOrText".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["string", "number"] })
+    }
+}
+
+/// The JSON schema of a study file: for editors, and for checking a file without this program.
+pub fn schema() -> Value {
+    schema_of::<Description>("A kalmems study")
+}
+
 /// A normal distribution.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Normal {
     /// Its mean.
-    #[schemars(with = "String", example = &"1.10e-4 N m")]
+    #[schemars(with = "NumberOrText", example = &"1.10e-4 N m")]
     pub(super) mean: toml::Value,
     /// Its standard deviation.
-    #[schemars(with = "String", example = &"3e-7 N m")]
+    #[schemars(with = "NumberOrText", example = &"3e-7 N m")]
     pub(super) sd: toml::Value,
 }
 
@@ -126,10 +154,10 @@ pub(super) struct Normal {
 #[serde(deny_unknown_fields)]
 pub(super) struct Uniform {
     /// The lowest value.
-    #[schemars(with = "String", example = &"31.1 kHz")]
+    #[schemars(with = "NumberOrText", example = &"31.1 kHz")]
     pub(super) from: toml::Value,
     /// What all values lie below.
-    #[schemars(with = "String", example = &"31.5 kHz")]
+    #[schemars(with = "NumberOrText", example = &"31.5 kHz")]
     pub(super) to: toml::Value,
 }
 

@@ -52,6 +52,7 @@ mod shard;
 mod spread;
 mod table;
 
+pub use description::schema;
 pub use error::StudyError;
 pub use plan::Plan;
 pub use results::{Failures, Summary};

@@ -11,7 +11,7 @@ use kalmems::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Dynamics, Measurement};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{DriveGain, ParametricScanner, TorsionalResonator};
-use kalmems_models::readout::{DemodulatedComb, LowPassedComb};
+use kalmems_models::readout::{AngleBefore, DemodulatedComb, LowPassedComb};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
@@ -98,6 +98,7 @@ pub fn simulate(steady: &Steady, staged: bool, samples: usize, seed: u64) -> Sim
 pub fn low_passed() -> LowPassedComb<f64> {
     LowPassedComb {
         device: DriveGain { scanner: SCANNER, drive_gain: 1.0 },
+        before: AngleBefore::none(),
         gain: READOUT.gain,
         offset: READOUT.offset,
         poles: [TAU * POLE_HZ; 2],

@@ -3,8 +3,8 @@
 use super::SecondAxis;
 use super::circuit::ModulatedCircuit;
 use crate::config::kinds::{
-    Angle, Capacitance, Frequency, Inertia, Stiffness, TorsionalDamping, Voltage, VoltagePerCapacitance,
-    VoltageVariance,
+    Angle, Capacitance, Frequency, Inertia, Stiffness, Time, TorsionalDamping, Voltage,
+    VoltagePerCapacitance, VoltageVariance,
 };
 use crate::config::quantity::Quantity;
 use crate::config::sign::{NotNegative, NotZero, Positive};
@@ -71,6 +71,10 @@ pub struct DemodulatedReadout {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "two_poles")]
     #[schemars(example = poles())]
     pub poles: Option<[Pole; 2]>,
+    /// How late the voltage is beside the poles, such as `1.16 us` for a high-pass of fourth order near its cut-off; at
+    /// most an eighth of the motion's cycle. All filters and the simulation without a circuit heed it; none if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<Quantity<Time, NotNegative>>,
 }
 
 type Pole = Quantity<Frequency, Positive>;

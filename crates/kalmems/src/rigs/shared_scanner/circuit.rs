@@ -1,9 +1,9 @@
 //! The circuit of an experiment file, and the signal through it.
 
-use super::settings::Hardware;
+use super::settings::{Hardware, Settings};
 use super::simulation::{Sensing, Sensor};
 use crate::circuit::{
-    Adequacy, Chain, Circuit, Detector, HighPass, Inputs, SAMPLES_PER_CARRIER_CYCLE, Setting,
+    Adequacy, AdequacyError, Chain, Circuit, Detector, HighPass, Inputs, SAMPLES_PER_CARRIER_CYCLE, Setting,
 };
 use crate::config::{
     ConfigError, DetectorSource, Device, Experiment, Fault, Key, ModulatedCircuit, Quantity, Simulate,
@@ -72,13 +72,13 @@ impl SensingCircuit {
         Ok(Self { circuit, carrier: device.carrier.amplitude.si(), carrier_hz, seed })
     }
 
-    /// What a filter needs to know of it, in words. `acceleration_density` is that of the filter.
-    pub fn outlook(
+    /// What a filter needs to know of it. `acceleration_density` is that of the filter.
+    pub fn adequacy(
         &self,
         hardware: &Hardware,
         (drive, start): (&Drive, [f64; 2]),
         acceleration_density: f64,
-    ) -> String {
+    ) -> Result<Adequacy, AdequacyError> {
         let setting = Setting {
             acceleration_density,
             noise_variance: hardware.noise_variance,
@@ -86,11 +86,25 @@ impl SensingCircuit {
             carrier_hz: self.carrier_hz,
             permitted_phase_deg: ONE_PIXEL_DEG,
         };
-        match Adequacy::of(&self.circuit, &hardware.scanner, (drive, start), &setting) {
-            Ok(adequacy) => adequacy.to_string(),
-            Err(why) => format!("the circuit is not reduced to a filter's model: {why}"),
-        }
+        Adequacy::of(&self.circuit, &hardware.scanner, (drive, start), &setting)
     }
+}
+
+/// What is said of a circuit that no filter's model could be found for.
+pub fn not_reduced(why: &dyn std::fmt::Display) -> String {
+    format!("the circuit is not reduced to a filter's model: {why}")
+}
+
+/// q of a filter where the file describes none.
+const USUAL_DENSITY: f64 = 1e4;
+
+/// q of the first filter that the file describes, for which the circuit's model is judged.
+pub fn density_asked(experiment: &Experiment) -> Result<f64, ConfigError> {
+    if experiment.estimate.is_none() {
+        return Ok(USUAL_DENSITY);
+    }
+    let filters = Settings::of(experiment)?.filters;
+    Ok(filters.iter().find(|f| f.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density))
 }
 
 /// The circuit in SI.

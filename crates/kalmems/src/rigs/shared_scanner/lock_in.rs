@@ -37,7 +37,8 @@ impl Swing {
 pub struct LockIn<'a> {
     hardware: &'a Hardware,
     drive: &'a Sine,
-    /// What the demodulator's stages leave of the component, and by how much they delay it, in rad.
+    /// What the demodulator's stages leave of the component, and by how much they and the readout's delay turn it, in
+    /// rad.
     stages: (f64, f64),
 }
 
@@ -48,9 +49,10 @@ impl<'a> LockIn<'a> {
     /// For this device and drive, behind low-pass stages with these corners in rad/s, if any.
     pub fn new(hardware: &'a Hardware, drive: &'a Sine, poles: Option<[f64; 2]>) -> Self {
         let rate = TAU * drive.frequency_hz;
-        let stages = poles.into_iter().flatten().fold((1.0, 0.0), |(left, delay), pole| {
-            (left / (rate / pole).hypot(1.0), delay + (rate / pole).atan())
-        });
+        let stages =
+            poles.into_iter().flatten().fold((1.0, rate * hardware.delay_s), |(left, delay), pole| {
+                (left / (rate / pole).hypot(1.0), delay + (rate / pole).atan())
+            });
         Self { hardware, drive, stages }
     }
 

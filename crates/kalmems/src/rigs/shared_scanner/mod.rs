@@ -12,6 +12,7 @@ mod filters;
 pub mod identification;
 mod lock_in;
 mod outlook;
+mod past;
 mod plant;
 mod reproduction;
 mod ring_down;

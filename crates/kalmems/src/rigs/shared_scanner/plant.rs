@@ -9,7 +9,7 @@ use kalmems_core::{
     Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Over, Process, ProcessNoise, Rk4,
 };
 use kalmems_models::dynamics::{DriveGain, ParametricScanner};
-use kalmems_models::readout::{DemodulatedComb, LowPassedComb};
+use kalmems_models::readout::{AngleBefore, DelayedComb, LowPassedComb};
 
 /// A scanner of `N` states as a filter sees it.
 pub trait Plant<const N: usize> {
@@ -64,10 +64,10 @@ fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
 pub fn affine(
     hardware: &Hardware,
     filter: &FilterSettings,
-) -> Plain<ParametricScanner<f64>, DemodulatedComb<f64>> {
+) -> Plain<ParametricScanner<f64>, DelayedComb<f64>> {
     Plain {
         dynamics: hardware.scanner,
-        readout: hardware.readout,
+        readout: hardware.late_readout(),
         acceleration_density: filter.acceleration_density,
     }
 }
@@ -76,6 +76,7 @@ pub fn affine(
 pub fn low_passed(hardware: &Hardware, poles: [f64; 2]) -> LowPassedComb<f64> {
     LowPassedComb {
         device: DriveGain { scanner: hardware.scanner, drive_gain: 1.0 },
+        before: AngleBefore::of(hardware.delay_s, &hardware.scanner.resonator),
         gain: hardware.readout.gain,
         offset: hardware.readout.offset,
         poles,
@@ -120,7 +121,7 @@ where
 }
 
 /// The affine law with `A` parameters as states.
-type AffineWith<const A: usize> = AugmentedMeasurement<DemodulatedComb<f64>, f64, 2, A>;
+type AffineWith<const A: usize> = AugmentedMeasurement<DelayedComb<f64>, f64, 2, A>;
 
 /// Angle and rate with `A` parameters, read by the affine law.
 pub fn affine_with<const A: usize>(
@@ -131,7 +132,7 @@ pub fn affine_with<const A: usize>(
     let enters = of_parameters(filter, |parameter| parameter.in_readout);
     Ok(WithParameters {
         dynamics: DriveGain { scanner: hardware.scanner, drive_gain: 1.0 },
-        readout: AugmentedMeasurement::new(hardware.readout, &added, enters)?,
+        readout: AugmentedMeasurement::new(hardware.late_readout(), &added, enters)?,
         acceleration_density: filter.acceleration_density,
         added,
         enters: of_parameters(filter, |parameter| parameter.in_motion),
@@ -171,7 +172,7 @@ fn of_parameters<const A: usize>(
 /// The scanner by Euler's method, as published, with the noise of one sample as that of the exact step.
 pub struct Published {
     scanner: ParametricScanner<f64>,
-    readout: DemodulatedComb<f64>,
+    readout: DelayedComb<f64>,
     acceleration_density: f64,
 }
 
@@ -180,7 +181,7 @@ impl Published {
     pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Self {
         Self {
             scanner: hardware.scanner,
-            readout: hardware.readout,
+            readout: hardware.late_readout(),
             acceleration_density: filter.acceleration_density,
         }
     }
@@ -188,14 +189,14 @@ impl Published {
 
 impl Plant<2> for Published {
     type Process = FromStart;
-    type Readout = DemodulatedComb<f64>;
+    type Readout = DelayedComb<f64>;
 
     fn over(&self, interval_s: f64) -> Result<FromStart, AugmentationError> {
         let noise = *step(self.scanner, interval_s, self.acceleration_density).noise().covariance();
         Ok(FromStart(Euler::new(self.scanner, interval_s, noise)))
     }
 
-    fn readout(&self) -> &DemodulatedComb<f64> {
+    fn readout(&self) -> &DelayedComb<f64> {
         &self.readout
     }
 }

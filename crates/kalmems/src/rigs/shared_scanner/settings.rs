@@ -1,12 +1,12 @@
 //! What the rig takes from an experiment file, in SI.
 
 use super::filters::FilterSettings;
-use crate::config::{ConfigError, Device, Entry, Experiment, Fault, Key, Peak, Sign, Values};
+use crate::config::{ConfigError, Device, Entry, Experiment, Fault, Key, Peak, Quantity, Sign, Values};
 use crate::units::kind;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
-use kalmems_models::readout::DemodulatedComb;
-use std::f64::consts::TAU;
+use kalmems_models::readout::{DelayedComb, DemodulatedComb};
+use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Device, noise and filter settings.
 #[derive(Clone, Debug)]
@@ -31,6 +31,8 @@ pub struct Hardware {
     pub readout: DemodulatedComb<f64>,
     /// The corner frequencies of the demodulator's low-pass stages in rad/s, where they are stated.
     pub poles: Option<[f64; 2]>,
+    /// How late the signal is beside the poles, in s.
+    pub delay_s: f64,
     /// The variance of the recorded signal's noise per sample, in V².
     pub noise_variance: f64,
 }
@@ -48,26 +50,43 @@ impl Hardware {
             bias: device.comb.bias_capacitance.si(),
         };
         let carrier = if device.carrier.included_in_drive { 0.0 } else { device.carrier.amplitude.si() };
+        let resonator = TorsionalResonator {
+            inertia: device.resonator.inertia.si(),
+            damping: device.resonator.damping.si(),
+            stiffness: device.resonator.stiffness.si(),
+        };
+        let delay_s = device.readout.delay.as_ref().map_or(0.0, Quantity::si);
+        let longest_s = LONGEST_DELAY_RAD / resonator.natural_rate();
+        if delay_s > longest_s {
+            let why = format!(
+                "filters read the angle that was by the motion that is, up to an eighth of a cycle back; write at most `{:.2} us`",
+                longest_s * 1e6
+            );
+            let key =
+                ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
+            return Err(experiment.error(key, Fault::Value { why }));
+        }
         Ok(Self {
-            scanner: ParametricScanner {
-                resonator: TorsionalResonator {
-                    inertia: device.resonator.inertia.si(),
-                    damping: device.resonator.damping.si(),
-                    stiffness: device.resonator.stiffness.si(),
-                },
-                comb,
-                carrier_mean_square: carrier * carrier / 2.0,
-            },
+            scanner: ParametricScanner { resonator, comb, carrier_mean_square: carrier * carrier / 2.0 },
             readout: DemodulatedComb {
                 comb,
                 gain: device.readout.gain.si(),
                 offset: device.readout.offset.si(),
             },
             poles: device.readout.poles.as_ref().map(|poles| poles.each_ref().map(|pole| TAU * pole.si())),
+            delay_s,
             noise_variance: device.readout.noise_variance.si(),
         })
     }
+
+    /// The readout as late as it is, for filters without the demodulator's stages.
+    pub fn late_readout(&self) -> DelayedComb<f64> {
+        DelayedComb::of(&self.readout, self.delay_s, &self.scanner.resonator)
+    }
 }
+
+/// An eighth of a cycle: farther back, what [`DelayedComb`] leaves out is more than half a percent of the amplitude.
+const LONGEST_DELAY_RAD: f64 = FRAC_PI_4;
 
 /// The states of the motion, as tables of values name them.
 pub const fn states(sign: Sign) -> [Entry; 2] {

@@ -1,7 +1,8 @@
 //! A recording of the scanner that is computed.
 
-use super::circuit::SensingCircuit;
-use super::settings::{Hardware, Settings, state_at};
+use super::circuit::{SensingCircuit, density_asked, not_reduced};
+use super::past::Past;
+use super::settings::{Hardware, state_at};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Simulate, Values};
 use crate::recording::Source;
 use crate::simulate::{
@@ -37,45 +38,57 @@ pub trait Sensing<D, const N: usize> {
     fn sample(&mut self, state: &[f64; N]) -> f64;
 }
 
-/// A readout that is a function of the state, with white noise.
+/// A readout that is a function of the state as it was a constant time ago, with white noise.
 pub struct Readout<H> {
     law: H,
+    delay_s: f64,
     /// The standard deviation of the noise in V.
     noise: f64,
     seed: u64,
 }
 
 impl<H> Readout<H> {
-    /// The readout with noise of this variance in V², where the file wants noise.
-    pub fn new(law: H, noise_variance: f64, simulate: &Simulate) -> Self {
+    /// The readout so many seconds late, with noise of this variance in V², where the file wants noise.
+    pub fn new(law: H, delay_s: f64, noise_variance: f64, simulate: &Simulate) -> Self {
         let noise = if simulate.noise { noise_variance.sqrt() } else { 0.0 };
-        Self { law, noise, seed: simulate.seed }
+        Self { law, delay_s, noise, seed: simulate.seed }
     }
 }
 
-impl<D, H: Measurement<f64, N, 1>, const N: usize> Sensor<D, N> for Readout<H> {
+impl<D: Dynamics<f64, N, Input = f64> + Copy, H: Measurement<f64, N, 1>, const N: usize> Sensor<D, N>
+    for Readout<H>
+{
     type Sensing<'a>
-        = Reading<'a, H>
+        = Reading<'a, H, N>
     where
         Self: 'a,
         D: 'a;
 
-    fn begin<'a>(&'a self, _: &'a D, _: &'a Drive, _: f64, _: &[f64; N]) -> Reading<'a, H> {
-        Reading { readout: self, noise: WhiteNoise::new(self.seed, SIGNAL_NOISE) }
+    fn begin<'a>(&'a self, _: &'a D, _: &'a Drive, rate_hz: f64, start: &[f64; N]) -> Reading<'a, H, N> {
+        Reading {
+            readout: self,
+            past: Past::new(start, self.delay_s * rate_hz),
+            noise: WhiteNoise::new(self.seed, SIGNAL_NOISE),
+        }
     }
 }
 
 /// A [`Readout`] at work.
-pub struct Reading<'a, H> {
+pub struct Reading<'a, H, const N: usize> {
     readout: &'a Readout<H>,
+    past: Past<N>,
     noise: WhiteNoise,
 }
 
-impl<D, H: Measurement<f64, N, 1>, const N: usize> Sensing<D, N> for Reading<'_, H> {
-    fn follow(&mut self, _: &Simulator<D, N>) {}
+impl<D: Dynamics<f64, N, Input = f64> + Copy, H: Measurement<f64, N, 1>, const N: usize> Sensing<D, N>
+    for Reading<'_, H, N>
+{
+    fn follow(&mut self, simulator: &Simulator<D, N>) {
+        self.past.push(simulator.state());
+    }
 
-    fn sample(&mut self, state: &[f64; N]) -> f64 {
-        let [clean] = self.readout.law.predict(state);
+    fn sample(&mut self, _: &[f64; N]) -> f64 {
+        let [clean] = self.readout.law.predict(&self.past.state());
         clean + self.readout.noise * self.noise.sample()
     }
 }
@@ -96,9 +109,6 @@ pub struct ScannerSimulation<D, Z, const N: usize> {
     outlook: Option<String>,
 }
 
-/// q of a filter where the file describes none.
-const USUAL_DENSITY: f64 = 1e4;
-
 /// The simulation of the scanner of one axis: its signal comes through the circuit where the file describes one.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
     let hardware = Hardware::of(experiment)?;
@@ -110,22 +120,19 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
         Channel { meaning: "rate", column: "rate_rad_per_s" },
     ];
     if matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some()) {
-        let density = match &experiment.estimate {
-            Some(_) => {
-                let filters = Settings::of(experiment)?.filters;
-                filters.iter().find(|f| f.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density)
-            }
-            None => USUAL_DENSITY,
-        };
+        let density = density_asked(experiment)?;
         let circuit = |simulate: &Simulate, drive: &Drive| SensingCircuit::of(experiment, simulate, drive);
         let outlook = |circuit: &SensingCircuit, drive: &Drive, start: [f64; 2]| {
-            let circuit = circuit.outlook(&hardware, (drive, start), density);
+            let circuit = match circuit.adequacy(&hardware, (drive, start), density) {
+                Ok(adequacy) => adequacy.to_string(),
+                Err(why) => not_reduced(&why),
+            };
             Some(stability(drive).map_or(circuit.clone(), |stability| format!("{stability}\n{circuit}")))
         };
         return Ok(Box::new(ScannerSimulation::of(experiment, scanner, circuit, start, truth, outlook)?));
     }
     let readout = |simulate: &Simulate, _: &Drive| {
-        Ok(Readout::new(hardware.readout, hardware.noise_variance, simulate))
+        Ok(Readout::new(hardware.readout, hardware.delay_s, hardware.noise_variance, simulate))
     };
     let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 2]| stability(drive);
     Ok(Box::new(ScannerSimulation::of(experiment, scanner, readout, start, truth, outlook)?))

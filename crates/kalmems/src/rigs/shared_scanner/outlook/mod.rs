@@ -1,6 +1,7 @@
 //! What can be said of a scanner and its drive before anything is recorded.
 
 mod driven;
+mod model;
 mod observability;
 
 use super::settings::Hardware;
@@ -29,6 +30,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let (rate, is_given) = sampling_rate(experiment).map_or((1e6, false), |rate| (rate, true));
     let own = driven.as_ref().and_then(|driven| driven.amplitude);
     topics.push(signal(&hardware, own, drive.as_ref(), rate, is_given));
+    topics.extend(model::of_the_circuit(experiment, &hardware, drive.as_ref())?);
     let amplitudes = (4..=80).map(|k| (0.25 * f64::from(k)).to_radians());
     Ok(Outlook {
         experiment: experiment.name.to_string(),

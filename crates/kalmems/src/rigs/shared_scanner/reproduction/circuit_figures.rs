@@ -160,7 +160,7 @@ fn demodulated(moving: &Bands, first_order: &Circuit) -> Item {
 /// Sticks on a logarithmic axis.
 fn panel(name: &str, lines: &Spectrum) -> Panel {
     const LEAST_V: f64 = 1e-4;
-    let x = Axis::new("frequency", "Hz").between(-2e4, 1.1e6);
+    let x = Axis::new("frequency", "Hz").between(-2e4, 1.16e6);
     let groups = [
         (0, "n·f_dr", Role::Input),
         (1, "f_c ± n·f_dr", Role::Measured),

@@ -70,7 +70,7 @@ const FREQUENCIES: u32 = 15;
 const BAND_HZ: [f64; 2] = [31_220.0, 31_480.0];
 
 /// An angle that no mirror tilts to: an estimate with larger errors has diverged.
-const DIVERGED_DEG: f64 = 90.0;
+pub(super) const DIVERGED_DEG: f64 = 90.0;
 
 /// One estimator at one point. The errors are not a number where it diverged or stopped.
 #[derive(Clone, Debug)]

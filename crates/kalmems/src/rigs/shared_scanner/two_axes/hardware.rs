@@ -1,6 +1,6 @@
 //! The device with its second axis, in SI.
 
-use crate::config::{ConfigError, Device, Experiment, Fault, Quantity, SecondAxis};
+use crate::config::{ConfigError, Device, Experiment, Fault, Key, Quantity, SecondAxis};
 use crate::rigs::shared_scanner::settings;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator, TwoAxisScanner};
@@ -25,6 +25,12 @@ impl Hardware {
             let remedy = "add the table `[device.shared_scanner.second_axis]`".to_owned();
             return Err(experiment.error("device", Fault::MissingKey { remedy }));
         };
+        if first.delay_s > 0.0 {
+            let why = "a scanner with two axes is read without a delay; leave `delay` out".to_owned();
+            let key =
+                ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
+            return Err(experiment.error(key, Fault::Value { why }));
+        }
         let comb = GaussianComb {
             nominal: second.comb.nominal_capacitance.si(),
             angular_width: second.comb.angular_width.si(),

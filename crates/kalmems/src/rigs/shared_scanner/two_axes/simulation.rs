@@ -10,7 +10,7 @@ use crate::simulate::{Channel, Drive, SimulateError, Simulation};
 /// The simulation of both axes: the truth is angle and rate of each.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
     let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
-    let sensor = |simulate: &Simulate, _: &Drive| Ok(Readout::new(readout, noise_variance, simulate));
+    let sensor = |simulate: &Simulate, _: &Drive| Ok(Readout::new(readout, 0.0, noise_variance, simulate));
     let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 4]| {
         let drive = PlannedDrive::of(drive)?;
         Some(BandPlan::of(&scanner, &drive, BandPlan::GUARD_HZ).to_string())
