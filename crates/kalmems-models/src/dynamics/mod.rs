@@ -12,4 +12,4 @@ pub use duffing::Duffing;
 pub use electrostatic::{torque, torque_slope};
 pub use parametric::ParametricScanner;
 pub use resonator::TorsionalResonator;
-pub use two_axis::TwoAxisScanner;
+pub use two_axis::{TwoAxisDriveGain, TwoAxisScanner};

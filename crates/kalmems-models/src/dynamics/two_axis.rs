@@ -80,3 +80,42 @@ impl<T: Scalar> Dynamics<T, 4> for TwoAxisScanner<T> {
         [angle_x, rate_x, angle_y, rate_y]
     }
 }
+
+/// A [`TwoAxisScanner`] that sees g·V of the voltage V that was recorded, as [`DriveGain`](super::DriveGain) does for one
+/// axis.
+///
+/// ```
+/// use kalmems_core::Dynamics;
+/// use kalmems_models::capacitance::GaussianComb;
+/// use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator, TwoAxisDriveGain, TwoAxisScanner};
+/// let axis = ParametricScanner {
+///     resonator: TorsionalResonator { inertia: 1.15e-14, damping: 5.95e-12, stiffness: 1.10e-4 },
+///     comb: GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 },
+///     carrier_mean_square: 18.0,
+/// };
+/// let scanner = TwoAxisScanner { x: axis, y: axis, gimbal_inertia: 1.15e-14 };
+/// let amplified = TwoAxisDriveGain { scanner, drive_gain: 1.5 };
+/// let state = [0.1, 2.0, -0.05, 7.0];
+/// assert_eq!(amplified.derivative(&state, &60.0), scanner.derivative(&state, &90.0_f64));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
+pub struct TwoAxisDriveGain<P> {
+    /// The scanner.
+    pub scanner: TwoAxisScanner<P>,
+    /// g, 1 where the recorded voltage is that of the electrodes.
+    pub drive_gain: P,
+}
+
+#[model(parametric)]
+impl<T: Scalar> Dynamics<T, 4> for TwoAxisDriveGain<T> {
+    type Input = T;
+
+    fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
+        let [of_x, of_y] = self.scanner.accelerations(x, *voltage * self.drive_gain);
+        [x[1], of_x, x[3], of_y]
+    }
+
+    fn natural_scales(&self) -> [T; 4] {
+        self.scanner.natural_scales()
+    }
+}

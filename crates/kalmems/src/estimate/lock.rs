@@ -1,5 +1,6 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
+use super::Trajectory;
 use crate::signal::{Cycle, fit_cycles};
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -16,7 +17,7 @@ pub struct Lock {
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum LockEvent {
     /// Over a whole cycle of the motion the prediction left more than half of the signal unexplained, and far
-    /// more than the filter expected.
+    /// more than the filter expected. The axes of a device share the signal, so that all of them lose it.
     Lost {
         /// When the cycle began, in s.
         time_s: f64,
@@ -26,6 +27,9 @@ pub enum LockEvent {
     /// The estimated motion has moved by more than a quarter of a cycle against the drive since it was last
     /// settled: it went over to another branch, most often the mirrored one.
     Flipped {
+        /// The angle that did, by its name among the states.
+        #[serde(skip_serializing_if = "is_the_only_one")]
+        of: &'static str,
         /// When the cycle began, in s.
         time_s: f64,
         /// By how much it has moved, in degrees of the motion's cycle.
@@ -38,6 +42,11 @@ impl Lock {
     pub fn held(&self) -> bool {
         self.events.is_empty()
     }
+
+    /// Whether nothing happened to this angle, by its name among the states.
+    pub fn held_of(&self, angle: &str) -> bool {
+        self.events.iter().all(|event| matches!(event, LockEvent::Flipped { of, .. } if *of != angle))
+    }
 }
 
 impl std::fmt::Display for LockEvent {
@@ -49,10 +58,11 @@ impl std::fmt::Display for LockEvent {
                 time_s * 1e3,
                 unexplained * 100.0
             ),
-            Self::Flipped { time_s, moved_deg } => write!(
+            Self::Flipped { of, time_s, moved_deg } => write!(
                 f,
-                "changed branch at {:.3} ms: the motion has moved by {moved_deg:.0}° against the drive",
-                time_s * 1e3
+                "changed branch at {:.3} ms: the motion{} has moved by {moved_deg:.0}° against the drive",
+                time_s * 1e3,
+                if is_the_only_one(of) { String::new() } else { format!(" of {of}") }
             ),
         }
     }
@@ -72,21 +82,27 @@ const UNEXPLAINED: f64 = 0.5;
 /// The mean NIS of a cycle from which on the filter itself says that something is wrong.
 const ALARM: f64 = 4.0;
 
-/// Judges a trajectory's lock from `start_s` on, cycle by cycle of the motion.
+/// Whether an angle, by its name among the states, is that of a device of one axis, which need not say which.
+pub(crate) fn is_the_only_one(angle: &&str) -> bool {
+    *angle == "angle"
+}
+
+/// Judges a trajectory's lock from `start_s` on, cycle by cycle of each axis's motion.
 ///
-/// `angle` is the estimated angle, `signal` what was measured, `innovation` and `nis` what the filter made of
-/// it. A signal without motion cannot be lost: both its share and the NIS must be too large. Whether the
-/// motion keeps its phase can be told only where a steady drive sets its frequency.
+/// `signal` is what was measured; each axis is the name of its angle among the states, and how fast it goes. A signal
+/// without motion cannot be lost: both its share and the NIS must be too large over a cycle of the slowest axis.
+/// Whether a motion keeps its phase can be told only where a steady drive sets its frequency.
 pub fn judge_lock(
-    time_s: &[f64],
-    (angle, signal): (&[f64], &[f64]),
-    (innovation, nis): (&[f64], &[f64]),
-    motion: Motion,
+    trajectory: &Trajectory,
+    signal: &[f64],
+    axes: &[(&'static str, Motion)],
     start_s: f64,
 ) -> Lock {
-    let mut events = lost(time_s, signal, innovation, nis, motion.frequency_hz, start_s);
-    if motion.is_driven {
-        events.extend(flipped(&fit_cycles(time_s, angle, motion.frequency_hz, start_s)));
+    let slowest_hz = axes.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
+    let mut events = lost(trajectory, signal, slowest_hz, start_s);
+    for (of, motion) in axes.iter().filter(|(_, motion)| motion.is_driven) {
+        let angle = trajectory.state(of).map_or(&[][..], |state| &state.mean);
+        flipped(of, &fit_cycles(&trajectory.time_s, angle, motion.frequency_hz, start_s), &mut events);
     }
     events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
     Lock { events }
@@ -102,14 +118,8 @@ impl LockEvent {
 }
 
 /// The first cycle of each stretch in which the signal was lost.
-fn lost(
-    time_s: &[f64],
-    signal: &[f64],
-    innovation: &[f64],
-    nis: &[f64],
-    motion_hz: f64,
-    start_s: f64,
-) -> Vec<LockEvent> {
+fn lost(trajectory: &Trajectory, signal: &[f64], motion_hz: f64, start_s: f64) -> Vec<LockEvent> {
+    let Trajectory { time_s, innovation, nis, .. } = trajectory;
     let mut events = Vec::new();
     let mut was_lost = false;
     let mut first = time_s.partition_point(|t| *t < start_s);
@@ -137,9 +147,8 @@ fn lost(
 
 /// Where the motion left its phase by more than a quarter cycle, and how far it had gone when it was steady
 /// again (within a twelfth of a cycle from one cycle to the next).
-fn flipped(cycles: &[Cycle]) -> Vec<LockEvent> {
-    let mut events = Vec::new();
-    let Some(mut settled) = cycles.first().map(|cycle| cycle.phase_rad) else { return events };
+fn flipped(of: &'static str, cycles: &[Cycle], events: &mut Vec<LockEvent>) {
+    let Some(mut settled) = cycles.first().map(|cycle| cycle.phase_rad) else { return };
     let mut left = None;
     for pair in cycles.windows(2) {
         let [before, cycle] = pair else { continue };
@@ -150,12 +159,11 @@ fn flipped(cycles: &[Cycle]) -> Vec<LockEvent> {
         }
         let time_s = *left.get_or_insert(cycle.start_s);
         if wrapped(cycle.phase_rad - before.phase_rad).abs() < PI / 6.0 {
-            events.push(LockEvent::Flipped { time_s, moved_deg: moved.to_degrees() });
+            events.push(LockEvent::Flipped { of, time_s, moved_deg: moved.to_degrees() });
             settled = cycle.phase_rad;
             left = None;
         }
     }
-    events
 }
 
 fn wrapped(angle: f64) -> f64 {
@@ -165,18 +173,25 @@ fn wrapped(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimate::TrajectoryKind;
+    use crate::units::kind;
     use std::f64::consts::TAU;
 
     const MOTION_HZ: f64 = 15_675.0;
 
     fn judge(amplitude: impl Fn(f64) -> f64, innovation: impl Fn(f64) -> f64) -> Lock {
         let time: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 1e-6).collect();
-        let angle: Vec<f64> = time.iter().map(|t| amplitude(*t) * (TAU * MOTION_HZ * t).sin()).collect();
-        let signal: Vec<f64> = angle.iter().map(|a| 30.0 * a * a).collect();
-        let innovation: Vec<f64> = time.iter().map(|t| innovation(*t)).collect();
-        let nis: Vec<f64> = innovation.iter().map(|v| (v / 0.014).powi(2)).collect();
-        let motion = Motion { frequency_hz: MOTION_HZ, is_driven: true };
-        judge_lock(&time, (&angle, &signal), (&innovation, &nis), motion, 1e-3)
+        let states = [("angle", "rad", &kind::ANGLE), ("other", "rad", &kind::ANGLE)];
+        let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, &time, &states);
+        let swing = |hz: f64, t: f64| (TAU * hz * t).sin();
+        trajectory.states[0].mean = time.iter().map(|t| amplitude(*t) * swing(MOTION_HZ, *t)).collect();
+        trajectory.states[1].mean = time.iter().map(|t| 0.1 * swing(MOTION_HZ / 3.0, *t)).collect();
+        trajectory.innovation = time.iter().map(|t| innovation(*t)).collect();
+        trajectory.nis = trajectory.innovation.iter().map(|v| (v / 0.014).powi(2)).collect();
+        let signal: Vec<f64> = trajectory.states[0].mean.iter().map(|a| 30.0 * a * a).collect();
+        let axes = [("angle", MOTION_HZ), ("other", MOTION_HZ / 3.0)]
+            .map(|(of, frequency_hz)| (of, Motion { frequency_hz, is_driven: true }));
+        judge_lock(&trajectory, &signal, &axes, 1e-3)
     }
 
     #[test]
@@ -194,7 +209,8 @@ mod tests {
     fn a_change_of_branch_is_told_with_its_time() {
         let lock = judge(|t| 0.15 * ((5e-3 - t) / 1e-3).clamp(-1.0, 1.0), |_| 0.014);
         assert_eq!(lock.events.len(), 1, "{lock:?}");
-        let LockEvent::Flipped { time_s, moved_deg } = lock.events[0] else { panic!("{lock:?}") };
+        let LockEvent::Flipped { of, time_s, moved_deg } = lock.events[0] else { panic!("{lock:?}") };
+        assert!(of == "angle" && lock.held_of("other") && !lock.held_of("angle"));
         assert!((time_s - 5e-3).abs() < 1e-4 && (moved_deg.abs() - 180.0).abs() < 3.0, "{lock:?}");
     }
 
@@ -203,6 +219,8 @@ mod tests {
         let lock = judge(|_| 0.15, |t| if t > 4e-3 { 0.3 } else { 0.01 });
         assert_eq!(lock.events.len(), 1, "{lock:?}");
         let LockEvent::Lost { time_s, .. } = lock.events[0] else { panic!("{lock:?}") };
-        assert!((time_s - 4e-3).abs() < 1e-4, "{lock:?}");
+        // The slower motion's cycle.
+        assert!((time_s - 4e-3).abs() < 2e-4, "{lock:?}");
+        assert!(!lock.held_of("other") && !lock.held_of("angle"));
     }
 }

@@ -16,6 +16,7 @@ pub use any_filter::{AnyFilter, ITERATIONS};
 pub use engine::{Course, StateName, follow};
 pub use error::EstimateError;
 pub use literal_ukf::{LiteralUkf, Misprint};
+pub(crate) use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
 pub use model_alone::ModelAlone;
 pub use progress::{Progress, Silent};

@@ -126,6 +126,11 @@ impl Trajectory {
         self.states.iter().all(|state| !state.sd.is_empty())
     }
 
+    /// Takes its standard deviations away: zeros would look like a claim.
+    pub(crate) fn claim_nothing(&mut self) {
+        self.states.iter_mut().for_each(|state| state.sd.clear());
+    }
+
     /// The samples from `skip_s` after the first on: those that are scored.
     pub fn scored(&self, skip_s: f64) -> Range<usize> {
         let first = self.time_s.first().copied().unwrap_or(0.0);

@@ -1,7 +1,7 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
 use super::Reference;
-use crate::estimate::Trajectory;
+use crate::estimate::{Trajectory, is_the_only_one};
 use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -53,11 +53,6 @@ pub struct MotionErrors {
     /// The phase error of each peak, for plots.
     #[serde(skip)]
     pub phase: Vec<PhasePoint>,
-}
-
-/// A device of one axis need not say which.
-fn is_the_only_one(angle: &&str) -> bool {
-    *angle == "angle"
 }
 
 impl MotionErrors {

@@ -1,7 +1,7 @@
 //! The pictures of an estimate.
 
 use super::Verdict;
-use super::metrics::verdict;
+use super::metrics::{angles_of, verdict, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
@@ -129,7 +129,8 @@ fn angle_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
         let series = &errors.error;
         let mut panel = Panel::new(time_axis(), Axis::new(format!("{} error", words(errors.of)), "deg"));
         let error = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e.to_degrees()));
-        panel = panel.with(Series::line(label(trajectory, segment), role(trajectory), error));
+        panel =
+            panel.with(Series::line(label(trajectory, segment, Some(errors.of)), role(trajectory), error));
         if !series.sd.is_empty() {
             let band = series.time_s.iter().zip(&series.sd).map(|(t, sd)| {
                 let sd = 3.0 * sd.to_degrees();
@@ -149,7 +150,7 @@ fn phase_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
     let panels = with_errors(segment).map(|(trajectory, errors)| {
         let points = errors.phase.iter().map(|p| (p.time_s, p.error_deg));
         Panel::new(time_axis(), Axis::new(errors.of.replace("angle", "phase error").replace('_', " "), "deg"))
-            .with(Series::points(label(trajectory, segment), role(trajectory), points))
+            .with(Series::points(label(trajectory, segment, Some(errors.of)), role(trajectory), points))
             .with(Series::level("", Role::Bound, 0.0))
     });
     stacked(
@@ -191,7 +192,7 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
             panel = panel.with(Series::band("95 % of χ²", Role::Bound, band));
         }
         let means = windowed(&trajectory.time_s, &trajectory.nis, window);
-        panel.with(Series::line(label(trajectory, segment), role(trajectory), means))
+        panel.with(Series::line(label(trajectory, segment, None), role(trajectory), means))
     });
     stacked(Figure::new(format!("{prefix}nis"), "Consistency", caption), panels.collect())
 }
@@ -209,13 +210,18 @@ fn windowed(time_s: &[f64], values: &[f64], window: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The filter's name; with a warning where its answer is none.
-fn label(trajectory: &Trajectory, segment: &SegmentOutcome) -> String {
+/// The filter's name; with a warning where its answer is none for this angle, or for any.
+fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
     match verdict(trajectory, errors, segment.estimate.skip_s) {
         bad @ (Verdict::LostLock | Verdict::Failed | Verdict::WrongSign | Verdict::Astray) => {
-            format!("{} ({})", trajectory.name, bad.words())
+            let angles = angles_of(bad, &trajectory.lock, errors);
+            match angle {
+                Some(angle) if angles.contains(&angle) => format!("{} ({})", trajectory.name, bad.words()),
+                Some(_) if !angles.is_empty() => trajectory.name.clone(),
+                _ => format!("{} ({})", trajectory.name, words_with(bad, &angles)),
+            }
         }
         _ => trajectory.name.clone(),
     }

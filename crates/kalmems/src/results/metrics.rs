@@ -1,6 +1,6 @@
 //! The figures of an estimate.
 
-use crate::estimate::{Consistency, Counts, Lock, Trajectory, TrajectoryKind};
+use crate::estimate::{Consistency, Counts, Lock, LockEvent, Trajectory, TrajectoryKind, is_the_only_one};
 use crate::evaluate::MotionErrors;
 use crate::recording::Finding;
 use crate::signal::Sine;
@@ -153,6 +153,44 @@ impl Verdict {
     /// Whether a strict run may pass with it.
     pub const fn passes(self) -> bool {
         matches!(self, Self::Consistent | Self::NoClaim | Self::Astray)
+    }
+}
+
+/// The angles that a bad verdict is about, by their names among the states; none where it is about all there are.
+pub(super) fn angles_of(verdict: Verdict, lock: &Lock, errors: Option<&MotionErrors>) -> Vec<&'static str> {
+    let mut angles = Vec::new();
+    match verdict {
+        Verdict::LostLock | Verdict::Astray => {
+            for event in &lock.events {
+                match event {
+                    LockEvent::Lost { .. } => return Vec::new(),
+                    LockEvent::Flipped { of, .. } if !angles.contains(of) => angles.push(of),
+                    LockEvent::Flipped { .. } => {}
+                }
+            }
+        }
+        Verdict::WrongSign => {
+            let wrong = errors.into_iter().flat_map(MotionErrors::each).filter(|e| e.sign_disagrees);
+            angles.extend(wrong.map(|e| e.of));
+        }
+        _ => {}
+    }
+    angles.retain(|angle| !is_the_only_one(angle));
+    angles
+}
+
+impl EstimatorMetrics {
+    /// The verdict in a word or two, with the angles that it is about where others are not concerned.
+    pub(super) fn verdict_words(&self) -> String {
+        words_with(self.verdict, &angles_of(self.verdict, &self.lock, self.errors.as_ref()))
+    }
+}
+
+/// A verdict in words, about these angles, or about all where none is named.
+pub(super) fn words_with(verdict: Verdict, angles: &[&str]) -> String {
+    match angles {
+        [] => verdict.words().to_owned(),
+        angles => format!("{} of {}", verdict.words(), angles.join(" and ")),
     }
 }
 

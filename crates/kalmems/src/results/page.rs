@@ -56,9 +56,14 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
             } else {
                 format!(" To agree with that, the answer was mirrored for: {}.", mirrored.join(", "))
             };
+            let second = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak_y) {
+                Some(Peak::Positive) => ", that of the second axis after a peak of its own drive positive",
+                Some(Peak::Negative) => ", that of the second axis after a peak of its own drive negative",
+                None => "",
+            };
             format!(
                 "The experiment states it: the first turning point of the angle after the first drive peak after the \
-                 settling time is {word}.{turned}"
+                 settling time is {word}{second}.{turned}"
             )
         }
         None => "The experiment does not state it, so it is that of each filter's start and means nothing."

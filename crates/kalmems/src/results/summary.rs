@@ -1,5 +1,6 @@
 //! The figures as a table, and the sentences that must not be missed.
 
+use super::metrics::angles_of;
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
 use crate::evaluate::MotionErrors;
 use crate::report::{Column, Severity, Table};
@@ -78,7 +79,7 @@ fn row(estimator: &EstimatorMetrics) -> Vec<String> {
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
-        estimator.verdict.words().to_owned(),
+        estimator.verdict_words(),
     ]);
     cells
 }
@@ -167,12 +168,18 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     }
     let nis = estimator.consistency.as_ref().map(|c| (c.mean_nis, c.lower, c.upper));
     match (estimator.verdict, nis) {
-        (Verdict::WrongSign, _) => said.push((
-            Severity::Warning,
-            "the reference moves the other way; the sign of the motion cannot be seen in the signal, so \
-             correct `estimate.first_peak`"
-                .to_owned(),
-        )),
+        (Verdict::WrongSign, _) => {
+            let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
+            let of = if angles.is_empty() { String::new() } else { format!(" in {}", angles.join(" and ")) };
+            said.push((
+                Severity::Warning,
+                format!(
+                    "the reference moves the other way{of}; the sign of the motion cannot be seen in the signal, so \
+                     correct `estimate.first_peak`{}",
+                    if of.is_empty() { "" } else { " of that axis" }
+                ),
+            ));
+        }
         (Verdict::Overconfident, Some((mean, _, upper))) => said.push((
             Severity::Note,
             format!(

@@ -104,7 +104,7 @@ pub fn density_asked(experiment: &Experiment) -> Result<f64, ConfigError> {
         return Ok(USUAL_DENSITY);
     }
     let filters = Settings::of(experiment)?.filters;
-    Ok(filters.iter().find(|f| f.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density))
+    Ok(filters.iter().find(|f| f.basics.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density))
 }
 
 /// The circuit in SI.

@@ -19,6 +19,11 @@ impl<'a> Drive<'a> {
         Self { time_s, volts, sine }
     }
 
+    /// Its samples in V.
+    pub fn volts(&self) -> &'a [f64] {
+        self.volts
+    }
+
     /// The sine that the drive follows, where it follows one.
     pub fn sine(&self) -> Option<&Sine> {
         self.sine.as_ref()

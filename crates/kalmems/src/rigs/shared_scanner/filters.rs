@@ -2,22 +2,38 @@
 
 use super::settings::{Hardware, state_at, states};
 use crate::config::{
-    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start, TrackedState,
+    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+    TrackedState, Values,
 };
 use crate::estimate::StateName;
 use crate::units::{Kind, kind};
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::{AddedState, Drift};
 
-/// One filter.
+/// What a filter of one axis or two has.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct FilterBasics {
     /// Its name in files.
     pub key: String,
     /// Its name for people.
     pub name: String,
     /// How it estimates.
     pub method: Method,
+    /// The parameters that are states, in the order in which the rig lists them.
+    pub tracked: Vec<Tracked>,
+    /// How sigma points are spread.
+    pub points: SigmaPoints<f64>,
+    /// Whether it is smoothed over the whole recording.
+    pub smooth: bool,
+    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
+    pub lag_s: Option<f64>,
+}
+
+/// One filter of one axis.
+#[derive(Clone, Debug)]
+pub struct FilterSettings {
+    /// What every filter has.
+    pub basics: FilterBasics,
     /// Angle in rad and rate in rad/s to start from; `None` starts from the signal.
     pub start: Option<[f64; 2]>,
     /// Their standard deviations, 0 for what claims none.
@@ -26,14 +42,6 @@ pub struct FilterSettings {
     pub demodulator_sd: Option<f64>,
     /// The density of the angular acceleration's noise, in rad²/s³.
     pub acceleration_density: f64,
-    /// The parameters that are states, in the order of [`PARAMETERS`].
-    pub tracked: Vec<Tracked>,
-    /// How sigma points are spread.
-    pub points: SigmaPoints<f64>,
-    /// Whether it is smoothed over the whole recording.
-    pub smooth: bool,
-    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
-    pub lag_s: Option<f64>,
 }
 
 /// A parameter that is a state.
@@ -57,52 +65,58 @@ pub struct Parameter {
     pub in_motion: Option<&'static str>,
     /// Its name in the model of the readout.
     pub in_readout: Option<&'static str>,
-    /// Its name in the model of both with the demodulator's stages.
-    pub in_stages: &'static str,
+    /// Its name in the model of both with the demodulator's stages, where there is one.
+    pub in_stages: Option<&'static str>,
     /// What its deviation is.
     pub kind: &'static Kind,
     /// The unit of that in column names.
     pub unit: &'static str,
     /// What its drift is.
     pub drift: &'static Kind,
-    /// Its value as the device table has it, which a deviation of 1 adds.
-    scale: fn(&Hardware) -> f64,
 }
 
-const fn factor(
-    name: &'static str,
-    (in_motion, in_readout, in_stages): (Option<&'static str>, Option<&'static str>, &'static str),
-    scale: fn(&Hardware) -> f64,
-) -> Parameter {
-    let (kind, drift) = (&kind::RATIO, &kind::RATIO_DRIFT);
-    Parameter { name, in_motion, in_readout, in_stages, kind, unit: "1", drift, scale }
+impl Parameter {
+    /// A factor of the motion, by its name there.
+    pub const fn of_motion(
+        name: &'static str,
+        in_motion: &'static str,
+        in_stages: Option<&'static str>,
+    ) -> Self {
+        let (kind, drift) = (&kind::RATIO, &kind::RATIO_DRIFT);
+        Self { name, in_motion: Some(in_motion), in_readout: None, in_stages, kind, unit: "1", drift }
+    }
+
+    /// The readout's gain.
+    pub const GAIN: Self = {
+        let (in_readout, kind, drift) = (Some("gain"), &kind::RATIO, &kind::RATIO_DRIFT);
+        Self { name: "gain", in_motion: None, in_readout, in_stages: in_readout, kind, unit: "1", drift }
+    };
+
+    /// The readout's offset.
+    pub const OFFSET: Self = {
+        let (in_readout, kind, drift) = (Some("offset"), &kind::VOLTAGE, &kind::VOLTAGE_DRIFT);
+        Self { name: "offset", in_motion: None, in_readout, in_stages: in_readout, kind, unit: "V", drift }
+    };
 }
 
-/// All of them.
-pub static PARAMETERS: [Parameter; 5] = [
-    factor(
+/// All of them, for one axis.
+static PARAMETERS: [Parameter; 5] = [
+    Parameter::of_motion(
         "stiffness",
-        (Some("scanner.resonator.stiffness"), None, "device.scanner.resonator.stiffness"),
-        |hardware| hardware.scanner.resonator.stiffness,
+        "scanner.resonator.stiffness",
+        Some("device.scanner.resonator.stiffness"),
     ),
-    factor(
-        "damping",
-        (Some("scanner.resonator.damping"), None, "device.scanner.resonator.damping"),
-        |hardware| hardware.scanner.resonator.damping,
-    ),
-    factor("drive_gain", (Some("drive_gain"), None, "device.drive_gain"), |_| 1.0),
-    factor("gain", (None, Some("gain"), "gain"), |hardware| hardware.readout.gain),
-    Parameter {
-        name: "offset",
-        in_motion: None,
-        in_readout: Some("offset"),
-        in_stages: "offset",
-        kind: &kind::VOLTAGE,
-        unit: "V",
-        drift: &kind::VOLTAGE_DRIFT,
-        scale: |_| 1.0,
-    },
+    Parameter::of_motion("damping", "scanner.resonator.damping", Some("device.scanner.resonator.damping")),
+    Parameter::of_motion("drive_gain", "drive_gain", Some("device.drive_gain")),
+    Parameter::GAIN,
+    Parameter::OFFSET,
 ];
+
+/// What a deviation of 1 adds to each of them.
+fn scales(hardware: &Hardware) -> [f64; 5] {
+    let resonator = &hardware.scanner.resonator;
+    [resonator.stiffness, resonator.damping, 1.0, hardware.readout.gain, 1.0]
+}
 
 /// The states of the motion and of the demodulator, as trajectories name them.
 const MOTION: [StateName; 4] = [
@@ -114,6 +128,49 @@ const MOTION: [StateName; 4] = [
 
 const NOISE: [Entry; 1] =
     [Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
+
+impl FilterBasics {
+    /// Reads and checks them; a deviation of 1 of each of the rig's parameters adds its scale.
+    pub fn of(
+        experiment: &Experiment,
+        at: &Key,
+        filter: &Filter,
+        parameters: (&'static [Parameter], &[f64]),
+    ) -> Result<Self, ConfigError> {
+        Ok(Self {
+            key: filter.name.key(),
+            name: filter.name.to_string(),
+            method: filter.method,
+            tracked: tracked(experiment, at, filter, parameters)?,
+            points: SigmaPoints {
+                alpha: filter.alpha.unwrap_or(1.0),
+                beta: filter.beta.unwrap_or(2.0),
+                kappa: filter.kappa.unwrap_or(1.0),
+            },
+            smooth: filter.smooth,
+            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
+        })
+    }
+
+    /// The names of its `N` states, the parameters behind those of the motion.
+    pub fn states<const N: usize>(&self, motion: &[StateName]) -> [StateName; N] {
+        let parameters = self
+            .tracked
+            .iter()
+            .map(|Tracked { parameter, .. }| (parameter.name, parameter.unit, parameter.kind));
+        let mut all = motion.iter().copied().chain(parameters);
+        std::array::from_fn(|_| all.next().unwrap_or(("", "1", &kind::RATIO)))
+    }
+}
+
+/// Where the file has a filter's process noise, its own or that of all, and what it says.
+pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a Filter) -> (Key, &'a Values) {
+    if filter.process_noise.is_empty() {
+        (Key::from("estimate.process_noise"), &estimate.process_noise)
+    } else {
+        (at.clone().child("process_noise"), &filter.process_noise)
+    }
+}
 
 impl FilterSettings {
     /// Reads and checks the filter at this place of the file.
@@ -135,40 +192,17 @@ impl FilterSettings {
             return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
         }
         let (start_sd, demodulator_sd) = deviations(experiment, &at, filter)?;
-        let (noise_key, noise) = if filter.process_noise.is_empty() {
-            (Key::from("estimate.process_noise"), &estimate.process_noise)
-        } else {
-            (at.clone().child("process_noise"), &filter.process_noise)
-        };
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
         // The lock-in has no process; every other one has this noise, or for the model alone none.
         let [acceleration_density] =
             if filter.method.claims() { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };
-        Ok(Self {
-            key: filter.name.key(),
-            name: filter.name.to_string(),
-            method: filter.method,
-            start,
-            start_sd,
-            demodulator_sd,
-            acceleration_density,
-            tracked: tracked(experiment, &at, filter, hardware)?,
-            points: SigmaPoints {
-                alpha: filter.alpha.unwrap_or(1.0),
-                beta: filter.beta.unwrap_or(2.0),
-                kappa: filter.kappa.unwrap_or(1.0),
-            },
-            smooth: filter.smooth,
-            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
-        })
+        let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?;
+        Ok(Self { basics, start, start_sd, demodulator_sd, acceleration_density })
     }
 
     /// The names of its `N` states.
     pub fn states<const N: usize>(&self) -> [StateName; N] {
-        let motion = if self.demodulator_sd.is_some() { 4 } else { 2 };
-        std::array::from_fn(|i| match self.tracked.get(i.wrapping_sub(motion)) {
-            Some(Tracked { parameter, .. }) => (parameter.name, parameter.unit, parameter.kind),
-            None => MOTION[i.min(MOTION.len() - 1)],
-        })
+        self.basics.states(&MOTION[..if self.demodulator_sd.is_some() { 4 } else { 2 }])
     }
 }
 
@@ -196,15 +230,15 @@ fn tracked(
     experiment: &Experiment,
     at: &Key,
     filter: &Filter,
-    hardware: &Hardware,
+    (parameters, scales): (&'static [Parameter], &[f64]),
 ) -> Result<Vec<Tracked>, ConfigError> {
     let at = at.clone().child("states");
-    let known = || PARAMETERS.iter().map(|parameter| parameter.name);
+    let known = || parameters.iter().map(|parameter| parameter.name);
     if let Some(name) = filter.states.keys().find(|name| known().all(|known| known != name.as_str())) {
         return Err(experiment.error(at.child(name), Fault::unknown_key(name, known())));
     }
     let mut all = Vec::new();
-    for parameter in &PARAMETERS {
+    for (parameter, &scale) in parameters.iter().zip(scales) {
         let Some(TrackedState { start_sd, drift }) = filter.states.get(parameter.name) else { continue };
         let key = at.clone().child(parameter.name);
         let sd = experiment.value(key.clone().child("start_sd"), start_sd, parameter.kind, Sign::Positive)?;
@@ -214,7 +248,6 @@ fn tracked(
             }
             None => 0.0,
         };
-        let scale = (parameter.scale)(hardware);
         if scale == 0.0 {
             let name = parameter.name;
             let why = format!(

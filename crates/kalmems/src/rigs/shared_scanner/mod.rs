@@ -21,18 +21,17 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use super::{Rig, SegmentEstimate};
+use super::{Axis, Rig, SegmentEstimate};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording, Segment};
+use crate::recording::{Layout, Recording};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
-use crate::units::kind;
-use data::SegmentData;
-use drive::Drive;
+pub use data::SegmentData;
+use data::estimate_segments;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
 use settings::Settings;
@@ -69,47 +68,13 @@ impl Rig for SharedScannerRig {
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        let [drive_column, signal_column] = columns(experiment, index)?;
-        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?;
-        let signal = recording.column_of(signal_column, &kind::VOLTAGE)?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let too_short =
-                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
-            let interval_s = segment.time.interval_s().ok_or_else(too_short)?;
-            let data = SegmentData {
-                time_s: &time_s,
-                signal: signal.of(segment),
-                drive: Drive::new(&time_s, drive.of(segment), interval_s),
-                interval_s,
-            };
+        estimate_segments((experiment, index), recording, settings.skip_s, |place, data| {
             let motion = data.motion(&settings);
-            if span < settings.skip_s + 10.0 / motion.frequency_hz {
-                return Err(too_short());
-            }
-            if !data.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: signal_column.to_owned() });
-            }
-            if let Some((first_s, count)) = data.drive.unknown(interval_s) {
-                let column = drive_column.to_owned();
-                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
-            }
-            let trajectories = segment::estimate(&settings, &data, &place, progress)?;
-            estimates.push(estimate_of(
-                segment,
-                &data,
-                &settings,
-                (drive_column, signal_column),
-                trajectories,
-            ));
-        }
-        Ok(estimates)
+            data.scored_from(place, settings.skip_s, motion.frequency_hz)?;
+            let trajectories = segment::estimate(&settings, data, place, progress)?;
+            let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+            Ok((axis, Vec::new(), trajectories))
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -164,23 +129,4 @@ fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
 fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
     let key = crate::config::Key::from("recording").index(index).child("channels");
     experiment.columns(key, &experiment.recording(index)?.channels, MEANINGS)
-}
-
-fn estimate_of(
-    segment: &Segment,
-    data: &SegmentData,
-    settings: &Settings,
-    (drive_column, signal_column): (&str, &str),
-    trajectories: Vec<crate::estimate::Trajectory>,
-) -> SegmentEstimate {
-    SegmentEstimate {
-        segment: segment.clone(),
-        drive_column: drive_column.to_owned(),
-        signal_column: signal_column.to_owned(),
-        drive: data.drive.sine().copied(),
-        motion: data.motion(settings),
-        other_axes: Vec::new(),
-        skip_s: settings.skip_s,
-        trajectories,
-    }
 }

@@ -1,12 +1,12 @@
 //! The models that the filters run on: how the scanner steps over any interval, and how it is read.
 
-use super::filters::{FilterSettings, Parameter};
+use super::filters::{FilterSettings, Parameter, Tracked};
 use super::settings::Hardware;
 use kalmems_core::augmentation::{
     AddedState, AugmentationError, Augmented, AugmentedMeasurement, Drift, ParametricDynamics,
 };
 use kalmems_core::{
-    Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Over, Process, ProcessNoise, Rk4,
+    Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Over, Parameters, Process, ProcessNoise, Rk4,
 };
 use kalmems_models::dynamics::{DriveGain, ParametricScanner};
 use kalmems_models::readout::{AngleBefore, DelayedComb, LowPassedComb};
@@ -26,13 +26,16 @@ pub trait Plant<const N: usize> {
 }
 
 /// A model without parameters as states.
-pub struct Plain<D, H> {
-    dynamics: D,
-    readout: H,
-    acceleration_density: f64,
+pub struct Plain<D, H, const M: usize> {
+    /// How it moves.
+    pub dynamics: D,
+    /// How it is read.
+    pub readout: H,
+    /// The noise of the motion.
+    pub noise: NoiseDensity<f64, M>,
 }
 
-impl<D, H, const M: usize> Plant<M> for Plain<D, H>
+impl<D, H, const M: usize> Plant<M> for Plain<D, H, M>
 where
     D: Dynamics<f64, M, Input = f64> + Copy,
     H: Measurement<f64, M, 1>,
@@ -41,7 +44,7 @@ where
     type Readout = H;
 
     fn over(&self, interval_s: f64) -> Result<Rk4<D, f64, M>, AugmentationError> {
-        Ok(step(self.dynamics, interval_s, self.acceleration_density))
+        Ok(step(self.dynamics, interval_s, &self.noise))
     }
 
     fn readout(&self) -> &H {
@@ -53,23 +56,23 @@ where
 fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
     dynamics: D,
     interval_s: f64,
-    acceleration_density: f64,
+    noise: &NoiseDensity<f64, M>,
 ) -> Rk4<D, f64, M> {
-    const { assert!(M >= 2, "angle and rate come first") };
-    let noise = NoiseDensity::none().on::<1>(acceleration_density);
-    Rk4::new(dynamics, interval_s, &noise, (&[0.0; M], &0.0))
+    Rk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
+}
+
+/// The noise of one axis's angular acceleration.
+fn of_acceleration<const M: usize>(density: f64) -> NoiseDensity<f64, M> {
+    NoiseDensity::none().on::<1>(density)
 }
 
 /// Angle and rate, read by the affine law.
 pub fn affine(
     hardware: &Hardware,
     filter: &FilterSettings,
-) -> Plain<ParametricScanner<f64>, DelayedComb<f64>> {
-    Plain {
-        dynamics: hardware.scanner,
-        readout: hardware.late_readout(),
-        acceleration_density: filter.acceleration_density,
-    }
+) -> Plain<ParametricScanner<f64>, DelayedComb<f64>, 2> {
+    let noise = of_acceleration(filter.acceleration_density);
+    Plain { dynamics: hardware.scanner, readout: hardware.late_readout(), noise }
 }
 
 /// The scanner behind the low-pass stages with these corners in rad/s.
@@ -88,16 +91,16 @@ pub fn staged(
     hardware: &Hardware,
     filter: &FilterSettings,
     poles: [f64; 2],
-) -> Plain<LowPassedComb<f64>, LowPassedComb<f64>> {
+) -> Plain<LowPassedComb<f64>, LowPassedComb<f64>, 4> {
     let model = low_passed(hardware, poles);
-    Plain { dynamics: model, readout: model, acceleration_density: filter.acceleration_density }
+    Plain { dynamics: model, readout: model, noise: of_acceleration(filter.acceleration_density) }
 }
 
 /// A model of `M` states with `A` parameters as states behind them.
 pub struct WithParameters<D, H, const M: usize, const A: usize> {
     dynamics: D,
     readout: H,
-    acceleration_density: f64,
+    noise: NoiseDensity<f64, M>,
     added: [AddedState<f64>; A],
     enters: [Option<&'static str>; A],
 }
@@ -111,7 +114,7 @@ where
     type Readout = H;
 
     fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError> {
-        let process = step(self.dynamics, interval_s, self.acceleration_density);
+        let process = step(self.dynamics, interval_s, &self.noise);
         Augmented::new(process, &self.added, self.enters)
     }
 
@@ -120,23 +123,33 @@ where
     }
 }
 
-/// The affine law with `A` parameters as states.
-type AffineWith<const A: usize> = AugmentedMeasurement<DelayedComb<f64>, f64, 2, A>;
+/// A model of `M` states, and a readout of them that knows the first `A` of these parameters too.
+pub type Augmentation<D, H, const M: usize, const A: usize> =
+    WithParameters<D, AugmentedMeasurement<H, f64, M, A>, M, A>;
+
+impl<D, H: Parameters<f64>, const M: usize, const A: usize> Augmentation<D, H, M, A> {
+    /// The first `A` of these parameters as states.
+    pub fn of(plain: Plain<D, H, M>, tracked: &[Tracked]) -> Result<Self, AugmentationError> {
+        let added = added(tracked);
+        let enters = of_parameters(tracked, |parameter| parameter.in_readout);
+        Ok(Self {
+            dynamics: plain.dynamics,
+            readout: AugmentedMeasurement::new(plain.readout, &added, enters)?,
+            noise: plain.noise,
+            added,
+            enters: of_parameters(tracked, |parameter| parameter.in_motion),
+        })
+    }
+}
 
 /// Angle and rate with `A` parameters, read by the affine law.
 pub fn affine_with<const A: usize>(
     hardware: &Hardware,
     filter: &FilterSettings,
-) -> Result<WithParameters<DriveGain<f64>, AffineWith<A>, 2, A>, AugmentationError> {
-    let added = added(filter);
-    let enters = of_parameters(filter, |parameter| parameter.in_readout);
-    Ok(WithParameters {
-        dynamics: DriveGain { scanner: hardware.scanner, drive_gain: 1.0 },
-        readout: AugmentedMeasurement::new(hardware.late_readout(), &added, enters)?,
-        acceleration_density: filter.acceleration_density,
-        added,
-        enters: of_parameters(filter, |parameter| parameter.in_motion),
-    })
+) -> Result<Augmentation<DriveGain<f64>, DelayedComb<f64>, 2, A>, AugmentationError> {
+    let dynamics = DriveGain { scanner: hardware.scanner, drive_gain: 1.0 };
+    let noise = of_acceleration(filter.acceleration_density);
+    Augmentation::of(Plain { dynamics, readout: hardware.late_readout(), noise }, &filter.basics.tracked)
 }
 
 /// Angle, rate and the two stages with `A` parameters.
@@ -149,24 +162,24 @@ pub fn staged_with<const A: usize>(
     WithParameters {
         dynamics: model,
         readout: model,
-        acceleration_density: filter.acceleration_density,
-        added: added(filter),
-        enters: of_parameters(filter, |parameter| Some(parameter.in_stages)),
+        noise: of_acceleration(filter.acceleration_density),
+        added: added(&filter.basics.tracked),
+        enters: of_parameters(&filter.basics.tracked, |parameter| parameter.in_stages),
     }
 }
 
 /// The scale and drift of each parameter.
-fn added<const A: usize>(filter: &FilterSettings) -> [AddedState<f64>; A] {
+fn added<const A: usize>(tracked: &[Tracked]) -> [AddedState<f64>; A] {
     let none = AddedState { scale: 1.0, drift: Drift::RandomWalk { density: 0.0 } };
-    std::array::from_fn(|i| filter.tracked.get(i).map_or(none, |tracked| tracked.added))
+    std::array::from_fn(|i| tracked.get(i).map_or(none, |tracked| tracked.added))
 }
 
 /// Where each parameter enters.
 fn of_parameters<const A: usize>(
-    filter: &FilterSettings,
+    tracked: &[Tracked],
     place: fn(&Parameter) -> Option<&'static str>,
 ) -> [Option<&'static str>; A] {
-    std::array::from_fn(|i| filter.tracked.get(i).and_then(|tracked| place(tracked.parameter)))
+    std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
 }
 
 /// The scanner by Euler's method, as published, with the noise of one sample as that of the exact step.
@@ -192,7 +205,8 @@ impl Plant<2> for Published {
     type Readout = DelayedComb<f64>;
 
     fn over(&self, interval_s: f64) -> Result<FromStart, AugmentationError> {
-        let noise = *step(self.scanner, interval_s, self.acceleration_density).noise().covariance();
+        let noise = of_acceleration(self.acceleration_density);
+        let noise = *step(self.scanner, interval_s, &noise).noise().covariance();
         Ok(FromStart(Euler::new(self.scanner, interval_s, noise)))
     }
 

@@ -2,13 +2,13 @@
 
 use super::course::ScannerCourse;
 use super::data::SegmentData;
-use super::filters::FilterSettings;
+use super::filters::{FilterBasics, FilterSettings};
 use super::lock_in::LockIn;
 use super::plant::{Plant, Published, affine, affine_with, staged, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, EstimateError, LiteralUkf, Lookahead, Misprint, ModelAlone, Progress, Trajectory,
+    AnyFilter, EstimateError, LiteralUkf, Lookahead, Misprint, ModelAlone, Progress, StateName, Trajectory,
     TrajectoryKind, follow, judge_lock, smooth,
 };
 use crate::signal::extremes_of_rate;
@@ -26,21 +26,12 @@ pub fn estimate(
     for filter in &settings.filters {
         let mut trajectories = one(&Task { settings, filter, data, place, progress })?;
         for trajectory in &mut trajectories {
-            orient(trajectory, settings, data);
-            let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
-            trajectory.lock = judge_lock(
-                data.time_s,
-                (&trajectory.states[0].mean, data.signal),
-                (&trajectory.innovation, &trajectory.nis),
-                data.motion(settings),
-                start_s,
-            );
-            if !filter.method.claims() {
-                for state in &mut trajectory.states {
-                    // What claims no uncertainty; zeros would look like a claim.
-                    state.sd.clear();
-                }
+            if let Some(positive) = settings.first_peak_positive {
+                orient(trajectory, 0, positive, data.first_drive_peak(settings));
             }
+            let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
+            let axes = [("angle", data.motion(settings))];
+            trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
         }
         all.append(&mut trajectories);
     }
@@ -62,17 +53,18 @@ const SETTLED: f64 = 1e-3;
 /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
 fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
     let (hardware, filter) = (&task.settings.hardware, task.filter);
-    if filter.method == Method::LockIn {
+    let method = filter.basics.method;
+    if method == Method::LockIn {
         return task.lock_in();
     }
-    let wrong = |why: AugmentationError| EstimateError::Model { filter: filter.name.clone(), why };
+    let wrong = |why: AugmentationError| filter.basics.no_model(why);
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
-    match (poles, filter.tracked.len()) {
-        (None, _) if filter.method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter)),
-        (Some(poles), _) if filter.method == Method::SquareRootUkf => {
+    match (poles, filter.basics.tracked.len()) {
+        (None, _) if method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter)),
+        (Some(poles), _) if method == Method::SquareRootUkf => {
             task.root::<_, 4>(&staged(hardware, filter, poles))
         }
-        (None, 0) if filter.method == Method::EulerEkf => task.run(&Published::new(hardware, filter)),
+        (None, 0) if method == Method::EulerEkf => task.run(&Published::new(hardware, filter)),
         (None, 0) => task.run::<_, 2>(&affine(hardware, filter)),
         (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?),
         (None, 2) => task.run::<_, 4>(&affine_with::<2>(hardware, filter).map_err(wrong)?),
@@ -89,7 +81,7 @@ fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
 }
 
 /// The filter of a method, at its start; that in square-root form for an unscented one is [`Task::root`]'s.
-pub(super) fn filter_of<const N: usize>(
+fn filter_of<const N: usize>(
     method: Method,
     points: SigmaPoints<f64>,
     (mean, covariance): ([f64; N], Covariance<f64, N>),
@@ -107,39 +99,49 @@ pub(super) fn filter_of<const N: usize>(
     }
 }
 
-impl Task<'_> {
-    /// Chooses the filter.
-    fn run<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
-        let (mean, sd) = self.start::<N>()?;
-        let covariance = Covariance::from_standard_deviations(sd);
-        let filter = filter_of(self.filter.method, self.filter.points, (mean, covariance));
-        let mut trajectories = self.follow(plant, &filter)?;
-        if self.filter.method == Method::Model {
+/// A filter of one axis or two on its way through a segment.
+pub struct Follower<'a> {
+    /// The filter.
+    pub filter: &'a FilterBasics,
+    /// The segment.
+    pub data: &'a SegmentData<'a>,
+    /// The variance of the signal's noise per sample, in V².
+    pub noise_variance: f64,
+    /// Where it says how far it has come.
+    pub progress: &'a dyn Progress,
+}
+
+impl Follower<'_> {
+    /// Chooses the filter and follows it from this mean and covariance.
+    pub fn run<P: Plant<N>, const N: usize>(
+        &self,
+        plant: &P,
+        states: &[StateName; N],
+        start: ([f64; N], Covariance<f64, N>),
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let method = self.filter.method;
+        let mut trajectories = self.follow(plant, states, &filter_of(method, self.filter.points, start))?;
+        if method == Method::Model {
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
+                trajectory.claim_nothing();
             }
         }
         Ok(trajectories)
-    }
-
-    /// The unscented filter in square-root form, which tracks no parameters.
-    fn root<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
-        let (mean, sd) = self.start::<N>()?;
-        let covariance = Covariance::from_standard_deviations(sd);
-        self.follow(plant, &SquareRootUkf::new(mean, covariance, self.filter.points))
     }
 
     /// The filtered trajectory, and the smoothed ones that are wanted.
     fn follow<P: Plant<N>, F: Filter<f64, N> + Copy, const N: usize>(
         &self,
         plant: &P,
+        states: &[StateName; N],
         start: &F,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = self.filter;
-        let course = ScannerCourse::new(plant, self.settings.hardware.noise_variance, self.data);
-        let mut course = course.map_err(|why| EstimateError::Model { filter: filter.name.clone(), why })?;
+        let course = ScannerCourse::new(plant, self.noise_variance, self.data);
+        let mut course = course.map_err(|why| filter.no_model(why))?;
         let names = (filter.key.as_str(), filter.name.as_str());
-        let filtered = follow(names, *start, &mut course, &filter.states(), self.progress);
+        let filtered = follow(names, *start, &mut course, states, self.progress);
         let mut trajectories = vec![filtered.ok_or(EstimateError::Interrupted)?];
         let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -153,9 +155,35 @@ impl Task<'_> {
         }
         Ok(trajectories)
     }
+}
 
-    /// The first mean and standard deviation of each state.
-    fn start<const N: usize>(&self) -> Result<([f64; N], [f64; N]), EstimateError> {
+impl FilterBasics {
+    /// The model that this filter asks for cannot be made.
+    pub fn no_model(&self, why: AugmentationError) -> EstimateError {
+        EstimateError::Model { filter: self.name.clone(), why }
+    }
+}
+
+impl Task<'_> {
+    fn follower(&self) -> Follower<'_> {
+        let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
+        Follower { filter, data: self.data, noise_variance, progress: self.progress }
+    }
+
+    /// The filters but one.
+    fn run<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
+        self.follower().run(plant, &self.filter.states(), self.start()?)
+    }
+
+    /// The unscented filter in square-root form, which tracks no parameters.
+    fn root<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
+        let (mean, covariance) = self.start()?;
+        let filter = SquareRootUkf::new(mean, covariance, self.filter.basics.points);
+        self.follower().follow(plant, &self.filter.states(), &filter)
+    }
+
+    /// The first mean and covariance.
+    fn start<const N: usize>(&self) -> Result<([f64; N], Covariance<f64, N>), EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let motion = match filter.start {
             Some(start) => start,
@@ -166,10 +194,10 @@ impl Task<'_> {
             hardware.readout.gain * hardware.readout.comb.capacitance(motion[0]) + hardware.readout.offset;
         let stages = filter.demodulator_sd.map(|sd| [(volts, sd); 2]);
         let angle_and_rate = motion.into_iter().zip(filter.start_sd);
-        let parameters = filter.tracked.iter().map(|tracked| (0.0, tracked.sd));
+        let parameters = filter.basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
         let mut all = angle_and_rate.chain(stages.into_iter().flatten()).chain(parameters);
         let states: [(f64, f64); N] = std::array::from_fn(|_| all.next().unwrap_or((0.0, 0.0)));
-        Ok((states.map(|(mean, _)| mean), states.map(|(_, sd)| sd)))
+        Ok((states.map(|(mean, _)| mean), Covariance::from_standard_deviations(states.map(|(_, sd)| sd))))
     }
 
     /// The motion at the first sample that the first cycles of the signal show.
@@ -181,14 +209,16 @@ impl Task<'_> {
         let swing = lock_in.swing(&self.data.time_s[..end], &self.data.signal[..end], None);
         swing.map(|swing| swing.at(first_s)).ok_or_else(|| EstimateError::NoStart {
             place: self.place.to_owned(),
-            filter: self.filter.name.clone(),
+            filter: self.filter.basics.name.clone(),
             why: "its first cycles show no amplitude that the electrodes could make".to_owned(),
         })
     }
 
     fn lock_in(&self) -> Result<Vec<Trajectory>, EstimateError> {
-        let names = (self.filter.key.as_str(), self.filter.name.as_str());
-        Ok(vec![self.detector()?.trajectory(names, &self.filter.states::<2>(), self.data)])
+        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
+        let mut trajectory = self.detector()?.trajectory(names, &self.filter.states::<2>(), self.data);
+        trajectory.claim_nothing();
+        Ok(vec![trajectory])
     }
 
     fn detector(&self) -> Result<LockIn<'_>, EstimateError> {
@@ -196,7 +226,7 @@ impl Task<'_> {
         let poles = hardware.poles.filter(|_| self.filter.demodulator_sd.is_some());
         let drive = self.data.drive.sine().ok_or_else(|| EstimateError::NoSteadyDrive {
             place: self.place.to_owned(),
-            filter: self.filter.name.clone(),
+            filter: self.filter.basics.name.clone(),
         })?;
         Ok(LockIn::new(hardware, drive, poles))
     }
@@ -205,22 +235,18 @@ impl Task<'_> {
 /// How many cycles of the motion a start from the signal takes in.
 const START_CYCLES: f64 = 4.0;
 
-/// Gives the motion the sign that the experiment states.
+/// Gives the motion whose angle and rate begin at `first` the sign of its first turning point after the drive's peak.
 ///
 /// θ → −θ is an exact symmetry of plant and sensor, and the filters keep it: had the filter started mirrored, its
 /// answer would be the mirrored one to the last bit. So the answer is mirrored, and says so. The voltages of the
 /// demodulator and the parameters are the same in both.
-fn orient(trajectory: &mut Trajectory, settings: &Settings, data: &SegmentData) {
-    let Some(positive) = settings.first_peak_positive else { return };
-    let peak = data.first_drive_peak(settings);
-    let from = data.time_s.partition_point(|t| *t < peak);
-    let extremes = extremes_of_rate(&data.time_s[from..], &trajectory.states[1].mean[from..]);
+pub fn orient(trajectory: &mut Trajectory, first: usize, positive: bool, peak_s: f64) {
+    let from = trajectory.time_s.partition_point(|t| *t < peak_s);
+    let extremes = extremes_of_rate(&trajectory.time_s[from..], &trajectory.states[first + 1].mean[from..]);
     if extremes.first().is_some_and(|extreme| extreme.maximum != positive) {
         trajectory.mirrored = true;
-        for state in trajectory.states.iter_mut().take(2) {
-            for mean in &mut state.mean {
-                *mean = -*mean;
-            }
+        for mean in trajectory.states[first..first + 2].iter_mut().flat_map(|state| &mut state.mean) {
+            *mean = -*mean;
         }
     }
 }

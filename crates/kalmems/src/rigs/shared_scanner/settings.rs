@@ -1,7 +1,9 @@
 //! What the rig takes from an experiment file, in SI.
 
 use super::filters::FilterSettings;
-use crate::config::{ConfigError, Device, Entry, Experiment, Fault, Key, Peak, Quantity, Sign, Values};
+use crate::config::{
+    ConfigError, Device, Entry, Estimate, Experiment, Fault, Key, Peak, Quantity, Sign, Values,
+};
 use crate::units::kind;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
@@ -100,10 +102,7 @@ impl Settings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let hardware = Hardware::of(experiment)?;
-        let Some(estimate) = &experiment.estimate else {
-            let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
-        };
+        let estimate = estimate_table(experiment)?;
         let filters =
             (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
         Ok(Self {
@@ -113,6 +112,15 @@ impl Settings {
             filters: filters.collect::<Result<_, _>>()?,
         })
     }
+}
+
+/// The table that an estimate needs.
+pub fn estimate_table(experiment: &Experiment) -> Result<&Estimate, ConfigError> {
+    experiment.estimate.as_ref().ok_or_else(|| {
+        let remedy =
+            "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
+        experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() })
+    })
 }
 
 /// A state to start from; refused at exactly zero.

@@ -1,7 +1,6 @@
 //! The published device on the bench: its motion, recordings of it, and the estimators at work on them.
 
 use super::super::data::SegmentData;
-use super::super::drive::Drive as RecordedDrive;
 use super::super::segment;
 use super::super::settings::{Hardware, Settings};
 use super::failed;
@@ -152,12 +151,7 @@ impl Bench {
         let signal = self.signal(motion, (seed, stream));
         let volts: Vec<f64> = motion.volts.iter().map(|volts| belief.drive * volts).collect();
         let interval_s = 1.0 / SAMPLING_HZ;
-        let data = SegmentData {
-            time_s: &motion.time_s,
-            signal: &signal,
-            drive: RecordedDrive::new(&motion.time_s, &volts, interval_s),
-            interval_s,
-        };
+        let data = SegmentData::new(&motion.time_s, &volts, &signal, interval_s);
         let settings = self.told(belief, motion, &data);
         let extent =
             Extent { from_s: settings.skip_s, motion_hz: 0.5 * motion.drive_hz, drive: data.drive.sine() };
@@ -179,7 +173,7 @@ impl Bench {
         let first = [motion.truth.angle.first(), rate].map(|first| first.copied().unwrap_or(f64::NAN));
         for filter in &mut settings.filters {
             filter.acceleration_density = belief.density;
-            if filter.method == Method::Model {
+            if filter.basics.method == Method::Model {
                 filter.start = Some(first);
             }
         }

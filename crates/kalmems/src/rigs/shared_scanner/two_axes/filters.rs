@@ -1,11 +1,14 @@
 //! The filters that an experiment file asks for, and where each starts.
 
+use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Sign};
-use crate::units::{Kind, kind};
-use kalmems_core::{Covariance, SigmaPoints};
+use crate::estimate::StateName;
+use crate::rigs::shared_scanner::filters::{FilterBasics, Parameter, process_noise};
+use crate::units::kind;
+use kalmems_core::Covariance;
 
 /// The states: name, unit in column names, kind.
-pub const STATES: [(&str, &str, &Kind); 4] = [
+pub const STATES: [StateName; 4] = [
     ("angle_x", "rad", &kind::ANGLE),
     ("rate_x", "rad_per_s", &kind::ANGULAR_RATE),
     ("angle_y", "rad", &kind::ANGLE),
@@ -20,18 +23,12 @@ pub fn four(sign: Sign) -> [Entry; 4] {
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
-    /// Its name in files.
-    pub key: String,
-    /// Its name for people.
-    pub name: String,
-    /// How it estimates.
-    pub method: Method,
+    /// What every filter has.
+    pub basics: FilterBasics,
     /// Where it starts.
     pub start: Start,
     /// The densities of the angular accelerations' noise of x and y, in rad²/s³.
     pub acceleration_density: [f64; 2],
-    /// How sigma points are spread.
-    pub points: SigmaPoints<f64>,
 }
 
 /// Where a filter starts.
@@ -53,9 +50,32 @@ const NOISE: [Entry; 2] = [
     Entry::new("angular_acceleration_y", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
 ];
 
+/// The parameters that can be states. The drive is one for both axes; what acts on one axis alone is its stiffness and
+/// its damping.
+static PARAMETERS: [Parameter; 7] = [
+    Parameter::of_motion("stiffness_x", "scanner.x.resonator.stiffness", None),
+    Parameter::of_motion("stiffness_y", "scanner.y.resonator.stiffness", None),
+    Parameter::of_motion("damping_x", "scanner.x.resonator.damping", None),
+    Parameter::of_motion("damping_y", "scanner.y.resonator.damping", None),
+    Parameter::of_motion("drive_gain", "drive_gain", None),
+    Parameter::GAIN,
+    Parameter::OFFSET,
+];
+
+/// What a deviation of 1 adds to each of them.
+fn scales(hardware: &Hardware) -> [f64; 7] {
+    let [x, y] = [&hardware.scanner.x.resonator, &hardware.scanner.y.resonator];
+    [x.stiffness, y.stiffness, x.damping, y.damping, 1.0, hardware.readout.gain, 1.0]
+}
+
 impl FilterSettings {
     /// Reads and checks the filter at this place of the file.
-    pub fn of(experiment: &Experiment, estimate: &Estimate, index: usize) -> Result<Self, ConfigError> {
+    pub fn of(
+        experiment: &Experiment,
+        estimate: &Estimate,
+        hardware: &Hardware,
+        index: usize,
+    ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: &str| {
@@ -64,31 +84,17 @@ impl FilterSettings {
         if filter.method.is_literal() || matches!(filter.method, Method::LockIn | Method::SquareRootUkf) {
             return refuse("method", "this method is for one axis; with two write `ekf`, `ukf` or `model`");
         }
-        let more = [
-            ("states", !filter.states.is_empty()),
-            ("demodulator", filter.demodulator),
-            ("smooth", filter.smooth),
-            ("smooth_lag", filter.smooth_lag.is_some()),
-        ];
-        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
-            return refuse(name, "with two axes a filter tracks both motions alone, online; leave it out");
+        if filter.demodulator {
+            return refuse(
+                "demodulator",
+                "with two axes the demodulator's stages are no states; leave it out",
+            );
         }
-        let (noise_key, noise) = if filter.process_noise.is_empty() {
-            (Key::from("estimate.process_noise"), &estimate.process_noise)
-        } else {
-            (at.clone().child("process_noise"), &filter.process_noise)
-        };
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
         Ok(Self {
-            key: filter.name.key(),
-            name: filter.name.to_string(),
-            method: filter.method,
+            basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
             start: start(experiment, &at, filter)?,
             acceleration_density: experiment.values(noise_key, noise, NOISE)?,
-            points: SigmaPoints {
-                alpha: filter.alpha.unwrap_or(1.0),
-                beta: filter.beta.unwrap_or(2.0),
-                kappa: filter.kappa.unwrap_or(1.0),
-            },
         })
     }
 }

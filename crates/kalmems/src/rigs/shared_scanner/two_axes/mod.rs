@@ -6,11 +6,10 @@
 //! motion is calibrated by itself.
 
 mod band_plan;
-mod course;
 mod filters;
 mod hardware;
-mod lock;
 mod outlook;
+mod plant;
 mod rig;
 mod segment;
 mod settings;
@@ -22,7 +21,7 @@ pub use band_plan::{Band, BandPlan, Conflict, Line, Place, PlannedDrive};
 pub use filters::{FilterSettings, STATES, Start};
 pub use hardware::Hardware;
 pub use rig::TwoAxesRig;
-pub use segment::{Samples, TwoAxisEstimate, estimate};
+pub use segment::{TwoAxisEstimate, estimate};
 pub use settings::Settings;
 pub use start::{BatchStart, StartError, line_share};
 pub use tones::DriveTones;

@@ -2,19 +2,18 @@
 
 use super::hardware::second_axis;
 use super::outlook::outlook;
-use super::segment::{Samples, TwoAxisEstimate, estimate};
+use super::segment::{TwoAxisEstimate, estimate};
 use super::settings::Settings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, Device, Experiment};
-use crate::estimate::{EstimateError, Motion, Progress};
+use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
-use crate::rigs::shared_scanner::drive::Drive;
+use crate::rigs::shared_scanner::data::estimate_segments;
 use crate::rigs::shared_scanner::{columns, wanted};
 use crate::rigs::{Axis, Rig, SegmentEstimate};
 use crate::simulate::{SimulateError, Simulation};
-use crate::units::kind;
 
 /// The rig.
 pub struct TwoAxesRig;
@@ -52,53 +51,12 @@ impl Rig for TwoAxesRig {
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        let [drive_column, signal_column] = columns(experiment, index)?;
-        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?;
-        let signal = recording.column_of(signal_column, &kind::VOLTAGE)?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let samples = Samples {
-                place: &place,
-                time_s: &time_s,
-                drive: drive.of(segment),
-                signal: signal.of(segment),
-            };
-            if !samples.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: signal_column.to_owned() });
-            }
-            let interval_s = segment.time.interval_s().unwrap_or(f64::NAN);
-            if let Some((first_s, count)) = Drive::new(&time_s, samples.drive, interval_s).unknown(interval_s)
-            {
-                let column = drive_column.to_owned();
-                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
-            }
-            let TwoAxisEstimate { drive, trajectories } = estimate(&settings, samples, progress)?;
-            let [x, y] = drive.tones.map(|tone| {
-                let motion = Motion { frequency_hz: 0.5 * tone.frequency_hz, is_driven: true };
-                (motion, tone)
-            });
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let slower = x.0.frequency_hz.min(y.0.frequency_hz);
-            if span < settings.skip_s + 10.0 / slower {
-                return Err(EstimateError::TooShort { place, found_s: span, skip_s: settings.skip_s });
-            }
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: drive_column.to_owned(),
-                signal_column: signal_column.to_owned(),
-                drive: Some(x.1),
-                motion: x.0,
-                other_axes: vec![Axis { angle: ANGLES[1][0], motion: y.0, drive: Some(y.1) }],
-                skip_s: settings.skip_s,
-                trajectories,
-            });
-        }
-        Ok(estimates)
+        estimate_segments((experiment, index), recording, settings.skip_s, |place, data| {
+            let TwoAxisEstimate { drive, trajectories } = estimate(&settings, place, data, progress)?;
+            let [x, y] = drive.motions();
+            let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
+            Ok((axis(0, x), vec![axis(1, y)], trajectories))
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

@@ -1,71 +1,54 @@
 //! The estimates of one segment.
 
-use super::course::TwoAxisCourse;
 use super::filters::{FilterSettings, STATES, Start};
-use super::lock::judge;
+use super::plant::{both, both_with};
 use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
-use crate::estimate::{EstimateError, Progress, Trajectory, TrajectoryKind, follow};
+use crate::estimate::{EstimateError, Progress, Trajectory, judge_lock};
 use crate::rigs::shared_scanner::data::SegmentData;
-use crate::rigs::shared_scanner::drive::Drive;
-use crate::rigs::shared_scanner::segment::filter_of;
-use crate::signal::{extremes_of_rate, usual_interval};
-use kalmems_core::Covariance;
+use crate::rigs::shared_scanner::plant::{Augmentation, Plant};
+use crate::rigs::shared_scanner::segment::{Follower, orient};
+use kalmems_core::{Covariance, Mat};
+use kalmems_models::dynamics::TwoAxisDriveGain;
+use kalmems_models::readout::TwoAxisComb;
 use std::f64::consts::TAU;
-
-/// The samples of one segment.
-#[derive(Clone, Copy, Debug)]
-pub struct Samples<'a> {
-    /// The recording and its segment, for messages.
-    pub place: &'a str,
-    /// When, in s.
-    pub time_s: &'a [f64],
-    /// The drive in V.
-    pub drive: &'a [f64],
-    /// The demodulated signal in V; not a number where it is missing.
-    pub signal: &'a [f64],
-}
 
 /// What the filters say of one segment.
 #[derive(Clone, Debug)]
 pub struct TwoAxisEstimate {
     /// The drives of x and y.
     pub drive: DriveTones,
-    /// One per filter, with the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
+    /// One per answer, with the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
     pub trajectories: Vec<Trajectory>,
 }
 
-/// Runs the wanted filters over both axes.
+/// Runs the wanted filters over both axes of a segment, which `place` names in messages.
 pub fn estimate(
     settings: &Settings,
-    samples: Samples,
+    place: &str,
+    data: &SegmentData,
     progress: &dyn Progress,
 ) -> Result<TwoAxisEstimate, EstimateError> {
-    let Samples { place, time_s, drive, signal } = samples;
-    let interval_s = usual_interval(time_s);
-    let tones = DriveTones::of(time_s, drive, interval_s, resonances_hz(settings))
+    let drive = DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
         .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?;
-    let data = SegmentData { time_s, signal, drive: Drive::new(time_s, drive, interval_s), interval_s };
-    let run = Run { settings, data: &data, tones: &tones, progress };
+    let motions = drive.motions();
+    let slowest_hz = motions.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
+    let start_s = data.scored_from(place, settings.skip_s, slowest_hz)?;
     let mut trajectories = Vec::new();
     for filter in &settings.filters {
-        let start = run.start(&filter.start).map_err(|why| EstimateError::NoStart {
-            place: place.to_owned(),
-            filter: filter.name.clone(),
-            why: why.to_string(),
-        })?;
-        let mut trajectory = run.follow(filter, start)?;
-        if !filter.method.claims() {
-            trajectory.kind = TrajectoryKind::ModelAlone;
-            for state in &mut trajectory.states {
-                // The model alone claims no uncertainty; zeros would look like a claim.
-                state.sd.clear();
+        let mut found = Task { settings, filter, data, drive: &drive, place, progress }.one()?;
+        for trajectory in &mut found {
+            for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
+                if let Some(positive) = *positive {
+                    orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
+                }
             }
+            trajectory.lock = judge_lock(trajectory, data.signal, &motions, start_s);
         }
-        trajectories.push(trajectory);
+        trajectories.append(&mut found);
     }
-    Ok(TwoAxisEstimate { drive: tones, trajectories })
+    Ok(TwoAxisEstimate { drive, trajectories })
 }
 
 /// The free resonances of x and y.
@@ -77,62 +60,80 @@ fn resonances_hz(settings: &Settings) -> [f64; 2] {
 /// How much of the signal a start from it takes in, in s.
 const WINDOW_S: f64 = 2e-3;
 
-struct Run<'a> {
+/// One filter over one segment.
+struct Task<'a> {
     settings: &'a Settings,
+    filter: &'a FilterSettings,
     data: &'a SegmentData<'a>,
-    tones: &'a DriveTones,
+    drive: &'a DriveTones,
+    place: &'a str,
     progress: &'a dyn Progress,
 }
 
-impl Run<'_> {
+impl Task<'_> {
+    /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
+    fn one(&self) -> Result<Vec<Trajectory>, EstimateError> {
+        match self.filter.basics.tracked.len() {
+            0 => self.run::<_, 4>(&both(&self.settings.hardware, self.filter)),
+            1 => self.with::<1, 5>(),
+            2 => self.with::<2, 6>(),
+            3 => self.with::<3, 7>(),
+            4 => self.with::<4, 8>(),
+            5 => self.with::<5, 9>(),
+            6 => self.with::<6, 10>(),
+            _ => self.with::<7, 11>(),
+        }
+    }
+
+    /// With `A` parameters as states.
+    fn with<const A: usize, const N: usize>(&self) -> Result<Vec<Trajectory>, EstimateError>
+    where
+        Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>: Plant<N>,
+    {
+        let plant = both_with::<A>(&self.settings.hardware, self.filter);
+        self.run::<_, N>(&plant.map_err(|why| self.filter.basics.no_model(why))?)
+    }
+
+    fn run<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
+        let filter = &self.filter.basics;
+        let noise_variance = self.settings.hardware.noise_variance;
+        let follower = Follower { filter, data: self.data, noise_variance, progress: self.progress };
+        follower.run(plant, &filter.states(&STATES), self.start()?)
+    }
+
     /// Mean and covariance at the first sample.
-    fn start(&self, start: &Start) -> Result<([f64; 4], Covariance<f64, 4>), StartError> {
-        match start {
-            Start::Given { mean, covariance } => Ok((*mean, *covariance)),
+    fn start<const N: usize>(&self) -> Result<([f64; N], Covariance<f64, N>), EstimateError> {
+        let (motion, covariance) = match &self.filter.start {
+            Start::Given { mean, covariance } => (*mean, *covariance),
             Start::Signal => {
-                let first = self.data.time_s.first().copied().unwrap_or(0.0);
-                let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
-                let drives_hz = self.tones.tones.map(|tone| tone.frequency_hz);
-                let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
-                let found = BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)?;
-                Ok((found.mean, found.covariance))
+                let found = self.batch_start().map_err(|why| EstimateError::NoStart {
+                    place: self.place.to_owned(),
+                    filter: self.filter.basics.name.clone(),
+                    why: why.to_string(),
+                })?;
+                (found.mean, found.covariance)
+            }
+        };
+        let mut mean = [0.0; N];
+        let mut lower = Mat::zero();
+        for i in 0..motion.len() {
+            mean[i] = motion[i];
+            for j in 0..=i {
+                lower.0[i][j] = covariance.get(i, j);
             }
         }
-    }
-
-    fn follow(
-        &self,
-        filter: &FilterSettings,
-        start: ([f64; 4], Covariance<f64, 4>),
-    ) -> Result<Trajectory, EstimateError> {
-        let mut course = TwoAxisCourse::new(self.settings, filter.acceleration_density, self.data);
-        let names = (filter.key.as_str(), filter.name.as_str());
-        let at_start = filter_of(filter.method, filter.points, start);
-        let mut trajectory =
-            follow(names, at_start, &mut course, &STATES, self.progress).ok_or(EstimateError::Interrupted)?;
-        let start_s = self.data.time_s.first().copied().unwrap_or(0.0) + self.settings.skip_s;
-        self.orient(&mut trajectory, start_s);
-        trajectory.lock = judge(&trajectory, self.data.signal, self.tones, start_s);
-        Ok(trajectory)
-    }
-
-    /// Gives each axis the sign that the experiment states.
-    ///
-    /// Either axis mirrored is an exact symmetry of plant and sensor, and the filters keep it; so an answer of the
-    /// other sign is mirrored, and says so.
-    fn orient(&self, trajectory: &mut Trajectory, start_s: f64) {
-        for (axis, positive) in self.settings.first_peak_positive.iter().enumerate() {
-            let Some(positive) = *positive else { continue };
-            let peak = self.tones.tones[axis].peak_after(start_s);
-            let from = self.data.time_s.partition_point(|t| *t < peak);
-            let rate = &trajectory.states[2 * axis + 1].mean;
-            let first = extremes_of_rate(&self.data.time_s[from..], &rate[from..]).first().copied();
-            if first.is_some_and(|extreme| extreme.maximum != positive) {
-                trajectory.mirrored = true;
-                for mean in trajectory.states[2 * axis..2 * axis + 2].iter_mut().flat_map(|s| &mut s.mean) {
-                    *mean = -*mean;
-                }
-            }
+        for (i, tracked) in self.filter.basics.tracked.iter().enumerate() {
+            let i = motion.len() + i;
+            lower.0[i][i] = tracked.sd * tracked.sd;
         }
+        Ok((mean, Covariance::from_lower(lower)))
+    }
+
+    fn batch_start(&self) -> Result<BatchStart, StartError> {
+        let first = self.data.time_s.first().copied().unwrap_or(0.0);
+        let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
+        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
+        BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
     }
 }

@@ -3,6 +3,7 @@
 use super::filters::{FilterSettings, STATES, four};
 use super::hardware::Hardware;
 use crate::config::{ConfigError, Experiment, Fault, Peak, Sign, Values};
+use crate::rigs::shared_scanner::settings::estimate_table;
 
 /// Device, noise and filter settings.
 #[derive(Clone, Debug)]
@@ -22,19 +23,15 @@ impl Settings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let hardware = Hardware::of(experiment)?;
-        let Some(estimate) = &experiment.estimate else {
-            let remedy =
-                "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`".to_owned();
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy }));
-        };
+        let estimate = estimate_table(experiment)?;
         let positive = |peak: &Option<Peak>| peak.as_ref().map(|peak| *peak == Peak::Positive);
+        let filters =
+            (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
         Ok(Self {
+            filters: filters.collect::<Result<_, _>>()?,
             hardware,
             skip_s: estimate.skip.si(),
             first_peak_positive: [positive(&estimate.first_peak), positive(&estimate.first_peak_y)],
-            filters: (0..estimate.filters.len())
-                .map(|index| FilterSettings::of(experiment, estimate, index))
-                .collect::<Result<_, _>>()?,
         })
     }
 }

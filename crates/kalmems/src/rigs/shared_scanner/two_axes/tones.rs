@@ -1,5 +1,7 @@
 //! The two sines of a recorded drive.
 
+use super::filters::STATES;
+use crate::estimate::Motion;
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 
 /// A drive that is an offset and two sines, one for each axis.
@@ -18,6 +20,14 @@ pub struct DriveTones {
 const TURNS: usize = 6;
 
 impl DriveTones {
+    /// The name of each axis's angle, and how fast it goes: at half the frequency of its drive.
+    pub fn motions(&self) -> [(&'static str, Motion); 2] {
+        [0, 1].map(|axis| {
+            let frequency_hz = 0.5 * self.tones[axis].frequency_hz;
+            (STATES[2 * axis].0, Motion { frequency_hz, is_driven: true })
+        })
+    }
+
     /// Fits both sines, and gives to each axis the one that is nearer to twice its resonance.
     ///
     /// `None` where two sines leave more than 2 % of the smaller one's amplitude: such a drive is another one.

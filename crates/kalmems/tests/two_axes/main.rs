@@ -1,11 +1,17 @@
 //! Two axes on one electrode: band plan, simulation, the start from the signal, and what the filters make of it.
 
+mod smoothing;
+mod wrong_models;
+
 use kalmems::config::Experiment;
-use kalmems::estimate::{Silent, Trajectory};
-use kalmems::results::{Metrics, RunInfo, Verdict, write_simulation};
+use kalmems::estimate::{Silent, Trajectory, judge_lock};
+use kalmems::results::{
+    Metrics, RunInfo, Verdict, estimate_figures, notices, summary_table, write_simulation,
+};
+use kalmems::rigs::shared_scanner::SegmentData;
 use kalmems::rigs::shared_scanner::two_axes::{
-    Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Samples, Settings, Start, StartError,
-    estimate, line_share,
+    Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
+    line_share,
 };
 use kalmems::rigs::{Rig, shared_scanner::two_axes::TwoAxesRig};
 use kalmems::simulate::{Drive, Simulator, Tone, WhiteNoise, floquet_exponent};
@@ -54,11 +60,19 @@ struct Recorded {
     states: Vec<[f64; 4]>,
 }
 
+/// Steps of the simulation per sample; a filter has one.
+const STEPS: usize = 4;
+
 fn record(scanner: TwoAxisScanner<f64>, start: [f64; 4], skip: usize, samples: usize, seed: u64) -> Recorded {
+    let mut simulator = Simulator::new(scanner, drive([90.0, 70.0]), 1e6 * STEPS as f64, start);
+    (0..skip * STEPS).for_each(|_| simulator.step());
+    recorded(&mut simulator, samples, seed)
+}
+
+/// What comes of a simulation from here on.
+fn recorded(simulator: &mut Simulator<TwoAxisScanner<f64>, 4>, samples: usize, seed: u64) -> Recorded {
     let hardware = hardware();
-    let mut simulator = Simulator::new(scanner, drive([90.0, 70.0]), 1e6, start);
     let mut noise = WhiteNoise::new(seed, 0);
-    (0..skip).for_each(|_| simulator.step());
     let mut recorded = Recorded { time_s: vec![], drive: vec![], signal: vec![], states: vec![] };
     for _ in 0..samples {
         let [y] = hardware.readout.predict(simulator.state());
@@ -66,7 +80,7 @@ fn record(scanner: TwoAxisScanner<f64>, start: [f64; 4], skip: usize, samples: u
         recorded.drive.push(simulator.drive());
         recorded.signal.push(y + hardware.noise_variance.sqrt() * noise.sample());
         recorded.states.push(*simulator.state());
-        simulator.step();
+        (0..STEPS).for_each(|_| simulator.step());
     }
     recorded
 }
@@ -92,9 +106,8 @@ fn anywhere(seed: u64) -> [f64; 4] {
 }
 
 fn run(settings: &Settings, recorded: &Recorded) -> Vec<Trajectory> {
-    let samples =
-        Samples { place: "test", time_s: &recorded.time_s, drive: &recorded.drive, signal: &recorded.signal };
-    estimate(settings, samples, &Silent).unwrap().trajectories
+    let data = SegmentData::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
+    estimate(settings, "test", &data, &Silent).unwrap().trajectories
 }
 
 /// RMS angle errors in degrees of both axes over some samples, each axis mirrored as fits best.
@@ -502,9 +515,86 @@ fn files_that_are_wrong_say_where() {
         ),
         ("angular_acceleration_y = \"1e4 rad^2/s^3\"", "", "estimate.process_noise.angular_acceleration_y"),
         ("method = \"ekf\"", "method = \"euler_ekf\"", "estimate.filter[0].method"),
-        ("\"from_signal\"\n\n", "\"from_signal\"\nsmooth = true\n\n", "estimate.filter[0].smooth"),
+        (
+            "\"from_signal\"\n\n",
+            "\"from_signal\"\nstates = { stiffness = { start_sd = \"1 %\" } }\n\n",
+            "estimate.filter[0].states.stiffness",
+        ),
+        ("method = \"ekf\"\n", "method = \"ekf\"\ndemodulator = true\n", "estimate.filter[0].demodulator"),
     ] {
         let message = Settings::of(&changed(&[(from, to)])).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
+}
+
+/// What is computed for one axis alone is not simulated as something else.
+#[test]
+fn a_simulation_for_one_axis_is_refused() {
+    let ring_down = "[simulate.drive.ring_down]\noffset = \"90 V\"\namplitude = \"90 V\"\nfrequency = \"31.35 kHz\"\n\
+                     lasting = \"20 ms\"\nsignal_noise = \"1 mV\"\nangle_noise = \"0.5 mrad\"\n";
+    let text = std::fs::read_to_string(path()).unwrap();
+    let (before, tones) = text.split_once("[simulate.drive.tones]").unwrap();
+    let after = &tones[tones.find("# For `kalmems estimate`").unwrap()..];
+    let message = |text: &str| {
+        let experiment = Experiment::parse(text, &path()).unwrap();
+        TwoAxesRig.simulate(&experiment).err().map(|error| error.to_string())
+    };
+    let refused = message(&format!("{before}{ring_down}{after}")).unwrap();
+    assert!(refused.contains("simulate.drive.ring_down: a ring-down of two axes"), "{refused}");
+    let circuit = std::fs::read_to_string(path().with_file_name("circuit.toml")).unwrap();
+    let from = circuit.find("[device.shared_scanner.circuit").unwrap();
+    let circuit = &circuit[from..circuit.find("[simulate]").unwrap()];
+    let refused = message(&format!("{text}\n{circuit}")).unwrap();
+    assert!(
+        refused.contains("device.shared_scanner.circuit: the circuit is computed for one axis"),
+        "{refused}"
+    );
+    assert_eq!(message(&text), None);
+}
+
+/// What happened to one axis is told of that axis: in the message, in the figures, in the table and in the pictures.
+#[test]
+fn a_lost_axis_is_named() {
+    let changes = [("integration_rate = \"10 MHz\"", "integration_rate = \"1 MHz\""), ("24 ms", "13 ms")];
+    let experiment = changed(&changes);
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("simulated");
+    let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    let simulation = TwoAxesRig.simulate(&experiment).unwrap();
+    write_simulation(&experiment, simulation.as_ref(), &target, false, info, &Silent).unwrap();
+    let simulated = Experiment::load(&target.join("experiment.toml")).unwrap();
+    let mut outcome = workflow::estimate(&simulated, &Silent).unwrap();
+    let estimate = &mut outcome.recordings[0].segments[0].estimate;
+    let y = estimate.other_axes[0];
+    let axes = [("angle_x", estimate.motion), (y.angle, y.motion)];
+    let from_s = estimate.from_s();
+    let trajectory = &mut estimate.trajectories[0];
+    // From 12 ms on the other branch of y.
+    let from = trajectory.time_s.partition_point(|t| *t < 12e-3);
+    trajectory.states[2].mean[from..].iter_mut().for_each(|angle| *angle = -*angle);
+    let signal = vec![0.0; trajectory.time_s.len()];
+    trajectory.lock = judge_lock(trajectory, &signal, &axes, from_s);
+    assert!(
+        trajectory.lock.held_of("angle_x") && !trajectory.lock.held_of("angle_y"),
+        "{:?}",
+        trajectory.lock
+    );
+
+    let metrics = Metrics::of(&outcome);
+    let first = metrics.estimators().next().unwrap();
+    let event = serde_json::to_value(&first.lock).unwrap()["events"][0].clone();
+    assert_eq!((&event["kind"], &event["of"]), (&"flipped".into(), &"angle_y".into()));
+    let table = summary_table(&metrics, false).to_text();
+    assert!(table.contains("LOST LOCK of angle_y") && !table.contains("angle_x and"), "{table}");
+    let said = notices(&metrics);
+    assert!(said.iter().any(|n| n.text.contains("the motion of angle_y has moved by")), "{said:?}");
+    let drawn = estimate_figures(&outcome.recordings[0], &outcome.recordings[0].segments[0], "");
+    let labels = |name: &str, series: usize| {
+        let figure = drawn.iter().find(|figure| figure.id == name).unwrap();
+        figure.panels.iter().map(|panel| panel.series[series].label().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(labels("nis", 1), ["EKF (LOST LOCK of angle_y)", "UKF"]);
+    // Two panels of each filter, x and y.
+    assert_eq!(labels("angle_error", 0), ["EKF", "EKF (LOST LOCK)", "UKF", "UKF"]);
+    assert_eq!(labels("phase_error", 0), ["EKF", "EKF (LOST LOCK)", "UKF", "UKF"]);
 }

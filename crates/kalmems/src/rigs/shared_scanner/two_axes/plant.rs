@@ -1,0 +1,26 @@
+//! The models that the filters of two axes run on.
+
+use super::filters::FilterSettings;
+use super::hardware::Hardware;
+use crate::rigs::shared_scanner::plant::{Augmentation, Plain};
+use kalmems_core::NoiseDensity;
+use kalmems_core::augmentation::AugmentationError;
+use kalmems_models::dynamics::{TwoAxisDriveGain, TwoAxisScanner};
+use kalmems_models::readout::TwoAxisComb;
+
+/// Both axes, read by the affine law.
+pub fn both(hardware: &Hardware, filter: &FilterSettings) -> Plain<TwoAxisScanner<f64>, TwoAxisComb<f64>, 4> {
+    let [of_x, of_y] = filter.acceleration_density;
+    let noise = NoiseDensity::none().on::<1>(of_x).on::<3>(of_y);
+    Plain { dynamics: hardware.scanner, readout: hardware.readout, noise }
+}
+
+/// Both axes with `A` parameters, read by the affine law.
+pub fn both_with<const A: usize>(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+) -> Result<Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>, AugmentationError> {
+    let Plain { dynamics: scanner, readout, noise } = both(hardware, filter);
+    let dynamics = TwoAxisDriveGain { scanner, drive_gain: 1.0 };
+    Augmentation::of(Plain { dynamics, readout, noise }, &filter.basics.tracked)
+}
