@@ -1,5 +1,5 @@
-//! What a detector records of a computed object while a simulated scanner of two axes sweeps a spot over it: intensities
-//! along the true motion, from 10 ms on, when it is steady.
+//! What a detector records of a computed object while a simulated scanner of two axes sweeps a spot over it:
+//! intensities along the true motion, from 10 ms on, when it is steady.
 //!
 //!     cargo run --release -p kalmems-cli --example scan_object -- out/simulated/shared_scanner_two_axes/reference.csv out/intensity.csv
 

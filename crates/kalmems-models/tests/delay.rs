@@ -37,8 +37,8 @@ fn history<D: Dynamics<f64, N, Input = f64> + Copy, const N: usize>(
     states
 }
 
-/// How far the angle of a while ago is missed at most over twenty cycles, in parts of the amplitude: from the law of motion with
-/// the drive, and from the resonator alone.
+/// How far the angle of a while ago is missed at most over twenty cycles, in parts of the amplitude: from the
+/// law of motion with the drive, and from the resonator alone.
 fn missed(fine_steps_ago: usize) -> [f64; 2] {
     let delay = 1e-6 * fine_steps_ago as f64 / FINE as f64;
     let states = history(SCANNER, [START, 0.0], 1280 * FINE);

@@ -1,4 +1,5 @@
-//! A readout that is late by a constant time: simulated, estimated, and through the circuit whose high-pass makes it late.
+//! A readout that is late by a constant time: simulated, estimated, and through the circuit whose high-pass
+//! makes it late.
 
 mod scanner;
 
@@ -127,8 +128,8 @@ fn every_filter_heeds_the_delay() {
     }
 }
 
-/// A recording made by the circuit, and what filters of q = 1e8 and q = 1e4 make of it: phase in degrees of poles with delay, then
-/// poles alone.
+/// A recording made by the circuit, and what filters of q = 1e8 and q = 1e4 make of it: phase in degrees of
+/// poles with delay, then poles alone.
 fn through_the_circuit(seed: u64, drive_hz: f64) -> [[f64; 2]; 2] {
     let (seed, frequency) = (format!("seed = {seed}"), format!("frequency = \"{drive_hz} Hz\""));
     let toml = example(

@@ -6,11 +6,12 @@ use kalmems_macros::{Parameters, model};
 
 /// θ(t − τ) from the motion at t: θ − s·θ̇ + c·θ̈ with s = sin(ω₀τ)/ω₀ in s and c = (1 − cos ω₀τ)/ω₀² in s².
 ///
-/// What a constant delay of a readout needs: without stages behind it y(t) is read from θ(t − τ), and a delay commutes
-/// with linear stages, so that it can stand before them. The formula is Taylor's series as far as the law of motion gives
-/// derivatives, with the rest as if the motion were harmonic at ω₀: exact for that, and for any motion but for
-/// τ³·(θ⃛ + ω₀²θ̇)/6. Of the scanner of Chen et al. (shared electrodes, 2020), whose electrodes modulate its stiffness by 2 %, that
-/// is 2·10⁻⁵ of the amplitude at 1.2 µs. White noise of the acceleration over τ, of density q, is left out: q·τ³/3 in θ².
+/// What a constant delay of a readout needs: without stages behind it y(t) is read from θ(t − τ), and a delay
+/// commutes with linear stages, so that it can stand before them. The formula is Taylor's series as far as
+/// the law of motion gives derivatives, with the rest as if the motion were harmonic at ω₀: exact for that,
+/// and for any motion but for τ³·(θ⃛ + ω₀²θ̇)/6. Of the scanner of Chen et al. (shared electrodes, 2020),
+/// whose electrodes modulate its stiffness by 2 %, that is 10⁻⁵ of the amplitude at 1.2 µs. White noise of
+/// the acceleration over τ, of density q, is left out: q·τ³/3 in θ².
 ///
 /// ```
 /// use kalmems_models::dynamics::TorsionalResonator;

@@ -8,10 +8,11 @@ use kalmems_macros::{Parameters, model};
 
 /// y = a·C(θ(t − τ)) + b in V, on states that begin with θ in rad and θ̇ in rad/s.
 ///
-/// [`DemodulatedComb`] of the angle a constant time ago. A measurement does not know the drive, so that the acceleration in
-/// [`AngleBefore`] is that of the resonator alone, θ̈ = −ω₀²θ − (b/J)θ̇: θ(t − τ) = p·θ + r·θ̇ with p = 1 − c·ω₀² and
-/// r = −(s + c·b/J). What the electrodes add to the stiffness, a few percent, enters with τ²: 2·10⁻⁴ of the amplitude at 1.2 µs.
-/// [`LowPassedComb`](super::LowPassedComb), which has the drive, has no such error.
+/// [`DemodulatedComb`] of the angle a constant time ago. A measurement does not know the drive, so that the
+/// acceleration in [`AngleBefore`] is that of the resonator alone, θ̈ = −ω₀²θ − (b/J)θ̇: θ(t − τ) = p·θ +
+/// r·θ̇ with p = 1 − c·ω₀² and r = −(s + c·b/J). What the electrodes add to the stiffness, a few percent,
+/// enters with τ²: 10⁻⁴ of the amplitude at 1.2 µs. [`LowPassedComb`](super::LowPassedComb), which has the
+/// drive, has no such error.
 ///
 /// ```
 /// use kalmems_core::Measurement;

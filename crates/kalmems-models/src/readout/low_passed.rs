@@ -8,12 +8,13 @@ use kalmems_macros::{Parameters, model};
 /// A scanner whose signal y = a·C(θ) + b passes two first-order low-pass stages; states [θ, θ̇, u₁, u₂] in rad,
 /// rad/s, V and V, input V in V.
 ///
-/// u̇₁ = ω₁·(a·C(θ(t − τ)) + b − u₁) and u̇₂ = ω₂·(u₁ − u₂), both of gain 1 at rest; u₂ is recorded. τ is the constant delay of
-/// what lies before the stages, such as a high-pass near its cut-off, or behind them: a delay commutes with them. Here it costs two
-/// products, where the stages taken back by τ would need an integration against their decay. The affine law of
-/// [`DemodulatedComb`](super::DemodulatedComb) holds for C only where the motion is slow against ω₁ and ω₂. With two
-/// poles at the frequency of the signal (Chen et al., shared electrodes, 2020, Figure 2 and Table I: about 41 kHz
-/// against 31 kHz) the signal lags by 75°, and no constant delay stands for that.
+/// u̇₁ = ω₁·(a·C(θ(t − τ)) + b − u₁) and u̇₂ = ω₂·(u₁ − u₂), both of gain 1 at rest; u₂ is recorded. τ is the
+/// constant delay of what lies before the stages, such as a high-pass near its cut-off, or behind them: a
+/// delay commutes with them. Here it costs the electrodes' law at one more angle, where the
+/// stages taken back by τ would need an integration against their decay. The affine law of [`DemodulatedComb`](super::DemodulatedComb) holds for C
+/// only where the motion is slow against ω₁ and ω₂. With two poles at the frequency of the signal (Chen et
+/// al., shared electrodes, 2020, Figure 2 and Table I: about 41 kHz against 31 kHz) the signal lags by 75°,
+/// and no constant delay stands for that.
 ///
 /// ```
 /// use kalmems_core::{Dynamics, Measurement};
@@ -62,7 +63,8 @@ impl<T: Scalar> Dynamics<T, 4> for LowPassedComb<T> {
 
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
         let acceleration = self.device.scanner.acceleration(x[0], x[1], *voltage * self.device.drive_gain);
-        // Without a delay the acceleration has computed the comb's law at this angle already, half of what a step costs.
+        // Without a delay the acceleration has computed the comb's law at this angle already, and it is not paid
+        // for twice.
         let voltage = if self.before.is_none() {
             self.voltage(x[0])
         } else {

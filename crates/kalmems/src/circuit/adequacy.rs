@@ -50,10 +50,11 @@ pub enum Known {
 
 /// Whether y = a·C + b is good enough for a filter, and if not, whether the poles are.
 ///
-/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and extended
-/// Kalman filters that know the device exactly follow the circuit's output, without noise and carrier, each knowing
-/// as much of poles and delay as [`Known`] says. Their gain and offset are those of [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase, and is pulled less; a large
-/// one follows its signal wherever it is.
+/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and
+/// extended Kalman filters that know the device exactly follow the circuit's output, without noise and
+/// carrier, each knowing as much of poles and delay as [`Known`] says. Their gain and offset are those of
+/// [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase,
+/// and is pulled less; a large one follows its signal wherever it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adequacy {
     /// The motion.

@@ -7,7 +7,8 @@ use crate::config::{ConfigError, Device, Experiment};
 use crate::outlook::Topic;
 use crate::simulate::Drive;
 
-/// What the circuit is to a filter, and what each simpler model costs in phase; `None` where the file describes no circuit.
+/// What the circuit is to a filter, and what each simpler model costs in phase; `None` where the file
+/// describes no circuit.
 pub fn of_the_circuit(
     experiment: &Experiment,
     hardware: &Hardware,

@@ -276,8 +276,8 @@ fn item(bench: &Bench, record: &Record, found: &[Found]) -> Item {
         .remark(format!(
             "The papers get the capacitance by integrating the current V_o1, whose offset walks away. `kalmems identify` \
              fits the equation of motion to V_o1 by shooting, the bias's pull included, beside the optical angle; here with \
-             {:.0} mV of noise and from a start 0.3 % (k), 20 % (b), 5 % (C₀) and 8 % (θ₀) wrong. V_o1 alone \
-             knows k and b as well; C₀ and θ₀ it knows apart only by the bias's pull.",
+             {:.0} mV of noise and from a start 0.3 % (k), 20 % (b), 5 % (C₀) and 8 % (θ₀) wrong. From V_o1 alone θ₀ \
+             is the least certain: it is known only by the bias's pull and the shape of the current.",
             AMPLIFIER_NOISE * 1e3
         ))
         .table(table)
