@@ -84,11 +84,12 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     stop(progress)?;
     match steady {
         Some(material) if material.angle.iter().any(|a| a.is_finite()) => {
+            let angle = steady_state::before(&material.time_s, &material.angle, hardware.delay_s);
             let record = SteadyState {
                 time_s: &material.time_s,
                 interval_s: material.interval_s,
                 signal: &material.signal,
-                angle: &material.angle,
+                angle: &angle,
                 comb: comb.0,
                 comb_covariance: comb.1,
             };

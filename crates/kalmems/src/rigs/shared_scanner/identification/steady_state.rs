@@ -4,10 +4,11 @@ use crate::fit::{
     Bounds, ByDual, Derived, Fit, FitError, FitSettings, Shooting, ShootingError, Unknown, fit,
 };
 use crate::identify::{AffineFit, Whiteness, fit_affine};
-use crate::signal::cubic_between;
+use crate::signal::{GAP, cubic_between, usual_interval};
 use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::readout::{LowPassOutput, LowPassPair};
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 /// A motion, what was read of it, and the electrodes as they are known.
@@ -19,7 +20,7 @@ pub struct SteadyState<'a> {
     pub interval_s: f64,
     /// y in V; not a number where it is missing.
     pub signal: &'a [f64],
-    /// θ of the reference in rad at the same times; not a number where it is missing.
+    /// θ of the reference in rad that the signal shows at these times; not a number where it is missing.
     pub angle: &'a [f64],
     /// C₀, θ₀ and C_b.
     pub comb: GaussianComb<f64>,
@@ -81,6 +82,21 @@ fn spread(signal: &[f64]) -> f64 {
     let n = finite().count().max(1) as f64;
     let mean = finite().sum::<f64>() / n;
     (finite().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// θ(t − τ) at each time, between the samples by a cubic; not a number where it is not known.
+pub(super) fn before<'a>(time_s: &[f64], angle: &'a [f64], delay_s: f64) -> Cow<'a, [f64]> {
+    if delay_s == 0.0 {
+        return Cow::Borrowed(angle);
+    }
+    let longest_s = GAP * usual_interval(time_s);
+    let at = |t: f64| match time_s.partition_point(|s| *s <= t) {
+        to if to > 0 && to < time_s.len() && time_s[to] - time_s[to - 1] <= longest_s => {
+            cubic_between(time_s, |k| angle[k], to, t)
+        }
+        _ => f64::NAN,
+    };
+    time_s.iter().map(|t| at(t - delay_s)).collect()
 }
 
 /// Gain and offset by least squares of y on C(θ), and the demodulator's poles if there are any to be seen.
@@ -230,5 +246,36 @@ impl SteadyState<'_> {
         }
         found.sum_of_squares *= affine.residual_deviation * affine.residual_deviation;
         Ok(Some(PolesFit { fit: found, whiteness: Whiteness::of(&residuals), residuals }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A signal that is late shows the angle that was; taken for that of its time it gives another gain.
+    #[test]
+    fn a_late_signal_gives_the_gain_of_the_angle_that_was() {
+        const DELAY_S: f64 = 1.16e-6;
+        let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
+        let theta = |t: f64| 0.15 * (TAU * 15_675.0 * t).sin();
+        // A gap of ten samples.
+        let time: Vec<f64> =
+            (0..2000).filter(|k| !(700..710).contains(k)).map(|k| f64::from(k) * 1e-6).collect();
+        let angle: Vec<f64> = time.iter().map(|t| theta(*t)).collect();
+        let signal: Vec<f64> =
+            time.iter().map(|t| 6.3945 - 0.3574e12 * comb.capacitance(theta(t - DELAY_S))).collect();
+        let gain = |angle: &[f64]| {
+            let (interval_s, comb_covariance) = (1e-6, Covariance::zero());
+            let record =
+                SteadyState { time_s: &time, interval_s, signal: &signal, angle, comb, comb_covariance };
+            fit_steady_state(&record).unwrap().unwrap().affine.slope / -0.3574e12
+        };
+        let then = before(&time, &angle, DELAY_S);
+        assert_eq!(then.iter().filter(|a| a.is_nan()).count(), 4, "two at the start, two after the gap");
+        assert!((gain(&then) - 1.0).abs() < 1e-5, "{}", gain(&then));
+        // cos 2φ of the second harmonic's lag, 13°.
+        assert!((gain(&angle) - 0.974).abs() < 2e-3, "{}", gain(&angle));
+        assert!(matches!(before(&time, &angle, 0.0), Cow::Borrowed(_)));
     }
 }
