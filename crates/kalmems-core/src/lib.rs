@@ -44,6 +44,7 @@ pub mod adapt;
 pub mod augmentation;
 pub mod bound;
 pub mod consistency;
+pub mod detect;
 pub mod discretize;
 mod dual;
 mod error;

@@ -14,11 +14,13 @@ mod by_hand;
 mod cases;
 mod peers;
 mod system;
+mod threshold;
 
-use kalmems_core::Scalar;
+use kalmems_core::{FilterError, Scalar};
 use std::hint::black_box;
 use std::time::Instant;
 use system::{Run, System};
+use threshold::FreeDecay;
 
 /// Samples of one turn.
 const LENGTH: usize = 4096;
@@ -45,6 +47,18 @@ fn main() {
         ("adskalman", peers::adskalman),
     ];
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
+    compare_crossings::<f64>("f64");
+    compare_crossings::<f32>("f32");
+}
+
+/// The goal is 4 times the plain filter for the whole chain.
+fn compare_crossings<T: Scalar<Mask = bool>>(number: &str) {
+    let chain: [(&str, threshold::Run<T>); 3] = [
+        ("plain", FreeDecay::plain),
+        ("detector alone", FreeDecay::detector),
+        ("with crossings", FreeDecay::hybrid),
+    ];
+    compare(number, "EKF, exact step, and its crossings", &FreeDecay::simulated(LENGTH), &chain);
 }
 
 fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {
@@ -56,8 +70,11 @@ fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {
     }
 }
 
+/// A filter over a whole signal.
+type Follow<S, O> = fn(&S) -> Result<O, FilterError>;
+
 /// Times filters in turns and prints them.
-fn compare<T>(number: &str, group: &str, system: &System<T>, filters: &[(&str, Run<T>)]) {
+fn compare<S, O>(number: &str, group: &str, system: &S, filters: &[(&str, Follow<S, O>)]) {
     // The first turn warms up.
     let turns: Vec<Vec<f64>> = (0..=TURNS).map(|turn| take_turns(turn, system, filters)).skip(1).collect();
     println!("\n{group}, {number}");
@@ -75,7 +92,7 @@ fn compare<T>(number: &str, group: &str, system: &System<T>, filters: &[(&str, R
 }
 
 /// ns of each filter for the whole signal, another one first in each turn.
-fn take_turns<T>(turn: usize, system: &System<T>, filters: &[(&str, Run<T>)]) -> Vec<f64> {
+fn take_turns<S, O>(turn: usize, system: &S, filters: &[(&str, Follow<S, O>)]) -> Vec<f64> {
     let mut times = vec![0.0; filters.len()];
     for step in 0..filters.len() {
         let i = (turn + step) % filters.len();

@@ -8,9 +8,11 @@
 #![no_main]
 
 mod around;
+mod detection;
 
 use around::what_stands_around_the_filters;
 use core::hint::black_box;
+use detection::crossings_that_were_found;
 use kalmems_core::lanes::{Isa, Kernel, Lane, Real};
 use kalmems_core::smooth::FixedLag;
 use kalmems_core::update::Gate;
@@ -165,5 +167,6 @@ extern "C" fn main() -> i32 {
             && followed(isa.run::<f64, _>(OthersInLanes))
     });
     let around = what_stands_around_the_filters().is_some_and(|error| error < 1e-3);
-    i32::from(!(passed && in_lanes && around))
+    let crossings = crossings_that_were_found().is_some_and(|error| error < 1e-3);
+    i32::from(!(passed && in_lanes && around && crossings))
 }

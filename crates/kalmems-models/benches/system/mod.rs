@@ -9,7 +9,7 @@
 #![allow(dead_code)] // each bench and test uses its part
 
 mod by_hand;
-mod signal;
+pub mod signal;
 
 pub use by_hand::{EulerByHand, Laws};
 pub use signal::{HeldSample, Sample};

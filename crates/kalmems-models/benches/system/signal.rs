@@ -18,7 +18,7 @@ pub struct Sample<T> {
 pub fn simulated<T: Scalar>(system: &System<f64>, length: usize) -> Vec<Sample<T>> {
     let process = Rk4::new(system.scanner, INTERVAL, &NoiseDensity::none(), (&[0.0, 0.0], &0.0));
     let drive = |k: usize, part: f64| 12.0 + 12.0 * f64::sin(TAU * 31.4e3 * (k as f64 + part) * INTERVAL);
-    let mut noise = Noise(0x9e37_79b9_7f4a_7c15);
+    let mut noise = Noise::start();
     let mut truth = [0.15, 0.0];
     let samples: Vec<Sample<T>> = (0..length)
         .map(|k| {
@@ -51,7 +51,7 @@ pub struct HeldSample<T> {
 pub fn held<T: Scalar>(system: &System<f64>, length: usize) -> Vec<HeldSample<T>> {
     let process = system.resonator();
     let stiffness = system.scanner.resonator.stiffness;
-    let mut noise = Noise(0x9e37_79b9_7f4a_7c15);
+    let mut noise = Noise::start();
     let mut truth = [HELD_ANGLE, 0.0];
     let samples: Vec<HeldSample<T>> = (0..length)
         .map(|k| {
@@ -69,10 +69,14 @@ pub fn held<T: Scalar>(system: &System<f64>, length: usize) -> Vec<HeldSample<T>
 }
 
 /// Numbers of mean 0 and variance 1 (Irwin–Hall, twelve uniform ones each; xorshift, Marsaglia 2003).
-struct Noise(u64);
+pub struct Noise(u64);
 
 impl Noise {
-    fn next(&mut self) -> f64 {
+    pub fn start() -> Self {
+        Self(0x9e37_79b9_7f4a_7c15)
+    }
+
+    pub fn next(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 

@@ -1,13 +1,14 @@
 //! What an experiment file says about the estimate that is wanted.
 
 use super::filter::Filter;
-use super::kinds::Time;
+use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
-use super::sign::NotNegative;
+use super::sign::{NotNegative, Positive};
 use super::values::Values;
 use super::{Fault, Key};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
 /// The filters that are wanted, and what they share. Which states there are, the rig knows.
@@ -27,10 +28,68 @@ pub struct Estimate {
     /// `{ angular_acceleration = "1e8 rad^2/s^3" }`, for every filter that does not state its own.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     pub process_noise: Values,
+    /// In how many equal parts of its duration a record is judged beside the whole; none if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "parts")]
+    #[schemars(range(min = 2, max = 100))]
+    pub parts: Option<u32>,
+    /// How the crossings of a threshold are found, for a device that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crossings: Option<Crossings>,
     /// The filters, at least one, each in a table `[[estimate.filter]]`.
     #[serde(rename = "filter", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
     pub filters: Vec<Filter>,
+}
+
+/// A detector of crossings: a derivative of a Gaussian over the signal, of whose response the tops count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Crossings {
+    /// The standard deviation of the Gaussian.
+    #[schemars(example = &"30 us")]
+    pub width: Quantity<Time, Positive>,
+    /// No two crossings are closer than this.
+    #[schemars(example = &"300 us")]
+    pub separation: Quantity<Time, Positive>,
+    /// The smallest response that counts, in standard deviations of the response to noise. Either this or
+    /// `false_alarms`.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "super::filter::above_zero"
+    )]
+    #[schemars(extend("exclusiveMinimum" = 0), example = &4.0)]
+    pub threshold: Option<f64>,
+    /// How often noise without motion may pass for a crossing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"10 Hz")]
+    pub false_alarms: Option<Quantity<Frequency, Positive>>,
+    /// The smallest response that counts while crossings follow each other, beside `false_alarms`: so that a motion is
+    /// followed as it decays.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "super::filter::above_zero"
+    )]
+    #[schemars(extend("exclusiveMinimum" = 0), example = &2.0)]
+    pub keep: Option<f64>,
+}
+
+impl Crossings {
+    /// What no single value can be blamed for: the key, and what is wrong.
+    fn check(&self) -> Result<(), (Key, Fault)> {
+        let at = |name: &str| Key::from("estimate").child("crossings").child(name);
+        let refuse = |name: &str, why: &str| Err((at(name), Fault::Value { why: why.to_owned() }));
+        match (self.threshold, &self.false_alarms, self.keep) {
+            (None, None, _) => {
+                let remedy = "write `threshold = 4`, or `false_alarms = \"10 Hz\"`".to_owned();
+                Err((at("threshold"), Fault::MissingKey { remedy }))
+            }
+            (Some(_), Some(_), _) => refuse("false_alarms", "found `threshold` too; write one of them"),
+            (Some(_), None, Some(_)) => refuse("keep", "it goes with `false_alarms`; leave it out"),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The sign of an extreme.
@@ -52,6 +111,9 @@ impl Estimate {
                 "found no filter; add at least one table `[[estimate.filter]]` with a `name` and a `method`";
             return Err((key, Fault::Value { why: why.to_owned() }));
         }
+        if let Some(crossings) = &self.crossings {
+            crossings.check()?;
+        }
         let mut seen = BTreeMap::new();
         for (index, filter) in self.filters.iter().enumerate() {
             let at = key.clone().child("filter").index(index);
@@ -63,4 +125,12 @@ impl Estimate {
         }
         Ok(())
     }
+}
+
+fn parts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    let parts = u32::try_from(number).ok().filter(|parts| (2..=100).contains(parts));
+    parts
+        .map(Some)
+        .ok_or_else(|| D::Error::custom(format!("`{number}` is not 2 to 100; write the parts, such as `4`")))
 }

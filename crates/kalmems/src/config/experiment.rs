@@ -5,8 +5,8 @@ use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, AnyValue, Entry, Values};
 use super::{
-    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Identify, Key, Name, Quantity,
-    Recording, Reference, Segments, Sign, Simulate,
+    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Name,
+    Quantity, Recording, Reference, Segments, Sign, Simulate,
 };
 use crate::recording::{self, Layout};
 use crate::units::Kind;
@@ -77,6 +77,7 @@ impl Experiment {
             return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;
+        self.check_crossings()?;
         if let Some(estimate) = &self.estimate {
             estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
         }
@@ -84,6 +85,34 @@ impl Experiment {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
         }
         Ok(())
+    }
+
+    /// Keys of the estimate that are for a device with a threshold alone.
+    fn check_crossings(&self) -> Result<(), ConfigError> {
+        let Some(estimate) =
+            self.estimate.as_ref().filter(|_| !matches!(self.device, Device::ThresholdScanner(_)))
+        else {
+            return Ok(());
+        };
+        let at = Key::from("estimate");
+        let of_filter = |(index, filter): (usize, &Filter)| {
+            let given = [
+                ("variant", filter.variant.is_some()),
+                ("signal_variance", filter.signal_variance.is_some()),
+                ("threshold", filter.threshold.is_some()),
+            ];
+            let at = at.clone().child("filter").index(index);
+            given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
+        };
+        let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
+        let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
+        match of_all.or_else(|| estimate.filters.iter().enumerate().find_map(of_filter)) {
+            Some(key) => {
+                let why = "it is for a `[device.threshold_scanner]`; leave it out".to_owned();
+                Err(self.error(key, Fault::Value { why }))
+            }
+            None => Ok(()),
+        }
     }
 
     fn check_names(&self) -> Result<(), ConfigError> {

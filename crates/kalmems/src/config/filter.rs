@@ -1,11 +1,11 @@
 //! What an experiment file says about one filter.
 
 use super::error::shown;
-use super::kinds::Time;
+use super::kinds::{Time, VoltageVariance};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
-use super::{Fault, Key};
+use super::{Fault, Key, Threshold, Variant};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -43,6 +43,17 @@ pub struct Filter {
     /// false if left out.
     #[serde(default, skip_serializing_if = "is_false")]
     pub demodulator: bool,
+    /// How a filter of a threshold-sensing scanner takes the signal; `full` if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<Variant>,
+    /// The variance of a sample that a filter of a threshold-sensing scanner reckons with; the readout's if left out. A
+    /// larger one leaves the angle to the crossings where the comb's curve is not known well.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 V^2")]
+    pub signal_variance: Option<Quantity<VoltageVariance, Positive>>,
+    /// How a filter of a threshold-sensing scanner uses the crossings; not at all if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub threshold: Option<Threshold>,
     /// Whether there is a smoothed trajectory as well, in which each sample has seen the whole recording; false if
     /// left out.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -354,7 +365,7 @@ fn is_false(value: &bool) -> bool {
     !*value
 }
 
-fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+pub(super) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let number = f64::deserialize(deserializer)?;
     if number > 0.0 && number.is_finite() {
         Ok(Some(number))

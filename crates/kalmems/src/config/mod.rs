@@ -19,6 +19,7 @@ mod error;
 mod estimate;
 mod experiment;
 mod filter;
+mod hybrid;
 mod identify;
 mod image;
 mod key;
@@ -37,9 +38,10 @@ mod values;
 
 pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
-pub use estimate::{Estimate, Peak};
+pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub use hybrid::{Applied, Threshold, Timing, Variant};
 pub use identify::Identify;
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
@@ -52,8 +54,8 @@ pub(crate) use schema::schema_of;
 pub use schema::{image_schema, schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    Adc, ConstantDrive, DriveSource, DriveTone, RecordedDrive, RingDownDrive, Simulate, SineDrive,
-    SquareDriveSource, SweepDrive, TonesDrive,
+    Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, RecordedDrive, RingDownDrive, Simulate,
+    SineDrive, SquareDriveSource, SweepDrive, TonesDrive,
 };
 pub(crate) use source::Source;
 pub use values::{AnyValue, Entry, Values};

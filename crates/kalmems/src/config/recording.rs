@@ -210,4 +210,9 @@ impl Reference {
     pub fn delay_s(&self) -> f64 {
         self.delay.as_ref().map_or(0.0, Quantity::si)
     }
+
+    /// States how much later it is.
+    pub fn set_delay(&mut self, delay: Quantity<Time>) {
+        self.delay = Some(delay);
+    }
 }

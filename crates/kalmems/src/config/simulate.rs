@@ -73,6 +73,8 @@ pub enum DriveSource {
     Recorded(RecordedDrive),
     /// A sine that is switched to the bias of a ring-down; the recording begins there.
     RingDown(RingDownDrive),
+    /// A raised cosine that catches the motion by a sweep before the recording begins, and may be cut off in it.
+    Capture(CaptureDrive),
 }
 
 /// A constant voltage.
@@ -193,6 +195,84 @@ pub struct RingDownDrive {
     pub angle_noise: Quantity<Angle, NotNegative>,
 }
 
+/// `voltage (1 - cos(2 pi f t))/2`, swept from one frequency to another, then held there: the recording begins after that.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureDrive {
+    /// The highest voltage; the lowest is 0.
+    #[schemars(example = &"60 V")]
+    pub voltage: Quantity<Voltage, Positive>,
+    /// The frequency at which the sweep begins.
+    #[schemars(example = &"1600 Hz")]
+    pub from: Quantity<Frequency, Positive>,
+    /// The frequency at which it ends.
+    #[schemars(example = &"1260 Hz")]
+    pub to: Quantity<Frequency, Positive>,
+    /// How long the sweep takes.
+    #[schemars(example = &"1 s")]
+    pub sweep: Quantity<Time, Positive>,
+    /// How long the last frequency is held before the recording begins.
+    #[schemars(example = &"0.2 s")]
+    pub hold: Quantity<Time, NotNegative>,
+    /// How the power is cut off; never, if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_off: Option<CutOff>,
+}
+
+/// Times without power.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CutOff {
+    /// When the first begins; with the recording if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at: Option<Quantity<Time, NotNegative>>,
+    /// How long each of them is; until the end if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"4 ms")]
+    pub lasting: Option<Quantity<Time, Positive>>,
+    /// From the beginning of one to that of the next; there is one alone if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"20 ms")]
+    pub every: Option<Quantity<Time, Positive>>,
+    /// The time constant with which the voltage goes and comes back.
+    #[schemars(example = &"20 us")]
+    pub transient: Quantity<Time, Positive>,
+}
+
+/// How many time constants of its transient a time with or without power lasts at least: what is left then is lost in
+/// the rounding of a converter.
+const SETTLED: f64 = 20.0;
+
+impl CutOff {
+    /// What is wrong with one of its keys.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let transient = self.transient.si();
+        let Some(lasting) = &self.lasting else {
+            return match &self.every {
+                Some(_) => {
+                    Err(("every", "power that stays off is cut off once; write `lasting` too".to_owned()))
+                }
+                None => Ok(()),
+            };
+        };
+        let too_short = |text: &str| {
+            let needed = SETTLED * transient;
+            format!(
+                "`{text}` leaves less than {SETTLED} times `transient`, {needed:e} s, for the voltage to settle"
+            )
+        };
+        if lasting.si() < SETTLED * transient {
+            return Err(("lasting", too_short(lasting.text())));
+        }
+        match &self.every {
+            Some(every) if every.si() - lasting.si() < SETTLED * transient => {
+                Err(("every", too_short(every.text())))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Samples that a simulation may have: a file of 100 GB.
 const MOST_SAMPLES: f64 = 1e9;
 
@@ -248,6 +328,11 @@ impl Simulate {
             let why =
                 format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
             return at("drive.square.duty_cycle", why);
+        }
+        if let DriveSource::Capture(CaptureDrive { cut_off: Some(cut_off), .. }) = &self.drive
+            && let Err((name, why)) = cut_off.check()
+        {
+            return at(&format!("drive.capture.cut_off.{name}"), why);
         }
         Ok(())
     }

@@ -29,6 +29,23 @@ pub trait Course<const N: usize> {
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError>;
+
+    /// Corrects a filter by what is known at sample `k`: by the signal, if there is one.
+    #[inline(never)]
+    fn correct<F: Filter<f64, N>>(
+        &mut self,
+        filter: &mut F,
+        k: usize,
+        counts: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let _ = counts;
+        let y = self.signal()[k];
+        if !y.is_finite() {
+            return Ok(None);
+        }
+        let (measurement, variance) = self.measurement();
+        filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
+    }
 }
 
 /// Samples between two looks at the progress.
@@ -59,6 +76,7 @@ impl Trajectory {
             innovation_sd: blank(),
             nis: blank(),
             log_likelihood: blank(),
+            crossings_log_likelihood: 0.0,
             counts: Counts { samples: n, ..Counts::default() },
             lock: Lock::default(),
             mirrored: false,
@@ -113,13 +131,13 @@ fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
         filter.forget();
         course.advance(filter, k, &mut trajectory.counts)?;
     }
-    match correct(filter, course, k)? {
+    match course.correct(filter, k, &mut trajectory.counts)? {
         Some(innovation) => {
             trajectory.innovation[k] = innovation.residual[0];
             trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
             trajectory.nis[k] = innovation.nis;
             trajectory.log_likelihood[k] = innovation.log_likelihood();
-            trajectory.counts.updates += 1;
+            trajectory.counts.updates += usize::from(innovation.taken);
         }
         None => trajectory.counts.without_signal += 1,
     }
@@ -128,19 +146,4 @@ fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
         state.sd[k] = filter.covariance().standard_deviation(i);
     }
     Ok(())
-}
-
-/// Corrects a filter by sample `k`, if there is a signal.
-#[inline(never)]
-pub(super) fn correct<F: Filter<f64, N>, C: Course<N>, const N: usize>(
-    filter: &mut F,
-    course: &C,
-    k: usize,
-) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-    let y = course.signal()[k];
-    if !y.is_finite() {
-        return Ok(None);
-    }
-    let (measurement, variance) = course.measurement();
-    filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
 }

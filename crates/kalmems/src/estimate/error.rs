@@ -86,6 +86,60 @@ pub enum EstimateError {
         /// The recording and its segment.
         place: String,
     },
+    /// There is no such detector of crossings.
+    #[error("{place}: {why}; correct the table `[estimate.crossings]`")]
+    Detector {
+        /// The recording and its segment.
+        place: String,
+        /// Why.
+        why: kalmems_core::detect::DetectError,
+    },
+    /// The signal passes no threshold more often than noise does.
+    #[error(
+        "{place}: the signal `{column}` holds no crossing of the threshold: {count} were found, and noise alone would be \
+         taken for {by_noise:.1}; its steepest rise is {largest:.1} standard deviations. Is the device moving, and is the \
+         signal that of its comb?"
+    )]
+    NoCrossing {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Crossings that were found.
+        count: usize,
+        /// Those that noise alone would be taken for.
+        by_noise: f64,
+        /// The largest response, in standard deviations of that to noise.
+        largest: f64,
+    },
+    /// The signal falls where it should rise.
+    #[error(
+        "{place}: the signal `{column}` has the opposite sign of the device's comb: its steepest flanks are {falling:.1} \
+         standard deviations down and {rising:.1} up; write the `gain` of the comb with the other sign, or swap the leads"
+    )]
+    SignReversed {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// The largest response against the sign, in standard deviations of that to noise.
+        falling: f64,
+        /// The largest response with the sign.
+        rising: f64,
+    },
+    /// The signal left the range of its instrument.
+    #[error(
+        "{place}: the signal `{column}` is clipped in {count} samples; what it was there is not known, and it would \
+         be taken for the motion: widen the range of the converter, or leave those samples empty"
+    )]
+    Clipped {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// How many samples.
+        count: usize,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

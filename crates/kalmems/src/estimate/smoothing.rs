@@ -1,6 +1,5 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
-use super::engine::correct;
 use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
 use kalmems_core::update::Policy;
@@ -203,7 +202,7 @@ impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked
     }
 
     fn correct(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<(), FilterError> {
-        correct(filter, self.0, sample).map(drop)
+        self.0.correct(filter, sample, &mut Counts::default()).map(drop)
     }
 }
 

@@ -28,6 +28,9 @@ pub struct Trajectory {
     pub nis: Vec<f64>,
     /// ln p(y | past) of each update, likewise.
     pub log_likelihood: Vec<f64>,
+    /// Σ ln p(θ_th | what came before) over the crossings of a threshold, each at its time and by the same variance for
+    /// every filter, told of them or not; 0 where there are none.
+    pub crossings_log_likelihood: f64,
     /// How many updates there were, and what stood in their way.
     pub counts: Counts,
     /// Whether the filter followed the motion.
@@ -81,6 +84,20 @@ pub struct Counts {
     pub bridged: usize,
     /// Samples whose drive is missing and was taken from the sine that the rest of the drive follows.
     pub drive_from_sine: usize,
+    /// Samples at which the drive bends too sharply for what it adds to the signal to be known: not corrected either.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub drive_bends: usize,
+    /// Crossings of a threshold that the filter was told of.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings: usize,
+    /// Those of them that were too far from what it expected, and did not correct it.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings_refused: usize,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Where and why a filter stopped.

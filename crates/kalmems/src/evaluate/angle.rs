@@ -1,6 +1,6 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
-use super::Reference;
+use super::{PartErrors, Reference, ReferenceLag};
 use crate::estimate::{Trajectory, is_the_only_one};
 use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
 use serde::Serialize;
@@ -44,6 +44,12 @@ pub struct MotionErrors {
     pub amplitude_reference_deg: Option<f64>,
     /// Whether the mirrored estimate would fit much better: the sign that the experiment states is then wrong.
     pub sign_disagrees: bool,
+    /// The angle's errors in parts of the recording, where those are wanted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartErrors>,
+    /// By how much more the reference is late than the experiment states, where that explains most of the error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_lag: Option<ReferenceLag>,
     /// The errors of the other angles, where the device has several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_angles: Vec<MotionErrors>,
@@ -131,6 +137,8 @@ pub fn evaluate_motion(
         amplitude_rmse_deg: rms(cycles.iter().map(|c| c.amplitude)).map(f64::to_degrees),
         amplitude_reference_deg: mean(cycles.iter().map(|c| c.reference)).map(f64::to_degrees),
         sign_disagrees,
+        parts: Vec::new(),
+        reference_lag: None,
         other_angles: Vec::new(),
         error: ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() },
         phase,
@@ -286,6 +294,7 @@ mod tests {
             innovation_sd: vec![1.0; n],
             nis: vec![0.0; n],
             log_likelihood: vec![0.0; n],
+            crossings_log_likelihood: 0.0,
             counts: Counts::default(),
             lock: Lock::default(),
             mirrored: false,

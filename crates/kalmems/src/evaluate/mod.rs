@@ -3,7 +3,13 @@
 //! This is the only place that reads a reference. Nothing flows from here to an estimate.
 
 mod angle;
+mod beam;
+mod lag;
+mod parts;
 mod reference;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
+pub use beam::BeamPosition;
+pub use lag::ReferenceLag;
+pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};

@@ -1,9 +1,10 @@
 //! What is known of the motion independently.
 
+use super::BeamPosition;
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
 use crate::recording::{Layout, ReadError, Recording};
-use crate::signal::{GAP, usual_interval};
+use crate::signal::{GAP, hermite, usual_interval};
 use crate::units::kind;
 use std::ops::ControlFlow;
 
@@ -34,7 +35,12 @@ struct AngleColumns {
     states: [&'static str; 2],
     angle: String,
     rate: Option<String>,
+    /// What turns the column into an angle, where it holds the position of a beam.
+    beam: Option<BeamPosition>,
 }
+
+/// The channel of a reference that is a beam's position.
+const POSITION: &str = "position";
 
 /// Why a reference cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -75,7 +81,8 @@ impl ReferenceRecording {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
-        let known = || angles.iter().flatten();
+        let beam = BeamPosition::of(experiment);
+        let known = || angles.iter().flatten().chain(beam.iter().map(|_| &POSITION));
         if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == name)) {
             let names: Vec<String> = known().map(|name| format!("`{name}`")).collect();
             let (last, first) =
@@ -86,12 +93,17 @@ impl ReferenceRecording {
         }
         let angles = angles.iter().map(|&states| {
             let [angle, rate] = states.map(|name| reference.channels.column(name).map(str::to_owned));
+            let position = reference.channels.column(POSITION).map(str::to_owned);
+            let (angle, beam) = match (angle, position) {
+                (None, Some(position)) => (Some(position), beam),
+                (angle, _) => (angle, None),
+            };
             let angle = angle.ok_or_else(|| {
                 let name = states[0];
                 let remedy = format!("name its column, such as `{name} = \"{name}_rad\"`");
                 experiment.error(key().child(name), Fault::MissingKey { remedy })
             })?;
-            Ok(AngleColumns { states, angle, rate })
+            Ok(AngleColumns { states, angle, rate, beam })
         });
         let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
         let columns: Vec<&str> = angles
@@ -113,13 +125,17 @@ impl ReferenceRecording {
     pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
         let segment = self.recording.segments().iter().find(|segment| segment.label == label);
         let one = |columns: &AngleColumns| {
-            let angle = self.recording.column_of(&columns.angle, &kind::ANGLE)?;
+            let kind = if columns.beam.is_some() { &kind::VOLTAGE } else { &kind::ANGLE };
+            let angle = self.recording.column_of(&columns.angle, kind)?;
             let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, &kind::ANGULAR_RATE));
             let rate = rate.transpose()?;
             Ok(segment.map(|segment| Reference {
                 states: columns.states,
                 time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
-                angle: angle.of(segment).to_vec(),
+                angle: match columns.beam {
+                    Some(beam) => angle.of(segment).iter().map(|volts| beam.angle(*volts)).collect(),
+                    None => angle.of(segment).to_vec(),
+                },
                 rate: rate.map(|rate| rate.of(segment).to_vec()),
             }))
         };
@@ -172,34 +188,5 @@ impl Reference {
             return (means, Vec::new());
         }
         (means, sds.into_iter().map(|sd| sd.unwrap_or(f64::NAN)).collect())
-    }
-}
-
-/// The cubic with these values and slopes at both ends of an interval of length `h`, at the fraction `s` of it.
-fn hermite(start: (f64, f64), end: (f64, f64), h: f64, s: f64) -> f64 {
-    let (s2, s3) = (s * s, s * s * s);
-    start.0 * (2.0 * s3 - 3.0 * s2 + 1.0)
-        + start.1 * h * (s3 - 2.0 * s2 + s)
-        + end.0 * (3.0 * s2 - 2.0 * s3)
-        + end.1 * h * (s3 - s2)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::hermite;
-
-    #[test]
-    fn a_cubic_is_kept() {
-        let f = |t: f64| 2.0 - t + 3.0 * t * t - 0.5 * t * t * t;
-        let d = |t: f64| -1.0 + 6.0 * t - 1.5 * t * t;
-        let h = 0.7;
-        for s in [0.0, 0.2, 0.5, 1.0] {
-            let t = 1.0 + s * h;
-            approx::assert_relative_eq!(
-                hermite((f(1.0), d(1.0)), (f(1.7), d(1.7)), h, s),
-                f(t),
-                max_relative = 1e-14
-            );
-        }
     }
 }

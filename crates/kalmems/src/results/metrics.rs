@@ -61,8 +61,42 @@ pub struct SegmentMetrics {
     /// The axes beside the one that `drive` and `motion_hz` are of.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_axes: Vec<AxisMetrics>,
+    /// The filter whose innovations of signal and crossings are the likeliest, where there are crossings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub likeliest: Option<Likeliest>,
     /// One per filter.
     pub estimators: Vec<EstimatorMetrics>,
+}
+
+/// A choice between filters by the recording alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Likeliest {
+    /// The filter, as a key.
+    pub key: String,
+    /// The filter, for people.
+    pub name: String,
+    /// Σ ln p of what it was shown, given what came before: the signal, and the angle at the crossings.
+    pub log_likelihood: f64,
+    /// By how much that of the next filter is smaller.
+    pub ahead: f64,
+}
+
+/// The choice between those filters that claim something, none of which failed; where at least one was told of crossings.
+fn likeliest(estimators: &[EstimatorMetrics]) -> Option<Likeliest> {
+    if estimators.iter().all(|estimator| estimator.counts.crossings == 0) {
+        return None;
+    }
+    let claims = |e: &EstimatorMetrics| {
+        e.failure.is_none() && e.counts.without_signal == estimators[0].counts.without_signal
+    };
+    let mut all: Vec<(f64, &EstimatorMetrics)> = (estimators.iter())
+        .filter(|e| claims(e))
+        .filter_map(|e| e.log_likelihood().map(|l| (l, e)))
+        .collect();
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let [(first, best), (second, _), ..] = all[..] else { return None };
+    let (key, name) = (best.key.clone(), best.name.clone());
+    Some(Likeliest { key, name, log_likelihood: first, ahead: first - second })
 }
 
 /// One axis of several.
@@ -102,6 +136,9 @@ pub struct EstimatorMetrics {
     pub consistency: Option<Consistency>,
     /// Whether it followed the motion.
     pub lock: Lock,
+    /// Σ ln p of the angle at the crossings of a threshold; 0 where there are none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings_log_likelihood: f64,
     /// What happened to the samples.
     pub counts: Counts,
     /// Whether the answer was mirrored to have the stated sign.
@@ -154,6 +191,18 @@ impl Verdict {
     pub const fn passes(self) -> bool {
         matches!(self, Self::Consistent | Self::NoClaim | Self::Astray)
     }
+}
+
+impl EstimatorMetrics {
+    /// Σ ln p of what it was shown after the settling time, the crossings included; `None` for what makes no claim.
+    pub fn log_likelihood(&self) -> Option<f64> {
+        self.consistency.as_ref().map(|c| c.log_likelihood + self.crossings_log_likelihood)
+    }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// The angles that a bad verdict is about, by their names among the states; none where it is about all there are.
@@ -227,6 +276,9 @@ fn texts(findings: &[Finding]) -> Vec<FindingText> {
 fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
     let estimate = &outcome.estimate;
     let time = &estimate.segment.time;
+    let pairs = estimate.trajectories.iter().zip(&outcome.errors);
+    let estimators: Vec<EstimatorMetrics> =
+        pairs.map(|(trajectory, errors)| estimator(trajectory, errors.clone(), estimate.skip_s)).collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
         duration_s: time.at(time.len().saturating_sub(1)) - time.start_s(),
@@ -240,10 +292,8 @@ fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
                 drive: axis.drive.map(drive),
             })
             .collect(),
-        estimators: (estimate.trajectories.iter())
-            .zip(&outcome.errors)
-            .map(|(trajectory, errors)| estimator(trajectory, errors.clone(), estimate.skip_s))
-            .collect(),
+        likeliest: likeliest(&estimators),
+        estimators,
     }
 }
 
@@ -283,6 +333,7 @@ fn estimator(trajectory: &Trajectory, errors: Option<MotionErrors>, skip_s: f64)
         errors,
         consistency: consistency(trajectory, skip_s),
         lock: trajectory.lock.clone(),
+        crossings_log_likelihood: trajectory.crossings_log_likelihood,
         counts: trajectory.counts,
         mirrored: trajectory.mirrored,
         failure: trajectory.failure.map(|f| format!("stopped at {} s: {}", f.time_s, f.why)),

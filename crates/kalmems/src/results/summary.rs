@@ -2,7 +2,7 @@
 
 use super::metrics::angles_of;
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
-use crate::evaluate::MotionErrors;
+use crate::evaluate::{MotionErrors, PartErrors};
 use crate::report::{Column, Severity, Table};
 use std::fmt;
 
@@ -53,6 +53,10 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
                 table.push(name.clone().into_iter().chain(row(estimator)).chain(duration));
+                for part in estimator.errors.iter().flat_map(|e| &e.parts) {
+                    let duration = with_durations.then(String::new);
+                    table.push(name.clone().into_iter().chain(row_of_part(part)).chain(duration));
+                }
                 for errors in estimator.errors.iter().flat_map(|e| &e.other_angles) {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_axis(errors)).chain(duration));
@@ -89,6 +93,15 @@ fn row_of_axis(errors: &MotionErrors) -> Vec<String> {
     let mut cells = vec![format!("  {}", errors.of)];
     cells.extend(figures(Some(errors)));
     cells.extend([const { String::new() }; 3]);
+    cells
+}
+
+/// A part of the recording.
+fn row_of_part(part: &PartErrors) -> Vec<String> {
+    let mut cells =
+        vec![format!("  {} to {} ms", significant(part.from_s * 1e3), significant(part.to_s * 1e3))];
+    cells.push(significant(part.rmse_deg));
+    cells.extend([const { String::new() }; 6]);
     cells
 }
 
@@ -132,6 +145,14 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                 let text = "has no sample of this segment to compare with after the settling time";
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));
             }
+            if let Some(likeliest) = &segment.likeliest {
+                let text = format!(
+                    "{place}: of these filters `{}` predicts signal and crossings best: its log-likelihood is {:.1}, {:.1} above the \
+                     next",
+                    likeliest.name, likeliest.log_likelihood, likeliest.ahead
+                );
+                say(Severity::Note, text);
+            }
             for estimator in &segment.estimators {
                 for (severity, text) in sentences(estimator) {
                     say(severity, format!("{place}: {}: {text}", estimator.name));
@@ -165,6 +186,17 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
         } else {
             said.push((Severity::Warning, format!("{first}{more}; this is no estimate of the motion")));
         }
+    }
+    if let Some(lag) = estimator.errors.as_ref().and_then(|errors| errors.reference_lag) {
+        said.push((
+            Severity::Warning,
+            format!(
+                "the reference shows the motion {:.1} us later than the experiment states; with that its error would be \
+                 {} deg: correct `delay` in `[recording.reference]`",
+                lag.lag_s * 1e6,
+                significant(lag.rmse_deg)
+            ),
+        ));
     }
     let nis = estimator.consistency.as_ref().map(|c| (c.mean_nis, c.lower, c.upper));
     match (estimator.verdict, nis) {
@@ -206,6 +238,14 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
         (
             counts.drive_from_sine,
             "samples without a drive, which was taken from the sine that the rest of it follows",
+        ),
+        (
+            counts.drive_bends,
+            "samples at which the drive bends too sharply for its feedthrough to be known, which did not correct",
+        ),
+        (
+            counts.crossings_refused,
+            "crossings too far from what the filter expected, which did not correct it",
         ),
     ];
     for (count, what) in counted {

@@ -5,6 +5,7 @@
 //! To add one: a folder here, a device table in [`crate::config`], and one line in [`ALL`].
 
 pub mod shared_scanner;
+pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
@@ -17,7 +18,11 @@ use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 
 /// Every rig that is built.
-pub static ALL: &[&dyn Rig] = &[&shared_scanner::SharedScannerRig, &shared_scanner::two_axes::TwoAxesRig];
+pub static ALL: &[&dyn Rig] = &[
+    &shared_scanner::SharedScannerRig,
+    &shared_scanner::two_axes::TwoAxesRig,
+    &threshold_scanner::ThresholdScannerRig,
+];
 
 /// A device with its drive, its recordings and its way of being estimated.
 pub trait Rig: Sync {
@@ -91,6 +96,8 @@ pub struct SegmentEstimate {
     pub other_axes: Vec<Axis>,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
+    /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
+    pub parts: u32,
     /// One per filter.
     pub trajectories: Vec<Trajectory>,
 }

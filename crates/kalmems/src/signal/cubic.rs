@@ -18,6 +18,15 @@ pub fn cubic_between(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize, a
         .sum()
 }
 
+/// The cubic with these values and slopes at both ends of an interval of length `h`, at the fraction `s` of it.
+pub fn hermite(start: (f64, f64), end: (f64, f64), h: f64, s: f64) -> f64 {
+    let (s2, s3) = (s * s, s * s * s);
+    start.0 * (2.0 * s3 - 3.0 * s2 + 1.0)
+        + start.1 * h * (s3 - 2.0 * s2 + s)
+        + end.0 * (3.0 * s2 - 2.0 * s3)
+        + end.1 * h * (s3 - s2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -37,6 +46,21 @@ mod tests {
             let middle = f64::from(u32::try_from(to).unwrap()) - 0.5;
             let error = cubic_between(&even, |k| sine(even[k]), to, middle) - sine(middle);
             assert!(error.abs() < bound, "{to}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_cubic_is_kept() {
+        let f = |t: f64| 2.0 - t + 3.0 * t * t - 0.5 * t * t * t;
+        let d = |t: f64| -1.0 + 6.0 * t - 1.5 * t * t;
+        let h = 0.7;
+        for s in [0.0, 0.2, 0.5, 1.0] {
+            let t = 1.0 + s * h;
+            approx::assert_relative_eq!(
+                hermite((f(1.0), d(1.0)), (f(1.7), d(1.7)), h, s),
+                f(t),
+                max_relative = 1e-14
+            );
         }
     }
 }

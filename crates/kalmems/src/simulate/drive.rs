@@ -54,6 +54,13 @@ pub enum Drive {
         /// The sines.
         tones: Vec<Tone>,
     },
+    /// Another drive whose power is off at times: it goes and comes back as e^{−t/τ}.
+    Interrupted {
+        /// The drive.
+        drive: Box<Drive>,
+        /// When.
+        off: Interruptions,
+    },
     /// Samples, with a cubic between them. Before the first and after the last they count as held.
     Recorded {
         /// When, rising.
@@ -61,6 +68,47 @@ pub enum Drive {
         /// In V, as many.
         volts: Vec<f64>,
     },
+}
+
+/// Times without power: [first + k·every, first + k·every + lasting) for k = 0, 1, …
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interruptions {
+    /// When the first begins.
+    pub first_s: f64,
+    /// How long each is; infinite where power stays off.
+    pub lasting_s: f64,
+    /// From one to the next; infinite where there is one alone.
+    pub every_s: f64,
+    /// τ, with which the voltage follows: short against both.
+    pub transient_s: f64,
+}
+
+impl Interruptions {
+    /// How much of the voltage is there, from 0 to 1, and how fast that changes in 1/s.
+    fn share(&self, time_s: f64) -> (f64, f64) {
+        let since = time_s - self.first_s;
+        if since < 0.0 {
+            return (1.0, 0.0);
+        }
+        let into = if self.every_s.is_finite() {
+            since - self.every_s * (since / self.every_s).floor()
+        } else {
+            since
+        };
+        let left = |since_switch: f64| Scalar::exp(-since_switch / self.transient_s);
+        if into < self.lasting_s {
+            let left = left(into);
+            (left, -left / self.transient_s)
+        } else {
+            let left = left(into - self.lasting_s);
+            (1.0 - left, left / self.transient_s)
+        }
+    }
+
+    /// Whether power is off, whatever of the voltage is left.
+    pub fn is_off(&self, time_s: f64) -> bool {
+        self.share(time_s).1 < 0.0
+    }
 }
 
 /// One sine of several.
@@ -104,6 +152,7 @@ impl Drive {
                 offset + amplitude * sine_of_cycles(mean_hz * swept + to_hz * stays)
             }
             Self::Tones { offset, tones } => tones.iter().fold(*offset, |sum, tone| sum + tone.at(time_s)),
+            Self::Interrupted { drive, off } => drive.at(time_s) * off.share(time_s).0,
             Self::Recorded { time_s: times, volts } => match times.partition_point(|t| *t <= time_s) {
                 0 => volts.first().copied().unwrap_or(f64::NAN),
                 to if to == times.len() => volts.last().copied().unwrap_or(f64::NAN),
@@ -134,6 +183,10 @@ impl Drive {
             Self::Tones { tones, .. } => {
                 Some(tones.iter().map(|t| tone(t.amplitude, t.frequency_hz, t.phase_rad)).sum())
             }
+            Self::Interrupted { drive, off } => {
+                let (share, change) = off.share(time_s);
+                drive.slope(time_s).map(|slope| slope * share + drive.at(time_s) * change)
+            }
             Self::Square { .. } | Self::Recorded { .. } => None,
         }
     }
@@ -142,7 +195,11 @@ impl Drive {
     pub fn period_s(&self) -> Option<f64> {
         match self {
             Self::Sine { frequency_hz, .. } | Self::Square { frequency_hz, .. } => Some(1.0 / frequency_hz),
-            Self::Constant { .. } | Self::Sweep { .. } | Self::Tones { .. } | Self::Recorded { .. } => None,
+            Self::Constant { .. }
+            | Self::Sweep { .. }
+            | Self::Tones { .. }
+            | Self::Interrupted { .. }
+            | Self::Recorded { .. } => None,
         }
     }
 
@@ -164,7 +221,7 @@ impl Drive {
                 let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).sin();
                 Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
             }
-            Self::Tones { .. } | Self::Recorded { .. } => None,
+            Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => None,
         }
     }
 
@@ -257,6 +314,35 @@ mod tests {
         }
         assert_eq!(Drive::Constant { level: 3.0 }.slope(0.1), Some(0.0));
         assert_eq!(Drive::Square { low: 0.0, high: 1.0, frequency_hz: 1.0, duty: 0.5 }.slope(0.1), None);
+    }
+
+    #[test]
+    fn power_goes_and_comes_back_as_an_exponential() {
+        let sine = Drive::Sine { offset: 30.0, amplitude: 30.0, frequency_hz: 1250.0, phase_rad: 0.3 };
+        let off = Interruptions { first_s: 1e-3, lasting_s: 2e-3, every_s: 5e-3, transient_s: 2e-5 };
+        let drive = Drive::Interrupted { drive: Box::new(sine.clone()), off };
+        assert_eq!(drive.at(0.9e-3), sine.at(0.9e-3));
+        for cycle in [0.0, 5e-3, 10e-3] {
+            let kept = |t: f64| drive.at(cycle + t) / sine.at(cycle + t);
+            assert_relative_eq!(kept(1e-3 + 3e-5), (-1.5_f64).exp(), max_relative = 1e-9);
+            assert_relative_eq!(kept(3e-3 + 3e-5), 1.0 - (-1.5_f64).exp(), max_relative = 1e-9);
+            assert!(kept(2.9e-3) < 1e-9 && (kept(5.9e-3) - 1.0).abs() < 1e-9);
+            assert!(off.is_off(cycle + 1.1e-3) && !off.is_off(cycle + 3.1e-3));
+            for t in [1.01e-3, 2e-3, 3.01e-3, 4e-3] {
+                let (t, h) = (cycle + t, 1e-9);
+                let difference = (drive.at(t + h) - drive.at(t - h)) / (2.0 * h);
+                assert_relative_eq!(drive.slope(t).unwrap(), difference, max_relative = 1e-4, epsilon = 0.1);
+            }
+        }
+        // Once and for all.
+        let off = Interruptions {
+            first_s: 0.0,
+            lasting_s: f64::INFINITY,
+            every_s: f64::INFINITY,
+            transient_s: 2e-5,
+        };
+        let drive = Drive::Interrupted { drive: Box::new(sine), off };
+        assert!(drive.at(1.0) == 0.0 && drive.at(-1e-6) > 1.0);
     }
 
     #[test]

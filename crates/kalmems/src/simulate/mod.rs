@@ -6,6 +6,7 @@
 //! `[simulate]` table a [`Simulation`], which runs sample by sample.
 
 mod balance;
+mod converter;
 mod drive;
 mod floquet;
 mod noise;
@@ -19,7 +20,8 @@ mod unwritten;
 mod waveform;
 
 pub use balance::{Balance, SteadyMotion};
-pub use drive::{Drive, Tone};
+pub use converter::Converter;
+pub use drive::{Drive, Interruptions, Tone};
 pub use floquet::{floquet_exponent, monodromy};
 pub use noise::WhiteNoise;
 pub use recording::{Channel, Sample, SimulateError, Simulation};

@@ -47,6 +47,12 @@ pub fn drive_of(
             frequency_hz: before.frequency.si(),
             phase_rad: 0.0,
         },
+        DriveSource::Capture(_) => {
+            let why =
+                "this device is not caught by a sweep; use another drive, such as `[simulate.drive.sine]`";
+            let key = Key::from("simulate").child("drive").child("capture");
+            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+        }
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;
             return Ok((drive, Some(source)));

@@ -49,7 +49,10 @@ impl Stability {
         let drive_hz = match drive {
             Drive::Sine { frequency_hz, .. } | Drive::Square { frequency_hz, .. } => [*frequency_hz; 2],
             Drive::Sweep { from_hz, to_hz, .. } => [from_hz.min(*to_hz), from_hz.max(*to_hz)],
-            Drive::Constant { .. } | Drive::Tones { .. } | Drive::Recorded { .. } => return None,
+            Drive::Constant { .. }
+            | Drive::Tones { .. }
+            | Drive::Interrupted { .. }
+            | Drive::Recorded { .. } => return None,
         };
         let resonator = &scanner.resonator;
         let per_square_volt = -0.5 * scanner.comb.curvature_at_rest();

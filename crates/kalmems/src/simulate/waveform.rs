@@ -33,6 +33,7 @@ impl Drive {
                     tone.amplitude *= factor;
                 }
             }
+            Self::Interrupted { drive, .. } => **drive = drive.scaled(factor),
             Self::Recorded { volts, .. } => volts.iter_mut().for_each(|v| *v *= factor),
         }
         scaled
@@ -48,7 +49,9 @@ impl Drive {
             Self::Square { low, high, duty, .. } => {
                 Some(Self::Square { low: *low, high: *high, frequency_hz: hz, duty: *duty })
             }
-            Self::Constant { .. } | Self::Tones { .. } | Self::Recorded { .. } => None,
+            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
+                None
+            }
         }
     }
 
@@ -59,7 +62,9 @@ impl Drive {
                 Some(offset.abs() + amplitude.abs())
             }
             Self::Square { low, high, .. } => Some(low.abs().max(high.abs())),
-            Self::Constant { .. } | Self::Tones { .. } | Self::Recorded { .. } => None,
+            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
+                None
+            }
         }
     }
 
@@ -83,7 +88,9 @@ impl Drive {
                 let size = (high * high - low * low) / (PI * n);
                 Some([size * sine, size * (1.0 - cosine)])
             }
-            Self::Constant { .. } | Self::Tones { .. } | Self::Recorded { .. } => None,
+            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
+                None
+            }
         }
     }
 

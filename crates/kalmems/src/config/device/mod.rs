@@ -19,7 +19,8 @@ pub use piston_mirror::{CapacitanceReadout, DistanceSeries, PistonMirror};
 pub use second_axis::SecondAxis;
 pub use shared_scanner::{Carrier, DemodulatedReadout, GaussianComb, Resonator, SharedScanner};
 pub use threshold_scanner::{
-    LogisticComb, MirrorResonator, PositionDetector, SquareDrive, ThresholdScanner, TransimpedanceReadout,
+    CombGeometry, CombShape, DetectedAngle, MirrorResonator, PositionDetector, SensingComb, SquareDrive,
+    ThresholdScanner, TransimpedanceReadout,
 };
 
 use super::Key;
@@ -49,7 +50,8 @@ impl Device {
         match self {
             Self::MicroStage(stage) => stage.check(),
             Self::PistonMirror(mirror) => mirror.check(),
-            Self::SharedScanner(_) | Self::ThresholdScanner(_) | Self::Accelerometer(_) => Ok(()),
+            Self::ThresholdScanner(scanner) => scanner.check(),
+            Self::SharedScanner(_) | Self::Accelerometer(_) => Ok(()),
         }
     }
 }

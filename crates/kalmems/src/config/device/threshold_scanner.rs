@@ -1,8 +1,9 @@
 //! The threshold-sensing scanner: a position is known when the angle passes the comb's steepest point.
 
+use crate::config::Key;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Length, LengthPerVoltage, PerAngle, Ratio, Resistance, SquareDriveGain,
-    Voltage, VoltagePerRate, VoltageVariance,
+    Time, Voltage, VoltagePerRate, VoltageVariance,
 };
 use crate::config::quantity::Quantity;
 use crate::config::sign::{NotNegative, NotZero, Positive};
@@ -16,7 +17,7 @@ pub struct ThresholdScanner {
     /// The mirror on its torsion bars.
     pub resonator: MirrorResonator,
     /// The comb's voltage per rate over the angle.
-    pub comb: LogisticComb,
+    pub comb: SensingComb,
     /// The amplifier of the comb's current.
     pub readout: TransimpedanceReadout,
     /// The torque of the driving voltage; left out where the recordings are free decay.
@@ -37,16 +38,55 @@ pub struct MirrorResonator {
     pub damping_ratio: Quantity<Ratio, NotNegative>,
 }
 
-/// A logistic curve: voltage per rate is `gain (1/(1 + exp(-steepness (angle - threshold_angle))) - 1/2)`.
+/// A comb that is passed: voltage per rate is `gain s(steepness (angle - threshold_angle))`, where `s` is its shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LogisticComb {
+pub struct SensingComb {
     /// The angle at which the signal changes its sign.
     pub threshold_angle: Quantity<Angle>,
-    /// The difference of the curve's ends.
-    pub gain: Quantity<VoltagePerRate, NotZero>,
+    /// The curve; logistic if left out.
+    #[serde(default)]
+    pub shape: CombShape,
+    /// The gain: of a logistic curve the difference of its ends. Above 0 the signal rises whenever the threshold is
+    /// passed; an amplifier that does not invert has it below 0. Either this or `fingers`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain: Option<Quantity<VoltagePerRate, NotZero>>,
     /// How steep the curve is.
     pub steepness: Quantity<PerAngle, Positive>,
+    /// The fingers that a logistic curve's gain follows from, with the readout's resistance and bias.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fingers: Option<CombGeometry>,
+}
+
+/// The shape of a comb's curve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CombShape {
+    /// `s(u) = 1/(1 + exp(-u)) - 1/2`.
+    #[default]
+    Logistic,
+    /// `s(u) = u exp(-u^2)`: the slope of a Gaussian capacitance.
+    Gaussian,
+}
+
+/// Fingers in the plane of the mirror, which turn past those beside them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CombGeometry {
+    /// Pairs of facing sides.
+    pub pairs: Quantity<Ratio, Positive>,
+    /// The distance between facing sides.
+    #[schemars(example = &"5 um")]
+    pub gap: Quantity<Length, Positive>,
+    /// The height of the fingers, normal to the mirror.
+    #[schemars(example = &"30 um")]
+    pub height: Quantity<Length, Positive>,
+    /// Where facing sides begin, from the axis.
+    #[schemars(example = &"250 um")]
+    pub inner_radius: Quantity<Length, NotNegative>,
+    /// Where they end.
+    #[schemars(example = &"400 um")]
+    pub outer_radius: Quantity<Length, Positive>,
 }
 
 /// A transimpedance amplifier: a voltage proportional to the comb's current.
@@ -73,9 +113,9 @@ pub struct SquareDrive {
     pub gain: Quantity<SquareDriveGain>,
 }
 
-/// A position-sensing detector that the reflected beam falls on.
+/// A position-sensing detector that the reflected beam falls on: `position gain = distance tan(angle)`.
 ///
-/// How late it shows the angle is the `delay` of the recording's reference.
+/// How late a recording shows the angle is the `delay` of its reference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PositionDetector {
@@ -83,6 +123,50 @@ pub struct PositionDetector {
     pub gain: Quantity<LengthPerVoltage, NotZero>,
     /// The distance from the mirror.
     pub distance: Quantity<Length, Positive>,
+    /// Whose angle that is; the mirror's if left out.
+    #[serde(default)]
+    pub angle: DetectedAngle,
+    /// How much later than the motion a simulated detector shows it, below 0 if it is the signal that is late; 0 s if
+    /// left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.114 ms")]
+    pub delay: Option<Quantity<Time>>,
     /// The variance of one sample.
     pub noise_variance: Quantity<VoltageVariance, Positive>,
+}
+
+/// Whose angle a position detector shows. A mirror turns the beam by twice its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DetectedAngle {
+    /// The mirror's, as published: the estimate is then of whatever angle the gain was calibrated with.
+    #[default]
+    Mirror,
+    /// The beam's; the mirror has turned by half of it.
+    Beam,
+}
+
+impl ThresholdScanner {
+    /// What no single value can be blamed for: the key, and what is wrong.
+    pub(super) fn check(&self) -> Result<(), (Key, String)> {
+        let at = |name: &str, why: String| {
+            let way = ["device", "threshold_scanner", "comb"].into_iter().chain(name.split('.'));
+            Err((way.fold(Key::default(), Key::child), why))
+        };
+        let example = "write `gain = \"2.82 mV s/rad\"`, or the table `fingers`";
+        match (&self.comb.gain, &self.comb.fingers) {
+            (None, None) => at("gain", format!("found no gain; {example}")),
+            (Some(_), Some(_)) => {
+                at("fingers", format!("found both `gain` and `fingers`; {example}, not both"))
+            }
+            (None, Some(fingers)) if fingers.inner_radius.si() >= fingers.outer_radius.si() => {
+                let (outer, inner) = (fingers.outer_radius.text(), fingers.inner_radius.text());
+                at("fingers.outer_radius", format!("`{outer}` is not beyond `inner_radius`, `{inner}`"))
+            }
+            (None, Some(_)) if self.comb.shape != CombShape::Logistic => {
+                at("fingers", "from fingers follows the gain of a logistic curve; write `gain`".to_owned())
+            }
+            _ => Ok(()),
+        }
+    }
 }

@@ -63,6 +63,7 @@ pub fn estimate_segments(
             motion: axis.motion,
             other_axes,
             skip_s,
+            parts: 1,
             trajectories,
         });
     }

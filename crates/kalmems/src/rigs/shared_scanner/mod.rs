@@ -5,15 +5,15 @@
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
 mod circuit;
-mod course;
-mod data;
-mod drive;
+pub(super) mod course;
+pub(super) mod data;
+pub(super) mod drive;
 mod filters;
 pub mod identification;
 mod lock_in;
 mod outlook;
 mod past;
-mod plant;
+pub(super) mod plant;
 mod reproduction;
 mod ring_down;
 mod segment;

@@ -6,7 +6,7 @@ use super::settings::{Hardware, state_at};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Simulate, Values};
 use crate::recording::Source;
 use crate::simulate::{
-    Channel, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
+    Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
 };
 use kalmems_core::{Dynamics, Measurement};
 use std::ops::ControlFlow;
@@ -180,11 +180,7 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
             steps_per_sample: simulate.steps_per_sample(),
             samples: simulate.samples(),
             sampling_rate_hz: simulate.sampling_rate.si(),
-            converter: simulate.adc.as_ref().map(|adc| Converter {
-                low: adc.low.si(),
-                high: adc.high.si(),
-                steps: ((1_u64 << adc.bits) - 1) as f64,
-            }),
+            converter: simulate.adc.as_ref().map(Converter::of),
         })
     }
 }
@@ -241,32 +237,5 @@ where
             }
         }
         Ok(())
-    }
-}
-
-/// A converter of equidistant levels.
-#[derive(Clone, Copy, Debug)]
-struct Converter {
-    low: f64,
-    high: f64,
-    steps: f64,
-}
-
-impl Converter {
-    fn round(self, volts: f64) -> f64 {
-        let step = (self.high - self.low) / self.steps;
-        self.low + step * ((volts - self.low) / step).round().clamp(0.0, self.steps)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_converter_rounds_to_its_levels_and_clips() {
-        let converter = Converter { low: -1.0, high: 2.0, steps: 3.0 };
-        let rounded = [-5.0, -1.4, -0.6, -0.4, 0.9, 1.6, 9.0].map(|volts| converter.round(volts));
-        assert_eq!(rounded, [-1.0, -1.0, -1.0, 0.0, 1.0, 2.0, 2.0]);
     }
 }

@@ -1,0 +1,186 @@
+//! When the signal passes the threshold.
+
+use super::settings::{Acceptance, DetectorSettings};
+use crate::config::Timing;
+use kalmems_core::detect::{
+    CubicFit, DetectError, Hold, Peak, SlopeKernel, Threshold, angle_variance, peaks,
+};
+use kalmems_models::capacitance::CombCurve;
+
+/// A crossing of the threshold.
+#[derive(Clone, Copy, Debug)]
+pub struct Crossing {
+    sample: Instant,
+    parabola: Instant,
+    zero_crossing: Option<Instant>,
+    /// The sample at which a detector that runs with the signal knows of it.
+    pub known_at: usize,
+}
+
+/// One reading of when a crossing was.
+#[derive(Clone, Copy, Debug)]
+pub struct Instant {
+    /// When, in s.
+    pub time_s: f64,
+    /// The variance of the angle then, in rad²: that of the time, by the square of the rate.
+    pub angle_variance: f64,
+    /// How fast the signal rises, in V/s.
+    pub volts_per_s: f64,
+}
+
+impl Crossing {
+    /// When it was; `None` where the signal passes its offset nowhere near.
+    pub fn at(&self, timing: Timing) -> Option<Instant> {
+        match timing {
+            Timing::Sample => Some(self.sample),
+            Timing::Parabola => Some(self.parabola),
+            Timing::ZeroCrossing => self.zero_crossing,
+        }
+    }
+}
+
+/// What a detector found.
+pub struct Found {
+    /// In the order of time.
+    pub crossings: Vec<Crossing>,
+    /// The largest response in standard deviations of that to noise.
+    pub rising: f64,
+    /// The largest response of the other sign.
+    pub falling: f64,
+    /// The smallest response that counts.
+    pub threshold: f64,
+    /// How many crossings noise alone would be taken for.
+    pub by_noise: f64,
+}
+
+/// A signal in which crossings are looked for.
+#[derive(Clone, Copy)]
+pub struct Signal<'a> {
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// In V, without what the drive adds.
+    pub volts: &'a [f64],
+    /// The usual interval in s.
+    pub interval_s: f64,
+    /// The variance of one sample in V².
+    pub noise_variance: f64,
+    /// What it is without motion, in V, as far as is known.
+    pub offset: f64,
+    /// The comb that makes it.
+    pub comb: CombCurve<f64>,
+    /// How often the threshold is passed while the device moves, per s.
+    pub passes_hz: f64,
+}
+
+/// The zero crossing is fitted with a Gaussian of this many widths of the detector's.
+const FIT_WIDTHS: f64 = 2.0;
+
+/// A variance of 1/12 sample²: a time that is known to the sample.
+const OF_A_SAMPLE: f64 = 1.0 / 12.0;
+
+/// Looks for crossings with the smallest kernel that holds four widths on each side.
+pub fn find(signal: Signal, settings: &DetectorSettings) -> Result<Found, DetectError> {
+    let width = settings.width_s / signal.interval_s;
+    if width <= 15.0 {
+        with::<60, 90>(signal, settings, width)
+    } else if width <= 60.0 {
+        with::<240, 360>(signal, settings, width)
+    } else {
+        with::<960, 1440>(signal, settings, width)
+    }
+}
+
+fn with<const HALF: usize, const FIT: usize>(
+    signal: Signal,
+    settings: &DetectorSettings,
+    width: f64,
+) -> Result<Found, DetectError> {
+    let upright = SlopeKernel::<f64, HALF>::new(width)?;
+    let noise = signal.noise_variance.sqrt();
+    let deviation = upright.noise_deviation(noise);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // positive, and beyond the signal is its end
+    let reach = (settings.separation_s / signal.interval_s).round().max(1.0) as usize;
+    let threshold = match settings.acceptance {
+        Acceptance::Deviations(deviations) => Threshold::fixed(deviations * deviation),
+        Acceptance::FalseAlarms { per_s, keep } => {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
+            let samples = (2.0 / (signal.passes_hz * signal.interval_s)) as u32;
+            let hold = keep.map(|deviations| Hold { deviations, samples });
+            Threshold::for_false_alarms(&upright, noise, per_s * signal.interval_s, reach, hold)?
+        }
+    };
+    let steepest = signal.comb.steepest();
+    let kernel = if steepest < 0.0 { upright.falling() } else { upright };
+    let mut slope = vec![0.0; signal.volts.len()];
+    kernel.responses(signal.volts, &mut slope);
+    let largest = |sign: f64| slope.iter().map(|r| sign * r).fold(0.0, f64::max) / deviation;
+    let found: Vec<Peak<f64>> = peaks(&slope, reach, threshold).collect();
+    let fit = CubicFit::<f64, FIT>::new(FIT_WIDTHS * width)?;
+    let mut offsets = Offsets::new(signal.offset);
+    let crossings = found.iter().map(|peak| {
+        #[allow(clippy::cast_possible_truncation)] // an index of the signal
+        let index = peak.index as usize;
+        let offset = offsets.at(index, signal.volts);
+        let instant = |after: f64, slope: f64, variance: f64| {
+            // y′ = h′·ω² where h is 0.
+            let rate = (slope / signal.interval_s / steepest).abs().sqrt();
+            Instant {
+                time_s: signal.time_s[index] + after * signal.interval_s,
+                angle_variance: angle_variance(variance, rate, signal.interval_s),
+                volts_per_s: slope * steepest.signum() / signal.interval_s,
+            }
+        };
+        let jitter = kernel.timing_variance(signal.noise_variance, peak.curvature);
+        let zero = fit.crossing(signal.volts, index, offset, signal.noise_variance);
+        Crossing {
+            sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
+            parabola: instant(peak.fraction, peak.height, jitter),
+            zero_crossing: zero.map(|zero| instant(zero.displacement, zero.slope, zero.timing_variance)),
+            known_at: index + HALF + reach + 1,
+        }
+    });
+    Ok(Found {
+        crossings: crossings.collect(),
+        rising: largest(1.0),
+        falling: largest(-1.0),
+        threshold: threshold.acquire() / deviation,
+        by_noise: kernel.noise_maxima().detections(threshold.acquire() / deviation, reach)
+            * signal.volts.len() as f64,
+    })
+}
+
+/// What the signal is without motion, from what came before.
+///
+/// From one crossing to the next the capacitance returns to its peak, so that the current in between adds up to nothing:
+/// the mean of the signal from the first crossing on is its offset.
+struct Offsets {
+    known: f64,
+    first: Option<usize>,
+    next: usize,
+    sum: f64,
+    count: usize,
+}
+
+impl Offsets {
+    fn new(known: f64) -> Self {
+        Self { known, first: None, next: 0, sum: 0.0, count: 0 }
+    }
+
+    /// At this crossing, each of which is later than the one before.
+    fn at(&mut self, index: usize, volts: &[f64]) -> f64 {
+        if self.first.is_none() {
+            self.first = Some(index);
+            self.next = index;
+            return self.known;
+        }
+        for y in volts.get(self.next..index).unwrap_or_default() {
+            if y.is_finite() {
+                self.sum += y;
+                self.count += 1;
+            }
+        }
+        self.next = index;
+        if self.count == 0 { self.known } else { self.sum / self.count as f64 }
+    }
+}

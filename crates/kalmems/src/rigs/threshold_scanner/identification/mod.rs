@@ -1,0 +1,169 @@
+//! The scanner's parameters from a free decay.
+//!
+//! One recording of the role `ring_down`, with the drive off: the channel `signal`, the comb's output in V; `drive` and
+//! `position` may stand beside it. Its reference, an angle or the position of the beam, is needed: it gives the angle its
+//! scale.
+
+mod curve;
+mod decay;
+mod figures;
+mod words;
+
+pub use curve::{CurvePoint, fit_curve};
+pub use decay::{Decay, DecayError, DecayFit, fit_decay, unknown};
+
+use super::hardware::Hardware;
+use super::{MEANINGS, POSITION};
+use crate::config::kinds::KindOf;
+use crate::config::{Device, Experiment, Fault, Quantity, Reference, Role, SignOf, ThresholdScanner};
+use crate::estimate::Progress;
+use crate::evaluate::BeamPosition;
+use crate::fit::Derived;
+use crate::identify::{Identification, IdentifyError, Material};
+use crate::units::kind;
+use std::f64::consts::TAU;
+
+/// What a free decay gave.
+struct Found {
+    decay: DecayFit,
+    curve: Vec<CurvePoint>,
+    /// How much later than the motion the reference shows it, in s: what is stated and what was found beyond.
+    delay: Derived,
+    /// tan(m·θ) of one volt of the reference's detector, where there is one.
+    per_volt: Option<f64>,
+}
+
+/// Identifies the device from the experiment's free decay.
+pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
+    let hardware = Hardware::of(experiment)?;
+    let [drive, signal] = MEANINGS;
+    let material = Material::of_role(
+        experiment,
+        Role::RingDown,
+        (signal, &kind::VOLTAGE),
+        &[drive, POSITION],
+        progress,
+    )?
+    .ok_or_else(|| {
+        let why =
+            "no recording has the role `ring_down`; parameters are identified from a free decay".to_owned();
+        experiment.error("recording", Fault::Value { why })
+    })?;
+    if material.angle.is_empty() {
+        let why = "it has no reference; the signal alone does not know the scale of the angle: name the column of \
+                   the position detector or of the angle under `[recording.reference]`";
+        return Err(material.unfit(why.to_owned()));
+    }
+    let beam = BeamPosition::of(experiment);
+    let record = Decay {
+        interval_s: material.interval_s,
+        signal: &material.signal,
+        angle: &material.angle,
+        multiple: beam.map_or(1.0, |beam| beam.multiple),
+        shape: hardware.readout.comb.shape,
+    };
+    let unfit = |error: DecayError| match error {
+        DecayError::Fit(source) => IdentifyError::Fit { recording: material.name.clone(), source },
+        error => material.unfit(error.to_string()),
+    };
+    let decay = fit_decay(&record).map_err(unfit)?;
+    if progress.reached(0).is_break() {
+        return Err(IdentifyError::Interrupted);
+    }
+    let mut device = device_of(experiment)?.clone();
+    let transimpedance = device.readout.feedback_resistance.si() * device.readout.bias.si();
+    let threshold = decay.fit.parameters[unknown::THRESHOLD];
+    let curve = fit_curve(&material.signal, &decay.motion, threshold, transimpedance)
+        .map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })?;
+    let place = experiment.recordings.iter().position(|recording| recording.role == Role::RingDown);
+    let stated = match place {
+        Some(index) => experiment.recording(index)?.reference.as_ref().map_or(0.0, Reference::delay_s),
+        None => 0.0,
+    };
+    let late = decay.fit.parameter(unknown::DELAY);
+    let found = Found {
+        delay: Derived { value: stated + late.value, ..late },
+        per_volt: beam.map(|beam| beam.gain / beam.distance),
+        decay,
+        curve,
+    };
+
+    let mut identification = Identification {
+        rig: "threshold_scanner",
+        parameters: Vec::new(),
+        undetermined: Vec::new(),
+        worst_pairs: Vec::new(),
+        warnings: Vec::new(),
+        notes: Vec::new(),
+        figures: figures::of(&material, &found, (&hardware, transimpedance)),
+        experiment: experiment.clone(),
+        materials: Vec::new(),
+    };
+    words::of(&mut identification, &material, &found);
+    apply(experiment, &mut device, &found)?;
+    identification.experiment.device = Device::ThresholdScanner(device);
+    let reference =
+        place.and_then(|index| identification.experiment.recordings.get_mut(index)?.reference.as_mut());
+    if let Some(reference) = reference {
+        let mut delay = Quantity::of(0.0, "s").map_err(|why| value_error(experiment, why))?;
+        set(experiment, &mut delay, found.delay.value, "s")?;
+        reference.set_delay(delay);
+    }
+    identification.materials.push(material);
+    Ok(identification)
+}
+
+fn device_of(experiment: &Experiment) -> Result<&ThresholdScanner, IdentifyError> {
+    if let Device::ThresholdScanner(device) = &experiment.device {
+        return Ok(device);
+    }
+    Err(value_error(experiment, "this rig is for a `[device.threshold_scanner]`".to_owned()))
+}
+
+fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
+    experiment.error("device.threshold_scanner", Fault::Value { why }).into()
+}
+
+/// Puts an identified value into the experiment.
+fn set<K: KindOf, S: SignOf>(
+    experiment: &Experiment,
+    place: &mut Quantity<K, S>,
+    value: f64,
+    unit: &str,
+) -> Result<(), IdentifyError> {
+    *place = Quantity::of(value, unit).map_err(|why| value_error(experiment, why))?;
+    Ok(())
+}
+
+/// A parameter known worse than this, relative to itself, is not put into the experiment.
+const WORTH_SETTING: f64 = 0.1;
+
+/// Whether a parameter is known well enough to be used.
+fn is_known(decay: &DecayFit, index: usize) -> bool {
+    let parameter = decay.fit.parameter(index);
+    parameter.deviation < WORTH_SETTING * parameter.value.abs() && !decay.fit.at_bound[index]
+}
+
+/// Puts what is known well enough into the device table. An offset and a threshold near 0 are known as absolute values,
+/// and are put there whenever they have a standard error.
+fn apply(experiment: &Experiment, device: &mut ThresholdScanner, found: &Found) -> Result<(), IdentifyError> {
+    let (decay, p) = (&found.decay, &found.decay.fit.parameters);
+    if is_known(decay, unknown::NATURAL_RATE) {
+        set(experiment, &mut device.resonator.natural_frequency, p[unknown::NATURAL_RATE] / TAU, "Hz")?;
+    }
+    if is_known(decay, unknown::DAMPING_RATIO) {
+        set(experiment, &mut device.resonator.damping_ratio, 100.0 * p[unknown::DAMPING_RATIO], "%")?;
+    }
+    if is_known(decay, unknown::GAIN) && is_known(decay, unknown::STEEPNESS) {
+        let gain = Quantity::of(p[unknown::GAIN], "V s/rad").map_err(|why| value_error(experiment, why))?;
+        (device.comb.gain, device.comb.fingers) = (Some(gain), None);
+        set(experiment, &mut device.comb.steepness, p[unknown::STEEPNESS], "1/rad")?;
+        set(experiment, &mut device.comb.threshold_angle, p[unknown::THRESHOLD], "rad")?;
+        set(experiment, &mut device.readout.offset, p[unknown::OFFSET], "V")?;
+    }
+    set(experiment, &mut device.readout.noise_variance, decay.deviations[0].powi(2), "V^2")?;
+    if let (Some(detector), Some(per_volt)) = (&mut device.position_detector, found.per_volt) {
+        set(experiment, &mut detector.noise_variance, (decay.deviations[1] / per_volt).powi(2), "V^2")?;
+    }
+    Ok(())
+}
