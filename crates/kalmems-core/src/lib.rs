@@ -80,8 +80,8 @@ pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Direction, Observability};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
-    ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, IntervalError, LinearProcess, Nodes, Process,
-    ProcessNoise, Propagation, Rk4, derivatives, jacobian,
+    ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, Exponential, IntervalError, LinearProcess, Nodes,
+    Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

@@ -2,7 +2,9 @@
 
 use approx::assert_relative_eq;
 use kalmems_core::discretize::{discretize, matrix_exponential};
-use kalmems_core::{Dynamics, LinearProcess, Mat, Nodes, NoiseDensity, Over, Process, Rk4, Scalar};
+use kalmems_core::{
+    Dynamics, Exponential, LinearProcess, Mat, Nodes, NoiseDensity, Over, Process, Rk4, Scalar,
+};
 use proptest::prelude::*;
 
 /// The 15.5 kHz scanner's ω² and damping rate b/J.
@@ -141,4 +143,62 @@ fn rk4_noise_is_that_of_the_linearised_dynamics() {
     let noise = rk4.noise().covariance();
     assert_relative_eq!(noise.get(1, 1), exact.get(1, 1), max_relative = 1e-12);
     assert_relative_eq!(noise.get(0, 0), exact.get(0, 0), max_relative = 1e-12);
+}
+
+/// Forty times the fastest decay in one step, where RK4 overflows: the closed form of two decays, and its noise.
+#[test]
+fn an_exponential_step_is_exact_for_a_stiff_linear_system() {
+    struct Overdamped;
+    impl<T: Scalar> Dynamics<T, 2> for Overdamped {
+        type Input = T;
+        fn derivative<S: Over<T>>(&self, x: &[S; 2], u: &T) -> [S; 2] {
+            [x[1], S::lift(*u) - x[0] * T::of(8e8) - x[1] * T::of(1.804e5)]
+        }
+    }
+    let h = 2e-4;
+    let density = NoiseDensity::none().on::<1>(3.0);
+    // Linearised elsewhere and under another input, which must not matter.
+    let step = Exponential::new(Overdamped, h, &density, (&[7.0, -3.0], &5.0));
+    let root = (9.02e4_f64.powi(2) - 8e8).sqrt();
+    let (slow, fast) = (-8e8 / (9.02e4 + root), -(9.02e4 + root));
+    let (x0, v0, u) = (1e-3, 20.0, 4e5);
+    let rest = u / 8e8;
+    let b = (v0 - slow * (x0 - rest)) / (fast - slow);
+    let a = x0 - rest - b;
+    let [x, v] = step.step(&[x0, v0], &u);
+    assert_relative_eq!(x, rest + a * (slow * h).exp() + b * (fast * h).exp(), max_relative = 1e-12);
+    assert_relative_eq!(v, a * slow * (slow * h).exp() + b * fast * (fast * h).exp(), max_relative = 1e-10);
+    let exact = discretize(&Mat([[0.0, 1.0], [-8e8, -1.804e5]]), &density, h);
+    let (there, f) = step.linearize(&[x0, v0], &u);
+    assert_eq!(there, [x, v]);
+    for i in 0..2 {
+        for j in 0..2 {
+            // Of states in mm and m/s, about of one size.
+            let size = [1e-3, 1.0][i] / [1e-3, 1.0][j];
+            assert!((f[(i, j)] - exact.transition[(i, j)]).abs() < 1e-12 * size, "{i} {j}");
+            assert_eq!(step.noise().covariance().get(i, j), exact.noise.get(i, j));
+        }
+    }
+}
+
+/// The error of one step on a pendulum, against Runge and Kutta's of a thousand: ½·h²·(∂f/∂x − A)·f.
+#[test]
+fn an_exponential_step_is_off_by_what_the_jacobian_was() {
+    struct Pendulum;
+    impl<T: Scalar> Dynamics<T, 2> for Pendulum {
+        type Input = ();
+        fn derivative<S: Over<T>>(&self, x: &[S; 2], (): &()) -> [S; 2] {
+            [x[1], -x[0].sin()]
+        }
+    }
+    let (h, x) = (1e-2, [0.9_f64, 0.6]);
+    let [_, ours] = Exponential::new(Pendulum, h, &NoiseDensity::none(), (&[0.0; 2], &())).step(&x, &());
+    let mut fine = x;
+    let rk4 = Rk4::new(Pendulum, h / 1000.0, &NoiseDensity::none(), (&[0.0; 2], &()));
+    for _ in 0..1000 {
+        fine = rk4.step(&fine, &Nodes::held(()));
+    }
+    // A has −1 where the pendulum has −cos θ; f's first entry is the rate.
+    let expected = h * h / 2.0 * (1.0 - x[0].cos()) * x[1];
+    assert_relative_eq!(fine[1] - ours, expected, max_relative = 0.05);
 }

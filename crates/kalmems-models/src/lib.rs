@@ -11,5 +11,8 @@
 
 pub mod capacitance;
 pub mod circuit;
+pub mod constants;
+pub mod control;
 pub mod dynamics;
+pub mod noise;
 pub mod readout;

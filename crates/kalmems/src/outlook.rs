@@ -21,6 +21,9 @@ pub struct Outlook {
     /// Where a motion starts by itself, where the drive repeats.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
+    /// Responses and noise over frequency, for an instrument that measures by following.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frequencies: Vec<AtFrequency>,
     /// What the signal tells over the amplitude of the motion.
     pub information: Vec<Information>,
 }
@@ -77,6 +80,25 @@ pub struct Information {
     pub amplitude_sd: f64,
     /// Of the amplitude with gain and offset estimated beside it.
     pub amplitude_sd_free: f64,
+}
+
+/// What an instrument does at one frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AtFrequency {
+    /// In Hz.
+    pub frequency_hz: f64,
+    /// The output for what is measured, in V/(m/s²).
+    pub response: f64,
+    /// The same without the loop.
+    pub open_response: f64,
+    /// The loop gain; 0 where there is no loop.
+    pub loop_gain: f64,
+    /// By how much the loop amplifies a disturbance.
+    pub sensitivity: f64,
+    /// The noise at the input that is the molecules', in (m/s²)/√Hz, one-sided.
+    pub brownian: f64,
+    /// That of the readout, likewise; `None` where its density is not known.
+    pub readout: Option<f64>,
 }
 
 impl Topic {

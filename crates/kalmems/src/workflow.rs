@@ -2,7 +2,7 @@
 
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
 use crate::estimate::{EstimateError, Progress};
-use crate::evaluate::{MotionErrors, ReferenceError, ReferenceRecording};
+use crate::evaluate::{ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, evaluate_values};
 use crate::recording::{ReadError, Recording};
 use crate::rigs::{self, Rig, SegmentEstimate};
 use crate::simulate::Unwritten;
@@ -39,6 +39,8 @@ pub struct SegmentOutcome {
     pub estimate: SegmentEstimate,
     /// How far each is from the reference; `None` where there is nothing to compare with.
     pub errors: Vec<Option<MotionErrors>>,
+    /// How far each is from what the reference knows beside angles.
+    pub values: Vec<ErrorsByState>,
 }
 
 /// What can stop the job.
@@ -96,9 +98,10 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let estimates = rig.estimate(experiment, index, &recording, progress)?;
 
         let mut reading = Reading { progress, started: false };
-        let reference = ReferenceRecording::read(experiment, index, rig.angles(), &mut |d, n| {
-            reading.hear("reading the reference", d, n)
-        })?;
+        let reference =
+            ReferenceRecording::read(experiment, index, rig.angles(), rig.values(), &mut |d, n| {
+                reading.hear("reading the reference", d, n)
+            })?;
         recordings.push(evaluate(rig, described, recording, estimates, reference)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
@@ -124,8 +127,9 @@ pub fn estimate_unwritten(
     };
     let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
     let estimates = rig.estimate(experiment, index, &recording, progress)?;
-    let reference =
-        ReferenceRecording::read_by(experiment, index, rig.angles(), |layout| simulated.truth(layout))?;
+    let reference = ReferenceRecording::read_by(experiment, index, rig.angles(), rig.values(), |layout| {
+        simulated.truth(layout)
+    })?;
     let described = experiment.recording(index)?;
     let outcome = evaluate(rig, described, recording, estimates, reference)?;
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
@@ -146,7 +150,13 @@ fn evaluate(
             None => Vec::new(),
         };
         let errors = rig.evaluate(&estimate, &found);
-        segments.push(SegmentOutcome { estimate, errors });
+        let known = match &reference {
+            Some(reference) => reference.values(&estimate.segment.label)?,
+            None => Vec::new(),
+        };
+        let from_s = estimate.from_s();
+        let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
+        segments.push(SegmentOutcome { estimate, errors, values });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     Ok(RecordingOutcome { name, recording, reference, segments })

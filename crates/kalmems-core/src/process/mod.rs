@@ -1,11 +1,13 @@
 //! How the state moves: in continuous time, and over one interval.
 
 mod continuous;
+mod exponential;
 mod linear;
 mod noise;
 mod stepper;
 
 pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
+pub use exponential::Exponential;
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
 pub use stepper::{Euler, Nodes, Rk4};

@@ -1,19 +1,25 @@
 //! How devices move.
 
+mod accelerometer;
 mod comb_driven;
 mod drive_gain;
 mod duffing;
 mod electrostatic;
+mod gauss_markov;
 mod mirror;
 mod parametric;
+mod proof_mass;
 mod resonator;
 mod two_axis;
 
+pub use accelerometer::{Accelerometer, CarrierDriven, SensedAcceleration, StaticPullIn};
 pub use comb_driven::CombDrivenMirror;
 pub use drive_gain::DriveGain;
 pub use duffing::Duffing;
 pub use electrostatic::{torque, torque_slope};
+pub use gauss_markov::GaussMarkov;
 pub use mirror::MirrorResonator;
 pub use parametric::ParametricScanner;
+pub use proof_mass::ProofMass;
 pub use resonator::TorsionalResonator;
 pub use two_axis::{TwoAxisDriveGain, TwoAxisScanner};

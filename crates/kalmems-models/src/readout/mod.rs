@@ -2,6 +2,7 @@
 
 mod angle_before;
 mod biased;
+mod charge_amplifier;
 mod current;
 mod delayed;
 mod demodulated;
@@ -12,6 +13,7 @@ mod two_axis;
 
 pub use angle_before::AngleBefore;
 pub use biased::BiasedComb;
+pub use charge_amplifier::{ChargeAmplifier, DifferentialReadout};
 pub use current::CurrentReadout;
 pub use delayed::DelayedComb;
 pub use demodulated::DemodulatedComb;

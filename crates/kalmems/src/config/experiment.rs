@@ -80,6 +80,7 @@ impl Experiment {
         self.check_crossings()?;
         if let Some(estimate) = &self.estimate {
             estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
+            self.check_methods(estimate)?;
         }
         if let Some(simulate) = &self.simulate {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
@@ -113,6 +114,26 @@ impl Experiment {
             }
             None => Ok(()),
         }
+    }
+
+    /// What is built for one device alone.
+    fn check_methods(&self, estimate: &Estimate) -> Result<(), ConfigError> {
+        if matches!(self.device, Device::Accelerometer(_)) {
+            return Ok(());
+        }
+        for (index, filter) in estimate.filters.iter().enumerate() {
+            let key = Key::from("estimate").child("filter").index(index);
+            if filter.method.is_for_nearly_linear() {
+                let word = filter.method.word();
+                let why = format!("the method `{word}` is for the accelerometer alone; use `ekf`");
+                return Err(self.error(key.child("method"), Fault::Value { why }));
+            }
+            if filter.known_acceleration {
+                let why = "only the accelerometer has an acceleration that could be known; leave it out";
+                return Err(self.error(key.child("known_acceleration"), Fault::Value { why: why.to_owned() }));
+            }
+        }
+        Ok(())
     }
 
     fn check_names(&self) -> Result<(), ConfigError> {

@@ -1,7 +1,7 @@
 //! What an experiment file says about one filter.
 
 use super::error::shown;
-use super::kinds::{Time, VoltageVariance};
+use super::kinds::{Frequency, Time, VoltageVariance};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
@@ -54,6 +54,15 @@ pub struct Filter {
     /// How a filter of a threshold-sensing scanner uses the crossings; not at all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<Threshold>,
+    /// Whether the acceleration is a known input, from a channel of the recording, in place of a state that is
+    /// estimated: what an instrument that is to measure it cannot have, for comparison with published results. False
+    /// if left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub known_acceleration: bool,
+    /// How fast the error of the method `luenberger` decays: the corner of a Butterworth pattern of its poles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2 kHz")]
+    pub observer_bandwidth: Option<Quantity<Frequency, Positive>>,
     /// Whether there is a smoothed trajectory as well, in which each sample has seen the whole recording; false if
     /// left out.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -105,6 +114,14 @@ pub enum Method {
     UkfLiteralCovariance,
     /// Amplitude and phase of the signal at the drive's frequency, cycle by cycle.
     LockIn,
+    /// The extended Kalman filter that integrates its differential equation from sample to sample.
+    HybridEkf,
+    /// One gain for all times: that in which the Kalman filter settles.
+    SteadyState,
+    /// One gain for all times: that of the continuous Kalman filter, with each sample held until the next.
+    KalmanBucy,
+    /// One gain for all times: that which gives the error the poles of `observer_bandwidth`.
+    Luenberger,
 }
 
 impl Method {
@@ -122,6 +139,10 @@ impl Method {
             Self::UkfLiteralCrossCovariance => "ukf_literal_cross_covariance",
             Self::UkfLiteralCovariance => "ukf_literal_covariance",
             Self::LockIn => "lock_in",
+            Self::HybridEkf => "hybrid_ekf",
+            Self::SteadyState => "steady_state",
+            Self::KalmanBucy => "kalman_bucy",
+            Self::Luenberger => "luenberger",
         }
     }
 
@@ -146,6 +167,16 @@ impl Method {
                 | Self::UkfLiteralCrossCovariance
                 | Self::UkfLiteralCovariance
         )
+    }
+
+    /// Whether it has one gain for all times.
+    pub const fn has_fixed_gain(self) -> bool {
+        matches!(self, Self::SteadyState | Self::KalmanBucy | Self::Luenberger)
+    }
+
+    /// Whether it is for a device that is linear but for a small part: the accelerometer alone.
+    pub const fn is_for_nearly_linear(self) -> bool {
+        self.has_fixed_gain() || matches!(self, Self::HybridEkf)
     }
 
     /// Whether it says how uncertain it is.
@@ -349,6 +380,22 @@ impl Filter {
         if self.method == Method::SquareRootUkf && !self.states.is_empty() {
             let why = "the method `square_root_ukf` tracks no parameters; use `ukf`, which says the same to rounding";
             return refuse("states", why.to_owned());
+        }
+        if self.method.has_fixed_gain() {
+            let more = [("smooth", self.smooth), ("smooth_lag", self.smooth_lag.is_some())];
+            if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
+                let why =
+                    format!("the method `{word}` has no covariances that a smoother could use; leave it out");
+                return refuse(name, why);
+            }
+        }
+        match (self.method == Method::Luenberger, self.observer_bandwidth.is_some()) {
+            (true, false) => return missing("observer_bandwidth", "write `observer_bandwidth = \"2 kHz\"`"),
+            (false, true) => {
+                let why = format!("the method `{word}` places no poles; leave it out");
+                return refuse("observer_bandwidth", why);
+            }
+            _ => {}
         }
         let points = [("alpha", self.alpha), ("beta", self.beta), ("kappa", self.kappa)];
         if let Some((name, _)) = points.into_iter().find(|(_, value)| value.is_some())

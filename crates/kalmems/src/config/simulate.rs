@@ -1,6 +1,6 @@
 //! What an experiment file says about the simulation that is wanted.
 
-use super::kinds::{Angle, Frequency, Ratio, Time, Voltage};
+use super::kinds::{Acceleration, Angle, Frequency, Ratio, Time, Voltage};
 use super::quantity::Quantity;
 use super::recording::Clock;
 use super::sign::{NotNegative, Positive};
@@ -75,6 +75,8 @@ pub enum DriveSource {
     RingDown(RingDownDrive),
     /// A raised cosine that catches the motion by a sweep before the recording begins, and may be cut off in it.
     Capture(CaptureDrive),
+    /// An acceleration, which an accelerometer is to measure.
+    Acceleration(AccelerationDrive),
 }
 
 /// A constant voltage.
@@ -271,6 +273,21 @@ impl CutOff {
             _ => Ok(()),
         }
     }
+}
+
+/// An acceleration: a sine from 0 s on, or, without amplitude and frequency, chance as the device's table
+/// `acceleration` describes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerationDrive {
+    /// The amplitude of the sine.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 gn")]
+    pub amplitude: Option<Quantity<Acceleration, NotNegative>>,
+    /// The frequency of the sine.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"10 Hz")]
+    pub frequency: Option<Quantity<Frequency, Positive>>,
 }
 
 /// Samples that a simulation may have: a file of 100 GB.

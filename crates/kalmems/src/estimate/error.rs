@@ -67,6 +67,30 @@ pub enum EstimateError {
         /// Why.
         why: kalmems_core::augmentation::AugmentationError,
     },
+    /// A gain that does not change cannot be computed for this device.
+    #[error("the filter `{filter}` has no gain: {why}; change its noise or its bandwidth, or use `ekf`")]
+    NoGain {
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: String,
+    },
+    /// The feedback that was recorded is not the one that moved the mass.
+    #[error(
+        "{place}: the signal follows from the feedback `{column}` only with {found} (log-likelihood higher by {gain:.0}); \
+         correct the column, or its wiring: a value must be what is applied from its sample to the next, with the \
+         sign that pushes away from the first plate"
+    )]
+    FeedbackMismatch {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// What would be right.
+        found: &'static str,
+        /// By how much.
+        gain: f64,
+    },
     /// The signal does not tell where the motion starts.
     #[error("{place}: `{filter}` cannot start from the signal: {why}; give it a start of values")]
     NoStart {

@@ -3,6 +3,7 @@
 //! Nothing here, and nothing that calls it, reads a reference: see [`crate::evaluate`].
 
 mod any_filter;
+mod constant_gain;
 mod engine;
 mod error;
 mod literal_ukf;
@@ -13,6 +14,7 @@ mod smoothing;
 mod trajectory;
 
 pub use any_filter::{AnyFilter, ITERATIONS};
+pub use constant_gain::ConstantGain;
 pub use engine::{Course, StateName, follow};
 pub use error::EstimateError;
 pub use literal_ukf::{LiteralUkf, Misprint};

@@ -88,9 +88,9 @@ pub struct AngleErrors {
 pub struct ErrorSeries {
     /// In s.
     pub time_s: Vec<f64>,
-    /// In rad.
+    /// In SI.
     pub error: Vec<f64>,
-    /// The estimate's standard deviation in rad; empty for a model that claims none.
+    /// The estimate's standard deviation in SI; empty for a model that claims none.
     pub sd: Vec<f64>,
 }
 

@@ -7,9 +7,11 @@ mod beam;
 mod lag;
 mod parts;
 mod reference;
+mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
+pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};

@@ -1,6 +1,6 @@
 //! What is known of the motion independently.
 
-use super::BeamPosition;
+use super::{BeamPosition, ValueReference, ValueState};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
 use crate::recording::{Layout, ReadError, Recording};
@@ -26,6 +26,7 @@ pub struct Reference {
 pub struct ReferenceRecording {
     recording: Recording,
     angles: Vec<AngleColumns>,
+    values: Vec<ValueColumn>,
     delay_s: f64,
 }
 
@@ -41,6 +42,12 @@ struct AngleColumns {
 
 /// The channel of a reference that is a beam's position.
 const POSITION: &str = "position";
+/// A quantity that is no angle, and the column that knows it.
+#[derive(Clone, Debug)]
+struct ValueColumn {
+    state: &'static ValueState,
+    column: String,
+}
 
 /// Why a reference cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -58,17 +65,20 @@ pub const ONE_ANGLE: [[&str; 2]; 1] = [["angle", "rate"]];
 
 impl ReferenceRecording {
     /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
-    /// reference has one.
+    /// reference has one; and of these values the first, and others where it has them.
     pub fn read(
         experiment: &Experiment,
         index: usize,
         angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Option<Self>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let file = experiment.resolve(reference.file(described));
-        Self::read_by(experiment, index, angles, |layout| Recording::read_with(&file, layout, progress))
+        Self::read_by(experiment, index, angles, values, |layout| {
+            Recording::read_with(&file, layout, progress)
+        })
     }
 
     /// The same, with another way to read the file.
@@ -76,14 +86,23 @@ impl ReferenceRecording {
         experiment: &Experiment,
         index: usize,
         angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
         read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
     ) -> Result<Option<Self>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
         let beam = BeamPosition::of(experiment);
-        let known = || angles.iter().flatten().chain(beam.iter().map(|_| &POSITION));
-        if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == name)) {
+        let of_beam = beam.iter().map(|_| POSITION);
+        let known = || {
+            angles
+                .iter()
+                .flatten()
+                .copied()
+                .chain(of_beam.clone())
+                .chain(values.iter().map(|value| value.name))
+        };
+        if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == *name)) {
             let names: Vec<String> = known().map(|name| format!("`{name}`")).collect();
             let (last, first) =
                 names.split_last().map_or(("", &[][..]), |(last, first)| (last.as_str(), first));
@@ -106,14 +125,23 @@ impl ReferenceRecording {
             Ok(AngleColumns { states, angle, rate, beam })
         });
         let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
-        let columns: Vec<&str> = angles
-            .iter()
-            .flat_map(|a| [Some(&a.angle), a.rate.as_ref()])
-            .flatten()
-            .map(String::as_str)
-            .collect();
+        let of_values = values.iter().enumerate().filter_map(|(i, state)| {
+            let column = reference.channels.column(state.name).map(str::to_owned);
+            if i > 0 {
+                return column.map(|column| Ok(ValueColumn { state, column }));
+            }
+            Some(column.map(|column| ValueColumn { state, column }).ok_or_else(|| {
+                let name = state.name;
+                let remedy = format!("name its column, such as `{name} = \"true_{name}\"`");
+                experiment.error(key().child(name), Fault::MissingKey { remedy })
+            }))
+        });
+        let values = of_values.collect::<Result<Vec<_>, ConfigError>>()?;
+        let of_angles = angles.iter().flat_map(|a| [Some(&a.angle), a.rate.as_ref()]).flatten();
+        let columns: Vec<&str> =
+            of_angles.chain(values.iter().map(|value| &value.column)).map(String::as_str).collect();
         let layout = described.reference_layout(reference, &columns);
-        Ok(Some(Self { recording: read(&layout)?, angles, delay_s: reference.delay_s() }))
+        Ok(Some(Self { recording: read(&layout)?, angles, values, delay_s: reference.delay_s() }))
     }
 
     /// The recording as read.
@@ -143,6 +171,23 @@ impl ReferenceRecording {
     }
 }
 
+impl ReferenceRecording {
+    /// What it knows beside angles of the segment with this label, likewise.
+    pub fn values(&self, label: &str) -> Result<Vec<ValueReference>, ReadError> {
+        let Some(segment) = self.recording.segments().iter().find(|segment| segment.label == label) else {
+            return Ok(Vec::new());
+        };
+        let one = |known: &ValueColumn| {
+            Ok(ValueReference {
+                state: known.state,
+                time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
+                value: self.recording.column_of(&known.column, known.state.kind)?.of(segment).to_vec(),
+            })
+        };
+        self.values.iter().map(one).collect()
+    }
+}
+
 impl Reference {
     /// The estimated angle and its standard deviation at each of the reference's times.
     ///
@@ -157,36 +202,52 @@ impl Reference {
         };
         let times = &trajectory.time_s;
         let usual = usual_interval(times);
-        let at = |time: f64| {
-            let next = times.partition_point(|t| *t < time);
-            // A time written with another number of digits is the same time.
-            let nearest = if next > 0 && (next == times.len() || time - times[next - 1] < times[next] - time)
-            {
-                next - 1
-            } else {
-                next
-            };
-            let spacing = times.get(next).zip(times.get(next.wrapping_sub(1))).map(|(a, b)| a - b);
-            let same = times.get(nearest).is_some_and(|t| (t - time).abs() <= 1e-6 * usual);
-            if same || times.get(nearest).is_some_and(|t| *t == time) {
-                return (angle.mean[nearest], angle.sd.get(nearest).copied());
+        let at = |time: f64| match place(times, usual, time) {
+            Place::At(k) => (angle.mean[k], angle.sd.get(k).copied()),
+            Place::Before { next, spacing, share } => {
+                let k = next - 1;
+                let ends = ((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]));
+                let mean = hermite(ends.0, ends.1, spacing, share);
+                (mean, angle.sd.get(k).zip(angle.sd.get(next)).map(|(a, b)| a.max(*b)))
             }
-            match spacing {
-                // A cubic over several missing samples would say nothing of the motion in between.
-                Some(h) if h <= GAP * usual => {
-                    let k = next - 1;
-                    let s = (time - times[k]) / h;
-                    let mean =
-                        hermite((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]), h, s);
-                    (mean, angle.sd.get(k).zip(angle.sd.get(next)).map(|(a, b)| a.max(*b)))
-                }
-                _ => (f64::NAN, None),
-            }
+            Place::Nowhere => (f64::NAN, None),
         };
         let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self.time_s.iter().map(|t| at(*t)).unzip();
         if angle.sd.is_empty() {
             return (means, Vec::new());
         }
         (means, sds.into_iter().map(|sd| sd.unwrap_or(f64::NAN)).collect())
+    }
+}
+
+/// Where a time lies among those of an estimate.
+pub(super) enum Place {
+    /// At a sample.
+    At(usize),
+    /// Before the sample `next`, so many s after the one before it, at this share of the interval between them.
+    Before { next: usize, spacing: f64, share: f64 },
+    /// Outside, or in a gap: interpolation over several missing samples would say nothing of what was in between.
+    Nowhere,
+}
+
+/// Finds a time among `times` of this usual interval.
+pub(super) fn place(times: &[f64], usual: f64, time: f64) -> Place {
+    let next = times.partition_point(|t| *t < time);
+    // A time written with another number of digits is the same time.
+    let nearest = if next > 0 && (next == times.len() || time - times[next - 1] < times[next] - time) {
+        next - 1
+    } else {
+        next
+    };
+    let same = times.get(nearest).is_some_and(|t| *t == time || (t - time).abs() <= 1e-6 * usual);
+    if same {
+        return Place::At(nearest);
+    }
+    let before = next.wrapping_sub(1);
+    match times.get(next).zip(times.get(before)).map(|(a, b)| a - b) {
+        Some(spacing) if spacing <= GAP * usual => {
+            Place::Before { next, spacing, share: (time - times[before]) / spacing }
+        }
+        _ => Place::Nowhere,
     }
 }

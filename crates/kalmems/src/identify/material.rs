@@ -86,8 +86,9 @@ impl Material {
         let interval_s = even.ok_or_else(|| {
             unfit("its samples are not taken at equal intervals; expected a record without gaps".to_owned())
         })?;
-        let reference =
-            ReferenceRecording::read(experiment, index, &ONE_ANGLE, &mut |done, _| progress.reached(done))?;
+        let reference = ReferenceRecording::read(experiment, index, &ONE_ANGLE, &[], &mut |done, _| {
+            progress.reached(done)
+        })?;
         let mut sources = vec![recording.source().clone()];
         sources.extend(reference.iter().map(|r| r.recording().source().clone()));
         let time_s = segment.time.to_vec();

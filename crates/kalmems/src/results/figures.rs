@@ -2,7 +2,8 @@
 
 use super::Verdict;
 use super::metrics::{angles_of, verdict, words_with};
-use crate::estimate::{Trajectory, TrajectoryKind};
+use super::summary::shown as shown_unit;
+use crate::estimate::{StateSeries, Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
 use crate::report::{Axis, Figure, Panel, Role, Series};
@@ -16,6 +17,9 @@ const CYCLES: f64 = 4.0;
 /// All pictures of one segment; `prefix` keeps the names of several segments apart.
 pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Vec<Figure> {
     let mut figures = vec![motion(recording, segment, prefix)];
+    if segment.values.iter().any(|values| !values.is_empty()) {
+        figures.push(value_error(segment, prefix));
+    }
     if segment.errors.iter().any(Option::is_some) {
         figures.push(angle_error(segment, prefix));
         figures.push(phase_error(segment, prefix));
@@ -59,12 +63,13 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
         time.iter().copied().zip(values.get(from..).unwrap_or_default().iter().copied()).collect()
     };
 
-    let drive = zip(&column(&estimate.drive_column));
-    panels.push(Panel::new(time_axis(), Axis::new("drive", "V")).with(Series::line(
-        "drive",
-        Role::Input,
-        drive,
-    )));
+    // A device that is not driven has no column of it.
+    if !estimate.drive_column.is_empty() {
+        let drive = zip(&column(&estimate.drive_column));
+        let label = if compared(segment).is_some() { "feedback" } else { "drive" };
+        let panel = Panel::new(time_axis(), Axis::new(label, "V"));
+        panels.push(panel.with(Series::line(label, Role::Input, drive)));
+    }
 
     let signal = column(&estimate.signal_column);
     let predicted: Vec<f64> = signal.iter().zip(&trajectory.innovation).map(|(y, r)| y - r).collect();
@@ -100,7 +105,84 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
         }
         panels.push(panel);
     }
-    stacked(Figure::new(format!("{prefix}motion"), "Drive, signal and angle", caption), panels)
+    let Some(of) = compared(segment) else {
+        return stacked(Figure::new(format!("{prefix}motion"), "Drive, signal and angle", caption), panels);
+    };
+    let caption = format!(
+        "The end of the recording: the recorded input, where there is one, the recorded signal with what the filter \
+         predicted for each sample before it saw it, and the {of} with three standard deviations on each side and the \
+         reference."
+    );
+    panels.push(value_panel(recording, segment, trajectory, of, (start, end)));
+    stacked(Figure::new(format!("{prefix}motion"), format!("Signal and {of}"), caption), panels)
+}
+
+/// The quantity, where it is no angle, that the device is for.
+fn compared(segment: &SegmentOutcome) -> Option<&'static str> {
+    let states = &segment.estimate.trajectories.first()?.states;
+    let is_angle = |state: &StateSeries| state.kind.name == kind::ANGLE.name;
+    let is_wanted = |state: &&StateSeries| state.kind.name == kind::ACCELERATION.name;
+    if states.iter().any(is_angle) {
+        return None;
+    }
+    // Where the acceleration is an input, the displacement is what is estimated.
+    states.iter().find(is_wanted).or(states.first()).map(|state| state.name)
+}
+
+/// A state and its reference between two times.
+fn value_panel(
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+    trajectory: &Trajectory,
+    of: &str,
+    (start, end): (f64, f64),
+) -> Panel {
+    let Some(state) = trajectory.state(of) else { return Panel::new(time_axis(), Axis::new(of, "")) };
+    let (unit, factor) = shown_unit(state.unit);
+    let within = |times: &[f64], values: &[f64]| -> Vec<(f64, f64)> {
+        let all = times.iter().zip(values);
+        all.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, v)| (*t, v * factor)).collect()
+    };
+    let mut panel = Panel::new(time_axis(), Axis::new(words(of), unit));
+    let label = &segment.estimate.segment.label;
+    let references = recording.reference.as_ref().and_then(|reference| reference.values(label).ok());
+    let reference = references.iter().flatten().find(|reference| reference.state.name == of);
+    if let Some(reference) = reference {
+        let line = within(&reference.time_s, &reference.value);
+        panel = panel.with(Series::line("reference", Role::Reference, line));
+    }
+    let mean = within(&trajectory.time_s, &state.mean);
+    if !state.sd.is_empty() {
+        let sd = within(&trajectory.time_s, &state.sd);
+        let band = mean.iter().zip(sd).map(|((t, v), (_, sd))| (*t, v - 3.0 * sd, v + 3.0 * sd));
+        panel = panel.with(Series::band("±3σ", Role::Estimate, band));
+    }
+    panel.with(Series::line(&trajectory.name, Role::Estimate, mean))
+}
+
+/// The error of what the device is for after the settling time, filter by filter.
+fn value_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let of = compared(segment).unwrap_or_default();
+    let caption = format!(
+        "The {of}, estimate minus reference after the settling time, with three of the filter's own standard deviations \
+         on each side. Each panel has its own scale."
+    );
+    let pairs = segment.estimate.trajectories.iter().zip(&segment.values);
+    let panels = pairs.filter_map(|(trajectory, values)| {
+        let errors = values.get(of)?;
+        let (unit, factor) = shown_unit(errors.unit);
+        let series = &errors.error;
+        let mut panel = Panel::new(time_axis(), Axis::new("error", unit));
+        let sds = series.time_s.iter().zip(&series.sd);
+        if !series.sd.is_empty() {
+            let band = sds.map(|(t, sd)| (*t, -3.0 * sd * factor, 3.0 * sd * factor));
+            panel = panel.with(Series::band("±3σ", role(trajectory), band));
+        }
+        let points = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e * factor));
+        Some(panel.with(Series::line(label(trajectory, segment, None), role(trajectory), points)))
+    });
+    let title = format!("Error of the {of}");
+    stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
 }
 
 fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {

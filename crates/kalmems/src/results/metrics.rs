@@ -1,7 +1,7 @@
 //! The figures of an estimate.
 
 use crate::estimate::{Consistency, Counts, Lock, LockEvent, Trajectory, TrajectoryKind, is_the_only_one};
-use crate::evaluate::MotionErrors;
+use crate::evaluate::{ErrorsByState, MotionErrors};
 use crate::recording::Finding;
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
@@ -132,6 +132,9 @@ pub struct EstimatorMetrics {
     pub verdict: Verdict,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
+    /// The errors of what is no angle, likewise, by the state.
+    #[serde(skip_serializing_if = "ErrorsByState::is_empty")]
+    pub values: ErrorsByState,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.
     pub consistency: Option<Consistency>,
     /// Whether it followed the motion.
@@ -276,9 +279,9 @@ fn texts(findings: &[Finding]) -> Vec<FindingText> {
 fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
     let estimate = &outcome.estimate;
     let time = &estimate.segment.time;
-    let pairs = estimate.trajectories.iter().zip(&outcome.errors);
+    let pairs = estimate.trajectories.iter().zip(outcome.errors.iter().zip(&outcome.values));
     let estimators: Vec<EstimatorMetrics> =
-        pairs.map(|(trajectory, errors)| estimator(trajectory, errors.clone(), estimate.skip_s)).collect();
+        pairs.map(|(trajectory, errors)| estimator(trajectory, errors, estimate.skip_s)).collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
         duration_s: time.at(time.len().saturating_sub(1)) - time.start_s(),
@@ -325,12 +328,17 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
     }
 }
 
-fn estimator(trajectory: &Trajectory, errors: Option<MotionErrors>, skip_s: f64) -> EstimatorMetrics {
+fn estimator(
+    trajectory: &Trajectory,
+    (errors, values): (&Option<MotionErrors>, &ErrorsByState),
+    skip_s: f64,
+) -> EstimatorMetrics {
     EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
         verdict: verdict(trajectory, errors.as_ref(), skip_s),
-        errors,
+        errors: errors.clone(),
+        values: values.clone(),
         consistency: consistency(trajectory, skip_s),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,

@@ -3,9 +3,10 @@
 use super::inspection::write_png;
 use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
 use crate::config::Experiment;
-use crate::outlook::{Information, Outlook, Response, Start};
+use crate::outlook::{AtFrequency, Information, Outlook, Response, Start};
 use crate::report::{Axis, Figure, Grid, Panel, Role, Series};
 use crate::simulate::{SteadyMotion, SweepPoint};
+use kalmems_models::constants::STANDARD_GRAVITY;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io;
@@ -40,7 +41,18 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
         )
         .with(information_panel(&outlook.information))
     });
-    [sweep, map, tells].into_iter().flatten().collect()
+    let over_frequency = (!outlook.frequencies.is_empty()).then(|| {
+        Figure::new(
+            "frequencies",
+            format!("{}: response and noise over frequency", outlook.experiment),
+            "Top: the output for an acceleration, with the loop and without. Middle: the loop gain, and by how much the \
+             loop amplifies a disturbance. Bottom: what the noise looks like at the input, which no loop changes.",
+        )
+        .with(responses_panel(&outlook.frequencies))
+        .with(loop_panel(&outlook.frequencies).sharing_x())
+        .with(noise_panel(&outlook.frequencies).sharing_x())
+    });
+    [sweep, map, tells, over_frequency].into_iter().flatten().collect()
 }
 
 /// Both sweeps and the balance.
@@ -89,6 +101,52 @@ fn stability_panel(start: &Start) -> Panel {
         .with(Series::map("rest becomes unstable", grid))
         .with(Series::line("tongue to first order", Role::Bound, tongue));
     panel.with(Series::level("the experiment's drive", Role::Input, start.peak_volts))
+}
+
+/// A line over frequency.
+fn over_frequency(
+    label: &str,
+    role: Role,
+    frequencies: &[AtFrequency],
+    of: impl Fn(&AtFrequency) -> Option<f64>,
+) -> Series {
+    let points = frequencies.iter().filter_map(|at| Some((at.frequency_hz, of(at)?)));
+    Series::line(label, role, points)
+}
+
+fn frequency_axis() -> Axis {
+    Axis::new("frequency", "Hz").log()
+}
+
+/// The output for what is measured.
+fn responses_panel(frequencies: &[AtFrequency]) -> Panel {
+    let per_g = 1e3 * STANDARD_GRAVITY;
+    let panel = Panel::new(frequency_axis(), Axis::new("output", "mV/g").log());
+    let panel = if frequencies.iter().any(|at| at.loop_gain > 0.0) {
+        panel.with(over_frequency("without the loop", Role::Model, frequencies, |at| {
+            Some(at.open_response * per_g)
+        }))
+    } else {
+        panel
+    };
+    panel.with(over_frequency("output", Role::Estimate, frequencies, |at| Some(at.response * per_g)))
+}
+
+/// The loop, where there is one.
+fn loop_panel(frequencies: &[AtFrequency]) -> Panel {
+    let of = |at: &AtFrequency| (at.loop_gain > 0.0).then_some(at.loop_gain);
+    Panel::new(frequency_axis(), Axis::new("loop", "1").log())
+        .with(over_frequency("loop gain", Role::Input, frequencies, of))
+        .with(over_frequency("sensitivity", Role::Estimate, frequencies, |at| Some(at.sensitivity)))
+        .with(Series::level("", Role::Bound, 1.0))
+}
+
+/// Noise at the input.
+fn noise_panel(frequencies: &[AtFrequency]) -> Panel {
+    let micro_g = 1e6 / STANDARD_GRAVITY;
+    Panel::new(frequency_axis(), Axis::new("noise at the input", "µg/√Hz").log())
+        .with(over_frequency("molecules", Role::Model, frequencies, |at| Some(at.brownian * micro_g)))
+        .with(over_frequency("readout", Role::Measured, frequencies, |at| Some(at.readout? * micro_g)))
 }
 
 /// Standard deviations over the amplitude.

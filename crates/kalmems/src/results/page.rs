@@ -2,10 +2,10 @@
 
 use super::figures::figures;
 use super::names::prefix;
-use super::summary::segment_name;
+use super::summary::{segment_name, shown};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::Peak;
-use crate::evaluate::MotionErrors;
+use crate::evaluate::{MotionErrors, ValueErrors};
 use crate::report::{Column, Figure, Page, ReportError, Section, Table};
 use crate::workflow::Outcome;
 
@@ -69,7 +69,15 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
         None => "The experiment does not state it, so it is that of each filter's start and means nothing."
             .to_owned(),
     };
-    section.table(summary_table(metrics, false)).paragraph(format!(
+    let section = section.table(summary_table(metrics, false));
+    if metrics.estimators().any(|e| !e.values.is_empty()) {
+        return section.paragraph(
+            "Errors are root mean squares after the settling time, against the reference; the SNR is the reference's \
+             root mean square over that of the error. The mean NIS of a filter that is right lies in its interval 95 \
+             times in 100.",
+        );
+    }
+    section.paragraph(format!(
         "Errors are root mean squares after the settling time, against the reference. The phase is the timing from \
          a drive peak to the angle peak after it, in degrees of the motion's cycle. The mean NIS of a filter that is \
          right lies in its interval 95 times in 100. The sign of the motion cannot be known from this signal, which \
@@ -94,6 +102,7 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
                 drive.offset_v, drive.amplitude_v, drive.frequency_hz
             ),
         )),
+        None if segment.estimators.iter().any(|e| !e.values.is_empty()) => {}
         None => facts.push(("drive", "no steady sine: phases are not compared with it".to_owned())),
     }
     for axis in &segment.other_axes {
@@ -112,6 +121,8 @@ fn milli(seconds: f64) -> String {
 
 /// One figure of a filter, where it has it.
 type Detail = fn(&EstimatorMetrics) -> Option<f64>;
+/// One figure of the errors of what is no angle; not a number where they have none.
+type ValueDetail = fn(&ValueErrors) -> f64;
 /// One figure of an angle's errors, where they have it.
 type AngleDetail = fn(&MotionErrors) -> Option<f64>;
 
@@ -134,8 +145,27 @@ fn details(segment: &SegmentMetrics) -> Table {
         ("peaks compared", "", 0, |e| Some(e.peaks as f64)),
         ("peaks without a partner", "", 0, |e| Some(e.peaks_without_partner as f64)),
     ];
+    let of_value: [(&str, &str, ValueDetail); 3] = [
+        ("RMSE", "", |e| e.rmse),
+        ("largest error", "", |e| e.largest),
+        ("errors within ±3σ", "%", |e| 100.0 * e.within_three_sigma.unwrap_or(f64::NAN)),
+    ];
+    let mut known: Vec<(&str, &'static str)> = Vec::new();
+    for (name, errors) in segment.estimators.iter().flat_map(|e| &e.values) {
+        if !known.contains(&(name, errors.unit)) {
+            known.push((name, errors.unit));
+        }
+    }
+    for (name, si) in &known {
+        let (unit, factor) = shown(si);
+        for (figure, own_unit, of) in of_value {
+            let (unit, factor) = if own_unit.is_empty() { (unit, factor) } else { (own_unit, 1.0) };
+            let values = segment.estimators.iter().map(|e| Some(of(e.values.get(name)?) * factor));
+            push(format!("{name}: {figure}"), unit, 4, values.map(|v| v.filter(|v| v.is_finite())).collect());
+        }
+    }
     let angles = segment.estimators.iter().filter_map(|e| e.errors.as_ref()).map(|e| e.each().count()).max();
-    for index in 0..angles.unwrap_or(1) {
+    for index in 0..angles.unwrap_or(usize::from(known.is_empty())) {
         let errors: Vec<Option<&MotionErrors>> =
             segment.estimators.iter().map(|e| e.errors.as_ref()?.each().nth(index)).collect();
         let of = errors.iter().flatten().next().map(|e| e.of);

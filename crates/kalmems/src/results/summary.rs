@@ -4,6 +4,7 @@ use super::metrics::angles_of;
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
 use crate::evaluate::{MotionErrors, PartErrors};
 use crate::report::{Column, Severity, Table};
+use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 
 /// A sentence about a result, and how serious it is.
@@ -33,16 +34,23 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     if several {
         columns.push(Column::text("segment"));
     }
-    columns.extend([
-        Column::text("estimator"),
-        Column::number("angle RMSE", "deg"),
-        Column::number("of p-p", "%"),
-        Column::number("phase RMSE", "deg"),
-        Column::number("amplitude RMSE", "deg"),
-        Column::number("mean NIS", ""),
-        Column::text("95 % interval"),
-        Column::text("verdict"),
-    ]);
+    columns.push(Column::text("estimator"));
+    let values = value_columns(metrics);
+    if values.is_empty() {
+        columns.extend([
+            Column::number("angle RMSE", "deg"),
+            Column::number("of p-p", "%"),
+            Column::number("phase RMSE", "deg"),
+            Column::number("amplitude RMSE", "deg"),
+        ]);
+    }
+    for value in &values {
+        let (unit, _) = shown(value.unit);
+        columns.push(Column::number(format!("{} RMSE", value.name), unit));
+        columns.push(Column::number("bias", unit));
+        columns.push(Column::number("SNR", "dB"));
+    }
+    columns.extend([Column::number("mean NIS", ""), Column::text("95 % interval"), Column::text("verdict")]);
     if with_durations {
         columns.push(Column::number("per step", "ns"));
     }
@@ -52,7 +60,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
-                table.push(name.clone().into_iter().chain(row(estimator)).chain(duration));
+                table.push(name.clone().into_iter().chain(row(estimator, &values)).chain(duration));
                 for part in estimator.errors.iter().flat_map(|e| &e.parts) {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_part(part)).chain(duration));
@@ -71,7 +79,36 @@ pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String 
     if segment.label.is_empty() { recording.to_owned() } else { format!("{recording}, {}", segment.label) }
 }
 
-fn row(estimator: &EstimatorMetrics) -> Vec<String> {
+/// A quantity that is no angle, of which the table has figures.
+struct ValueColumn {
+    name: &'static str,
+    unit: &'static str,
+}
+
+/// Those that any estimator is compared in.
+fn value_columns(metrics: &Metrics) -> Vec<ValueColumn> {
+    let mut columns: Vec<ValueColumn> = Vec::new();
+    for (name, errors) in metrics.estimators().flat_map(|estimator| &estimator.values) {
+        if columns.iter().all(|column| column.name != *name) {
+            columns.push(ValueColumn { name, unit: errors.unit });
+        }
+    }
+    // The acceleration tells what a velocity or a displacement would; they are in `metrics.json`.
+    columns.truncate(1);
+    columns
+}
+
+/// The unit in which people read a quantity of this SI unit, and how many of it one of that is.
+pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
+    match si {
+        "m_per_s2" => ("mg", 1e3 / STANDARD_GRAVITY),
+        "m" => ("nm", 1e9),
+        "m_per_s" => ("um/s", 1e6),
+        other => (other, 1.0),
+    }
+}
+
+fn row(estimator: &EstimatorMetrics, values: &[ValueColumn]) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -79,7 +116,17 @@ fn row(estimator: &EstimatorMetrics) -> Vec<String> {
         _ => estimator.name.clone(),
     };
     let mut cells = vec![name];
-    cells.extend(figures(errors));
+    if values.is_empty() {
+        cells.extend(figures(errors));
+    }
+    for value in values {
+        let errors = estimator.values.get(value.name);
+        let (_, factor) = shown(value.unit);
+        let number = |found: Option<f64>| found.map_or_else(|| "–".to_owned(), significant);
+        cells.push(number(errors.map(|e| e.rmse * factor)));
+        cells.push(number(errors.map(|e| e.bias * factor)));
+        cells.push(number(errors.and_then(|e| e.snr_db)));
+    }
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
@@ -140,7 +187,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);
             if let Some(reference) = reference
-                && segment.estimators.iter().all(|estimator| estimator.errors.is_none())
+                && segment.estimators.iter().all(|e| e.errors.is_none() && e.values.is_empty())
             {
                 let text = "has no sample of this segment to compare with after the settling time";
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));

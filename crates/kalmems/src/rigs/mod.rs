@@ -4,12 +4,13 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 //! To add one: a folder here, a device table in [`crate::config`], and one line in [`ALL`].
 
+pub mod accelerometer;
 pub mod shared_scanner;
 pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
-use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference};
+use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording, Segment};
@@ -19,6 +20,7 @@ use crate::simulate::{SimulateError, Simulation};
 
 /// Every rig that is built.
 pub static ALL: &[&dyn Rig] = &[
+    &accelerometer::AccelerometerRig,
     &shared_scanner::SharedScannerRig,
     &shared_scanner::two_axes::TwoAxesRig,
     &threshold_scanner::ThresholdScannerRig,
@@ -42,6 +44,11 @@ pub trait Rig: Sync {
     /// The states that a reference may know, the name of an angle and that of its rate for each axis.
     fn angles(&self) -> &'static [[&'static str; 2]] {
         &ONE_ANGLE
+    }
+
+    /// The states that a reference may know and that are no angles; the first is what the device is for.
+    fn values(&self) -> &'static [ValueState] {
+        &[]
     }
 
     /// Estimates the motion in each segment of a recording.

@@ -67,6 +67,15 @@ pub enum SimulateError {
         /// When.
         time_s: f64,
     },
+    /// The mass of an accelerometer has gone to a plate, and stays there.
+    #[error(
+        "{why}: more than spring and loop hold; take a smaller acceleration, a stiffer spring, or a feedback with more \
+         gain or bias"
+    )]
+    PulledIn {
+        /// When, and to which plate.
+        why: String,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

@@ -53,6 +53,11 @@ pub fn drive_of(
             let key = Key::from("simulate").child("drive").child("capture");
             return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
         }
+        DriveSource::Acceleration(_) => {
+            let why = "only an accelerometer is driven by an acceleration; use a voltage, such as `[simulate.drive.sine]`";
+            let key = Key::from("simulate").child("drive").child("acceleration");
+            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+        }
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;
             return Ok((drive, Some(source)));

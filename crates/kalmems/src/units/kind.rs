@@ -78,6 +78,7 @@ kinds! {
     TEMPERATURE = "an absolute temperature", of [0, 0, 0, 0, 1, 0], "300 K";
     VELOCITY = "a velocity", of [0, 1, -1, 0, 0, 0], "5 mm/s";
     ACCELERATION = "an acceleration", of [0, 1, -2, 0, 0, 0], "9.80665 m/s^2";
+    JERK = "a rate of change of an acceleration", of [0, 1, -3, 0, 0, 0], "314 gn/s";
     #[strict] VOLTAGE_PER_RATE = "a voltage per angular rate", of [1, 2, -2, -1, 0, -1], "2.82e-3 V s/rad";
     #[strict] PER_ANGLE = "an inverse angle", of [0, 0, 0, 0, 0, -1], "76 1/rad";
     LENGTH_PER_VOLTAGE = "a length per voltage", of [-1, -1, 3, 1, 0, 0], "0.5 mm/V";

@@ -36,6 +36,10 @@ pub struct ProofMass {
     pub spring: Quantity<SpringConstant, Positive>,
     /// The force per velocity at rest.
     pub damping: Quantity<Damping, NotNegative>,
+    /// The share of the damping that is gas squeezed between the plates, which grows near a plate; 0 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"100 %")]
+    pub squeezed_film: Option<Quantity<Ratio, NotNegative>>,
     /// The temperature, which sets the Brownian force.
     pub temperature: Quantity<Temperature, NotNegative>,
 }
@@ -76,6 +80,13 @@ pub struct ForceFeedback {
     pub proportional_gain: Quantity<Ratio>,
     /// The rate of change of the feedback voltage per output voltage.
     pub integral_gain: Quantity<IntegralGain>,
+    /// Whether what is computed of a sample is applied one sample later; at once if left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub one_sample_late: bool,
+    /// Whether the controller acts on what a settled Kalman filter makes of the output, and not on the output itself;
+    /// false if left out. For simulations: a recording holds what was applied.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub through_observer: bool,
 }
 
 /// An acceleration that varies like noise through a second-order low-pass.
@@ -88,4 +99,9 @@ pub struct AccelerationPrior {
     pub bandwidth: Quantity<Frequency, Positive>,
     /// The damping ratio of the low-pass.
     pub damping_ratio: Quantity<Ratio, Positive>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_false(value: &bool) -> bool {
+    !*value
 }

@@ -89,7 +89,14 @@ fn filter_of<const N: usize>(
     let literal = |misprint| AnyFilter::LiteralUkf(LiteralUkf::new(mean, covariance, points, misprint));
     match method {
         Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-        Method::Ekf | Method::EulerEkf | Method::LockIn => AnyFilter::Ekf(Ekf::new(mean, covariance)),
+        // Those for the accelerometer do not come here: the experiment is refused.
+        Method::Ekf
+        | Method::EulerEkf
+        | Method::LockIn
+        | Method::HybridEkf
+        | Method::SteadyState
+        | Method::KalmanBucy
+        | Method::Luenberger => AnyFilter::Ekf(Ekf::new(mean, covariance)),
         Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
         Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
         Method::Ukf | Method::SquareRootUkf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),

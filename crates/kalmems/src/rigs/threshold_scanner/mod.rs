@@ -278,5 +278,6 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         response: None,
         start: None,
         information: Vec::new(),
+        frequencies: Vec::new(),
     })
 }

@@ -36,6 +36,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         experiment: experiment.name.to_string(),
         device: "shared_scanner",
         topics,
+        frequencies: Vec::new(),
         information: amplitudes
             .map(|amplitude| {
                 let bound =

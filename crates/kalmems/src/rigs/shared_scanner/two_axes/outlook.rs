@@ -27,6 +27,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         topics: vec![topic, Topic::new("What the signal tells").with("sign", [], sign)],
         response: None,
         start: None,
+        frequencies: Vec::new(),
         information: Vec::new(),
     })
 }

@@ -1,0 +1,223 @@
+//! The force-rebalance loop, sample by sample.
+
+use super::{PiController, RebalanceLoop};
+use crate::capacitance::FixedPlate;
+use crate::dynamics::{Accelerometer, CarrierDriven};
+use crate::readout::DifferentialReadout;
+use core::f64::consts::TAU;
+use core::fmt;
+use kalmems_core::{Covariance, Exponential, Mat, Nodes, NoiseDensity, Process, Rk4, Scalar, riccati};
+
+/// An accelerometer in its loop, integrated between its samples.
+///
+/// At each sample the readout is read, and a feedback voltage is computed that is applied at once or, with a delay of
+/// computation, from the next sample on; it is held until the one after. The open loop has a controller of zeros.
+#[derive(Clone, Copy, Debug)]
+pub struct SampledRebalance {
+    device: CarrierDriven<f64>,
+    readout: DifferentialReadout<f64>,
+    controller: PiController<f64>,
+    is_late: bool,
+    interval_s: f64,
+    steps: u32,
+    carrier: Option<Carrier>,
+    state: [f64; 2],
+    integral: f64,
+    waiting: f64,
+    samples: u64,
+}
+
+/// The carrier of a run that does not average it.
+#[derive(Clone, Copy, Debug)]
+struct Carrier {
+    amplitude: f64,
+    frequency_hz: f64,
+}
+
+/// Why a run of a loop ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stopped {
+    /// The mass has gone to a plate, and stays there.
+    PulledIn {
+        /// When, in s.
+        time_s: f64,
+        /// Which.
+        plate: FixedPlate,
+    },
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::PulledIn { time_s, plate } = self;
+        let plate = match plate {
+            FixedPlate::First => "first",
+            FixedPlate::Second => "second",
+        };
+        write!(f, "the mass was pulled in to the {plate} plate at {time_s} s")
+    }
+}
+
+impl core::error::Error for Stopped {}
+
+/// The share of the gap at which stops end the motion: ASSUMED, the thesis says nothing of its stops.
+pub const STOP: f64 = 0.9;
+
+impl SampledRebalance {
+    /// At rest, sampled every `interval_s`, with so many integration steps in between.
+    ///
+    /// The delay of `closed` is how late the computation is: none up to half an interval, which is the hold's, one
+    /// interval above it.
+    pub fn new(closed: &RebalanceLoop<f64>, interval_s: f64, steps: u32) -> Self {
+        Self {
+            device: CarrierDriven { device: closed.device },
+            readout: closed.readout,
+            controller: closed.controller,
+            is_late: closed.delay > interval_s,
+            interval_s,
+            steps: steps.max(1),
+            carrier: None,
+            state: [0.0; 2],
+            integral: 0.0,
+            waiting: 0.0,
+            samples: 0,
+        }
+    }
+
+    /// With the carrier in full, a sine of the readout's amplitude, in place of its mean square. The steps must be fine
+    /// against its period.
+    #[must_use]
+    pub fn with_carrier(mut self, frequency_hz: f64) -> Self {
+        self.carrier = Some(Carrier { amplitude: self.readout.carrier_amplitude, frequency_hz });
+        self.device.device.carrier_mean_square = 0.0;
+        self
+    }
+
+    /// What is read now, with this noise in V.
+    pub fn read(&self, noise: f64) -> f64 {
+        self.readout.voltage(self.state[0]) + noise
+    }
+
+    /// What the loop applies from here to the next sample, in V, to a readout of `seen` V: what was read, or what an
+    /// observer in the loop makes of it. Once per sample.
+    pub fn answer(&mut self, seen: f64) -> f64 {
+        let (computed, integral) = self.controller.step(self.integral, seen, self.interval_s);
+        self.integral = integral;
+        let applied = if self.is_late { self.waiting } else { computed };
+        self.waiting = computed;
+        applied
+    }
+
+    /// To the next sample under this feedback in V, an acceleration in m/s² that goes straight from one value to another,
+    /// and a Brownian force in N on each integration step; none where there are fewer.
+    pub fn advance(&mut self, feedback: f64, acceleration: [f64; 2], forces: &[f64]) -> Result<(), Stopped> {
+        let h = self.interval_s / f64::from(self.steps);
+        let process = Rk4::new(self.device, h, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 3]));
+        let start = self.time_s();
+        for step in 0..self.steps {
+            let force = forces.get(step as usize).copied().unwrap_or(0.0);
+            let pushed = force / self.device.device.mass.mass;
+            let mut inputs = [[0.0; 3]; 3];
+            for (input, half_steps) in inputs.iter_mut().zip([0.0, 1.0, 2.0]) {
+                let passed = f64::from(step) + 0.5 * half_steps;
+                let [from, to] = acceleration;
+                let smooth = from + (to - from) * passed / f64::from(self.steps);
+                *input = [smooth + pushed, feedback, self.carrier_at(start + h * passed)];
+            }
+            let [start_input, middle, end] = inputs;
+            self.state = process.step(&self.state, &Nodes { start: start_input, middle, end });
+            if let Some(plate) = self.device.device.plates.touched(self.state[0], STOP) {
+                return Err(Stopped::PulledIn { time_s: start + h * f64::from(step + 1), plate });
+            }
+        }
+        self.samples += 1;
+        Ok(())
+    }
+
+    /// The carrier in V, 0 where it is averaged.
+    fn carrier_at(&self, time_s: f64) -> f64 {
+        match self.carrier {
+            Some(carrier) => carrier.amplitude * Scalar::sin(TAU * carrier.frequency_hz * time_s),
+            None => 0.0,
+        }
+    }
+
+    /// The standard deviation in N of a Brownian force that is held over one integration step, for a two-sided density
+    /// in N²/Hz.
+    pub fn force_sd(&self, density: f64) -> f64 {
+        (density * f64::from(self.steps) / self.interval_s).sqrt()
+    }
+
+    /// When the sample is that is due, in s.
+    pub fn time_s(&self) -> f64 {
+        self.samples as f64 * self.interval_s
+    }
+
+    /// Displacement in m and velocity in m/s.
+    pub fn state(&self) -> &[f64; 2] {
+        &self.state
+    }
+}
+
+impl RebalanceLoop<f64> {
+    /// By how much both gains of the controller may grow before the sampled loop is unstable; `None` where it is already,
+    /// or where a million times more changes nothing.
+    pub fn sampled_gain_margin(&self, interval_s: f64) -> Option<f64> {
+        let holds = |factor: f64| {
+            let PiController { proportional, integral } = self.controller;
+            let louder = PiController { proportional: proportional * factor, integral: integral * factor };
+            Self { controller: louder, ..*self }.is_stable(interval_s)
+        };
+        if !holds(1.0) {
+            return None;
+        }
+        let (mut low, mut high) = (1.0, 2.0);
+        while holds(high) {
+            (low, high) = (high, 2.0 * high);
+            if high > 1e6 {
+                return None;
+            }
+        }
+        // To the last digit of a decibel that anyone reads.
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if holds(middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Some(low)
+    }
+
+    /// Whether the sampled loop is stable about rest: its states are [x, ẋ, ∫y, the voltage that waits].
+    pub fn is_stable(&self, interval_s: f64) -> bool {
+        let device: Accelerometer<f64> = self.device;
+        let none = NoiseDensity::none();
+        let process = Exponential::new(device, interval_s, &none, (&[0.0; 2], &[0.0; 2]));
+        let (_, f) = process.linearize(&[0.0; 2], &[0.0; 2]);
+        let volt = 1e-6;
+        let pushed: [f64; 2] = process.step(&[0.0; 2], &[0.0, volt]);
+        let per_volt = pushed.map(|entry| entry / volt);
+        let (s, c) = (self.readout.sensitivity(), &self.controller);
+        // u = K_p·S·x + K_i·∫y, applied now or an interval later.
+        let law = [c.proportional * s, 0.0, c.integral, 0.0];
+        let applied = if self.delay > interval_s { [0.0, 0.0, 0.0, 1.0] } else { law };
+        let mut a = Mat::<f64, 4, 4>::zero();
+        for j in 0..4 {
+            for (i, per_volt) in per_volt.iter().enumerate() {
+                a.0[i][j] = per_volt * applied[j] + if j < 2 { f.0[i][j] } else { 0.0 };
+            }
+            a.0[3][j] = law[j];
+        }
+        a.0[2] = [s * interval_s, 0.0, 1.0, 0.0];
+        // Without integral action the integral does nothing, and does not decay.
+        if c.integral == 0.0 {
+            a.0[2][2] = 0.0;
+        }
+        // In units of what a volt is, of the mass at its own rate.
+        let length = s.recip();
+        let sizes = [length, length * device.mass.natural_rate(device.mass.spring), interval_s, 1.0];
+        let scaled = Mat::from_fn(|i, j| a.0[i][j] * sizes[j] / sizes[i]);
+        riccati::discrete_lyapunov(&scaled, &Covariance::from_variances([1.0; 4])).is_ok()
+    }
+}

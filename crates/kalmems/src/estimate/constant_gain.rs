@@ -1,0 +1,99 @@
+//! A filter whose gain does not change.
+
+use kalmems_core::riccati::{RiccatiError, discrete_lyapunov};
+use kalmems_core::update::{Correction, Policy};
+use kalmems_core::{
+    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Mat, Measurement, OperatingPoint,
+    Process,
+};
+
+/// A [`FixedGain`] for the loop that serves all filters, on a signal of one number.
+///
+/// It claims the covariances in which the error of its gain settles. They do not follow the measurements, so that
+/// nothing can be smoothed with them; the link between two states is that of the point it was computed at.
+#[derive(Clone, Copy, Debug)]
+pub struct ConstantGain<const N: usize> {
+    mean: [f64; N],
+    gain: [f64; N],
+    predicted: Covariance<f64, N>,
+    filtered: Covariance<f64, N>,
+    transition: Mat<f64, N, N>,
+    noise: Covariance<f64, N>,
+}
+
+impl<const N: usize> ConstantGain<N> {
+    /// The gain and the start of `filter`, which was computed at `point`.
+    pub fn new(filter: &FixedGain<f64, N, 1>, point: &OperatingPoint<f64, N, 1>) -> Self {
+        Self {
+            mean: *filter.mean(),
+            gain: filter.gain().0.map(|[entry]| entry),
+            predicted: *filter.predicted_covariance(),
+            filtered: *filter.filtered_covariance(),
+            transition: point.transition,
+            noise: point.process_noise,
+        }
+    }
+
+    /// No correction at all: for a process that is an observer itself and has the last sample as an input.
+    ///
+    /// `point` is that process, what each sample's noise does to it included in the noise of the process. Refused
+    /// where its error does not decay.
+    pub fn without_update(mean: [f64; N], point: &OperatingPoint<f64, N, 1>) -> Result<Self, RiccatiError> {
+        let settled = discrete_lyapunov(&point.transition, &point.process_noise)?;
+        Ok(Self {
+            mean,
+            gain: [0.0; N],
+            predicted: settled,
+            filtered: settled,
+            transition: point.transition,
+            noise: point.process_noise,
+        })
+    }
+}
+
+/// Takes no correction.
+struct Never;
+
+impl<const N: usize> Policy<f64, N> for Never {
+    fn take<const M: usize>(&self, _: &Innovation<f64, M>, _: &Correction<f64, N>) -> bool {
+        false
+    }
+}
+
+impl<const N: usize> Filter<f64, N> for ConstantGain<N> {
+    fn mean(&self) -> &[f64; N] {
+        &self.mean
+    }
+
+    fn covariance(&self) -> Covariance<f64, N> {
+        self.filtered
+    }
+
+    fn predict_linked<P: Process<f64, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<Link<f64, N>, FilterError> {
+        self.mean = finite(process.step(&self.mean, u))?;
+        Ok(Link { transition: self.transition, noise: self.noise, taken: true })
+    }
+
+    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
+        &mut self,
+        measurement: &H,
+        y: &[f64; M],
+        r: &Covariance<f64, M>,
+        _: &impl Policy<f64, N>,
+    ) -> Result<Innovation<f64, M>, FilterError> {
+        const { assert!(M == 1, "the gain is for one number") };
+        let mut innovation = Ekf::new(self.mean, self.predicted).update_where(measurement, y, r, &Never)?;
+        let [residual, ..] = innovation.residual[..] else { return Err(FilterError::NonFiniteMeasurement) };
+        self.mean = finite(std::array::from_fn(|i| self.mean[i] + self.gain[i] * residual))?;
+        innovation.taken = true;
+        Ok(innovation)
+    }
+}
+
+fn finite<const N: usize>(mean: [f64; N]) -> Result<[f64; N], FilterError> {
+    if mean.iter().all(|x| x.is_finite()) { Ok(mean) } else { Err(FilterError::NonFiniteState) }
+}

@@ -1,0 +1,130 @@
+//! How a filter gets from one sample of the accelerometer to the next.
+
+use super::data::{Input, SegmentData};
+use super::instrument::{Exact, Instrument, Observing, Readout};
+use crate::estimate::{Counts, Course};
+use kalmems_core::{ContinuousDiscrete, Dynamics, Filter, FilterError, Scaled};
+
+/// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
+/// times written in decimals round to.
+const SAME: f64 = 1e-6;
+
+/// How a filter predicts over the usual interval.
+pub trait Step<D: Dynamics<f64, N>, const N: usize> {
+    /// By an input and the sample before, which is not a number where it is missing. `None` where it cannot, so that the
+    /// plain step is taken.
+    fn predict<F: Filter<f64, N>>(
+        &self,
+        filter: &mut F,
+        input: D::Input,
+        sample: f64,
+    ) -> Option<Result<(), FilterError>>;
+}
+
+impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Exact<D, N> {
+    fn predict<F: Filter<f64, N>>(
+        &self,
+        filter: &mut F,
+        input: D::Input,
+        _: f64,
+    ) -> Option<Result<(), FilterError>> {
+        Some(filter.predict_linked(self, &input).map(drop))
+    }
+}
+
+/// The prediction of a hybrid filter: mean and covariance follow their differential equations.
+pub struct Hybrid<D, const N: usize> {
+    maker: ContinuousDiscrete<Scaled<D, f64, N>, f64, N>,
+    interval_s: f64,
+}
+
+/// The longest step in fastest decays: five times shorter than what Runge and Kutta's method needs to be stable.
+const LONGEST: f64 = 0.5;
+
+impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Hybrid<D, N> {
+    /// Over this interval.
+    pub fn new(instrument: &Instrument<D, N>, interval_s: f64) -> Result<Self, kalmems_core::IntervalError> {
+        let longest = (LONGEST / instrument.fastest()).min(interval_s);
+        let maker = ContinuousDiscrete::new(instrument.dynamics, instrument.density, longest)?;
+        Ok(Self { maker, interval_s })
+    }
+}
+
+impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Hybrid<D, N> {
+    fn predict<F: Filter<f64, N>>(
+        &self,
+        filter: &mut F,
+        input: D::Input,
+        _: f64,
+    ) -> Option<Result<(), FilterError>> {
+        // The interval was found to be one when the maker was.
+        let process = self.maker.over(self.interval_s, filter.mean(), |_| input).ok()?;
+        Some(filter.predict_linked(&process, &()).map(drop))
+    }
+}
+
+impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Observing<D, N> {
+    fn predict<F: Filter<f64, N>>(
+        &self,
+        filter: &mut F,
+        input: D::Input,
+        sample: f64,
+    ) -> Option<Result<(), FilterError>> {
+        sample.is_finite().then(|| filter.predict_linked(self, &(input, [sample])).map(drop))
+    }
+}
+
+/// Model and signal of one segment.
+pub struct AccelerometerCourse<'a, D, S, const N: usize> {
+    instrument: &'a Instrument<D, N>,
+    data: &'a SegmentData<'a>,
+    step: S,
+}
+
+impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
+    /// A way through this segment.
+    pub fn new(instrument: &'a Instrument<D, N>, data: &'a SegmentData<'a>, step: S) -> Self {
+        Self { instrument, data, step }
+    }
+}
+
+impl<D, S, const N: usize> Course<N> for AccelerometerCourse<'_, D, S, N>
+where
+    D: Dynamics<f64, N, Input: Input> + Copy,
+    S: Step<D, N>,
+{
+    type Measurement = Readout<N>;
+
+    fn time_s(&self) -> &[f64] {
+        self.data.time_s
+    }
+
+    fn signal(&self) -> &[f64] {
+        self.data.signal
+    }
+
+    fn measurement(&self) -> (&Readout<N>, f64) {
+        (&self.instrument.readout, self.instrument.noise_variance)
+    }
+
+    fn advance<F: Filter<f64, N>>(
+        &mut self,
+        filter: &mut F,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        let input = Input::after(self.data, to - 1);
+        let interval = self.data.time_s[to] - self.data.time_s[to - 1];
+        let intervals = interval / self.data.interval_s;
+        if (intervals - 1.0).abs() <= SAME {
+            let taken = self.step.predict(filter, input, self.data.signal[to - 1]);
+            if let Some(taken) = taken {
+                return taken;
+            }
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
+        let missing = intervals.round().max(1.0) as usize - 1;
+        counts.bridged += missing;
+        filter.predict_linked(&self.instrument.over(interval), &input).map(drop)
+    }
+}

@@ -1,0 +1,74 @@
+//! What the estimators see of a segment.
+
+use crate::estimate::EstimateError;
+use crate::signal::GAP;
+
+/// One segment of a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct SegmentData<'a> {
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// The readout's voltage in V.
+    pub signal: &'a [f64],
+    /// The feedback in V that is applied from each sample to the next; `None` for an open loop.
+    pub feedback: Option<&'a [f64]>,
+    /// The acceleration in m/s² as a known input, where the recording has it.
+    pub acceleration: Option<&'a [f64]>,
+    /// The usual interval between samples in s.
+    pub interval_s: f64,
+}
+
+impl SegmentData<'_> {
+    /// The feedback from sample `k` to the next, in V.
+    pub fn feedback(&self, k: usize) -> f64 {
+        self.feedback.map_or(0.0, |feedback| feedback[k])
+    }
+
+    /// Refuses a segment in which an input is not known throughout: neither a loop's feedback nor an acceleration
+    /// follows a law that would tell it.
+    pub fn require_whole(
+        &self,
+        input: Option<&[f64]>,
+        column: &str,
+        place: &str,
+    ) -> Result<(), EstimateError> {
+        let Some(input) = input else { return Ok(()) };
+        // What is applied after the last sample does not matter.
+        let steps = self.time_s.windows(2).zip(input);
+        let unknown = |(times, value): &(&[f64], &f64)| {
+            !value.is_finite() || times[1] - times[0] > GAP * self.interval_s
+        };
+        let mut missing = steps.filter(unknown).map(|(times, _)| times[0]);
+        let Some(first_s) = missing.next() else { return Ok(()) };
+        let (place, column) = (place.to_owned(), column.to_owned());
+        Err(EstimateError::DriveUnknown { place, column, count: 1 + missing.count(), first_s })
+    }
+}
+
+/// What drives a model over one interval.
+pub trait Input: Copy {
+    /// Nothing.
+    const NONE: Self;
+
+    /// From sample `k` to the next.
+    fn after(data: &SegmentData, k: usize) -> Self;
+}
+
+/// The feedback alone.
+impl Input for f64 {
+    const NONE: Self = 0.0;
+
+    fn after(data: &SegmentData, k: usize) -> Self {
+        data.feedback(k)
+    }
+}
+
+/// The acceleration, the mean of both ends, and the feedback.
+impl Input for [f64; 2] {
+    const NONE: Self = [0.0; 2];
+
+    fn after(data: &SegmentData, k: usize) -> Self {
+        let mean = data.acceleration.map_or(0.0, |known| known[k].midpoint(known[k + 1]));
+        [mean, data.feedback(k)]
+    }
+}

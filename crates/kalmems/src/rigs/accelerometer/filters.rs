@@ -1,0 +1,117 @@
+//! What the rig takes from the tables of filters, in SI.
+
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start};
+use crate::estimate::StateName;
+use crate::units::kind;
+use kalmems_core::SigmaPoints;
+use std::f64::consts::TAU;
+
+/// One filter.
+#[derive(Clone, Debug)]
+pub struct FilterSettings {
+    /// Its name in files.
+    pub key: String,
+    /// Its name for people, which says where the acceleration is known.
+    pub name: String,
+    /// How it estimates.
+    pub method: Method,
+    /// Whether the acceleration is an input: the states are then the displacement and the velocity alone.
+    pub known_acceleration: bool,
+    /// Displacement in m, velocity in m/s, acceleration in m/s² and its rate in m/s³ to start from.
+    pub start: [f64; 4],
+    /// Their standard deviations, 0 for what claims none.
+    pub start_sd: [f64; 4],
+    /// The corner of a Luenberger observer's poles in rad/s.
+    pub observer_rate: f64,
+    /// How sigma points are spread.
+    pub points: SigmaPoints<f64>,
+    /// Whether it is smoothed over the whole recording.
+    pub smooth: bool,
+    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
+    pub lag_s: Option<f64>,
+}
+
+/// The states, as trajectories name them.
+const STATES: [StateName; 4] = [
+    ("displacement", "m", &kind::LENGTH),
+    ("velocity", "m_per_s", &kind::VELOCITY),
+    ("acceleration", "m_per_s2", &kind::ACCELERATION),
+    ("jerk", "m_per_s3", &kind::JERK),
+];
+
+/// The first `N` states, as tables of values name them.
+pub const fn entries<const N: usize>(sign: Sign) -> [Entry; N] {
+    const { assert!(N <= STATES.len(), "there are no more") };
+    let mut entries = [Entry::new("", &kind::RATIO, sign); N];
+    let mut i = 0;
+    while i < N {
+        entries[i] = Entry::new(STATES[i].0, STATES[i].2, sign);
+        i += 1;
+    }
+    entries
+}
+
+impl FilterSettings {
+    /// Reads and checks the filter at this place of the file.
+    pub fn of(experiment: &Experiment, estimate: &Estimate, index: usize) -> Result<Self, ConfigError> {
+        let filter = &estimate.filters[index];
+        let at = Key::from("estimate").child("filter").index(index);
+        let refuse = |name: &str, why: &str| {
+            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+        };
+        let unsuited =
+            filter.method.is_literal() || matches!(filter.method, Method::LockIn | Method::SquareRootUkf);
+        if unsuited {
+            return refuse("method", "there is no such estimator for an accelerometer; use `ekf`");
+        }
+        let unused = [
+            ("process_noise", !filter.process_noise.is_empty()),
+            ("states", !filter.states.is_empty()),
+            ("demodulator", filter.demodulator),
+        ];
+        if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
+            return refuse(name, "the accelerometer's filters have no such setting; leave it out");
+        }
+        let Some(Start::Values(start)) = &filter.start else {
+            return refuse("start", "an accelerometer's filter starts from values, such as those of rest");
+        };
+        let known = filter.known_acceleration;
+        let values = |name: &str, values, sign| {
+            let key = at.clone().child(name);
+            if known {
+                let [x, v] = experiment.values(key, values, entries::<2>(sign))?;
+                return Ok([x, v, 0.0, 0.0]);
+            }
+            experiment.values(key, values, entries::<4>(sign))
+        };
+        let start = values("start", start, Sign::Any)?;
+        // An observer does not ask how uncertain its start is.
+        let start_sd = if filter.method.claims() {
+            values("start_sd", &filter.start_sd, Sign::NotNegative)?
+        } else {
+            [0.0; 4]
+        };
+        let label = if known { ", acceleration known" } else { "" };
+        Ok(Self {
+            key: filter.name.key(),
+            name: format!("{}{label}", filter.name),
+            method: filter.method,
+            known_acceleration: known,
+            start,
+            start_sd,
+            observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
+            points: SigmaPoints {
+                alpha: filter.alpha.unwrap_or(1.0),
+                beta: filter.beta.unwrap_or(2.0),
+                kappa: filter.kappa.unwrap_or(1.0),
+            },
+            smooth: filter.smooth,
+            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
+        })
+    }
+}
+
+/// The names of the first `N` states.
+pub fn states<const N: usize>() -> [StateName; N] {
+    std::array::from_fn(|i| STATES[i.min(STATES.len() - 1)])
+}

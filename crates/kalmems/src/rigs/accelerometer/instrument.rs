@@ -1,0 +1,153 @@
+//! The models that the filters run on, in states of their own size.
+//!
+//! In SI a displacement of 10⁻¹⁰ m has a variance of 10⁻²⁰ m² beside one of the acceleration near 1. The scales are
+//! powers of two, so that no bit of a result changes by them.
+
+use super::data::Input;
+use super::settings::Hardware;
+use kalmems_core::filter::{ContinuousObserver, ObserverError, Pole};
+use kalmems_core::riccati::{RiccatiError, continuous_riccati, kalman_bucy_gain};
+use kalmems_core::{
+    Covariance, Dynamics, Exponential, FixedGain, Mat, Measurement, NoiseDensity, NotAScale, OperatingPoint,
+    Process, Scaled, Scales,
+};
+use kalmems_models::dynamics::{Accelerometer, SensedAcceleration};
+use kalmems_models::readout::DifferentialReadout;
+use std::f64::consts::PI;
+
+/// The readout in scaled states.
+pub type Readout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
+/// The exact step of a model.
+pub type Exact<D, const N: usize> = Exponential<Scaled<D, f64, N>, f64, N>;
+/// The exact step of a model that is an observer itself, driven by its input and the last sample.
+pub type Observing<D, const N: usize> =
+    Exponential<ContinuousObserver<Scaled<D, f64, N>, Readout<N>, f64, N, 1>, f64, N>;
+
+/// An instrument of `N` states with its noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Instrument<D, const N: usize> {
+    /// How it moves.
+    pub dynamics: Scaled<D, f64, N>,
+    /// How it is read.
+    pub readout: Readout<N>,
+    /// The unit of each state.
+    pub scales: Scales<f64, N>,
+    /// The density of its noise.
+    pub density: NoiseDensity<f64, N>,
+    /// The variance of one sample in V².
+    pub noise_variance: f64,
+    /// Of the mass on what is left of its spring, in rad/s.
+    eigenvalues: [(f64, f64); 2],
+}
+
+impl Instrument<SensedAcceleration<f64>, 4> {
+    /// With the acceleration as a state.
+    pub fn sensed(hardware: &Hardware) -> Result<Self, NotAScale> {
+        let noise = hardware.sensed.noise(hardware.force_density);
+        Self::new(hardware.sensed, hardware, &noise)
+    }
+}
+
+impl Instrument<Accelerometer<f64>, 2> {
+    /// With the acceleration as an input.
+    pub fn known(hardware: &Hardware) -> Result<Self, NotAScale> {
+        let device = hardware.sensed.device;
+        let brownian = device.mass.acceleration_density(hardware.force_density);
+        Self::new(device, hardware, &NoiseDensity::none().on::<1>(brownian))
+    }
+}
+
+impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> {
+    fn new(dynamics: D, hardware: &Hardware, density: &NoiseDensity<f64, N>) -> Result<Self, NotAScale> {
+        let scales = Scales::natural(&dynamics)?;
+        let device = &hardware.sensed.device;
+        Ok(Self {
+            dynamics: Scaled::new(dynamics, scales),
+            readout: Scaled::new(hardware.readout, scales),
+            scales,
+            density: scales.scale_density(density),
+            noise_variance: hardware.noise_variance,
+            eigenvalues: device.mass.eigenvalues(device.softened_spring(0.0)),
+        })
+    }
+
+    /// The step over an interval, exact but for what the plates' force bends.
+    pub fn over(&self, interval_s: f64) -> Exact<D, N> {
+        Exponential::new(self.dynamics, interval_s, &self.density, (&[0.0; N], &Input::NONE))
+    }
+
+    /// The system over an interval, linearised at rest.
+    pub fn at_rest(&self, interval_s: f64) -> OperatingPoint<f64, N, 1> {
+        let noise = Covariance::from_variances([self.noise_variance]);
+        OperatingPoint::of(&self.over(interval_s), (&self.readout, noise), (&[0.0; N], &Input::NONE))
+    }
+
+    /// A gain that gives the error those poles of the device that are faster than this corner in rad/s, and for the rest
+    /// Butterworth's pattern of the corner, sampled.
+    ///
+    /// To slow what decays fast by itself would take a gain that undoes the damping.
+    pub fn luenberger(
+        &self,
+        mean: [f64; N],
+        corner: f64,
+        interval_s: f64,
+    ) -> Result<FixedGain<f64, N, 1>, ObserverError<f64>> {
+        let own: Vec<Pole<f64>> = match self.eigenvalues {
+            [(re, im), _] if im != 0.0 => {
+                let pair = Pole::Pair { real: re, imaginary: im };
+                (re.hypot(im) > corner && re < 0.0).then_some(pair).into_iter().collect()
+            }
+            both => both.into_iter().filter(|(re, _)| -re > corner).map(|(re, _)| Pole::Real(re)).collect(),
+        };
+        let taken: usize = own.iter().map(|pole| if matches!(pole, Pole::Real(_)) { 1 } else { 2 }).sum();
+        let poles: Vec<Pole<f64>> = own
+            .into_iter()
+            .chain(butterworth(N.saturating_sub(taken), corner))
+            .map(|pole| pole.sampled(interval_s))
+            .collect();
+        FixedGain::luenberger(mean, &poles, &self.at_rest(interval_s))
+    }
+
+    /// The observer with the gain of the continuous Kalman filter, each sample held over the interval after it, and the
+    /// system that its error is: the noise of a sample is part of that of the step.
+    ///
+    /// Samples of a variance R that are an interval h apart carry what a continuous signal with noise of the density
+    /// R·h does.
+    pub fn kalman_bucy(
+        &self,
+        interval_s: f64,
+    ) -> Result<(Observing<D, N>, OperatingPoint<f64, N, 1>), RiccatiError> {
+        let system = self.dynamics.jacobian(&[0.0; N], &Input::NONE);
+        let observation: Mat<f64, 1, N> = self.readout.linearize(&[0.0; N]).1;
+        let noise = NoiseDensity::none().on::<0>(self.noise_variance * interval_s);
+        let settled = continuous_riccati(&system, &observation, &self.density, &noise)?;
+        let observer = ContinuousObserver {
+            dynamics: self.dynamics,
+            measurement: self.readout,
+            gain: kalman_bucy_gain(&settled, &observation, &noise),
+        };
+        let rest = (Input::NONE, [0.0]);
+        let process = Exponential::new(observer, interval_s, &self.density, (&[0.0; N], &rest));
+        // What one volt of a sample does.
+        let volt: [f64; N] = process.step(&[0.0; N], &(Input::NONE, [1.0]));
+        let sample = Covariance::from_variances([self.noise_variance]);
+        let sampled = sample.transformed(&Mat(volt.map(|entry| [entry])));
+        let mut point = OperatingPoint::of(&process, (&self.readout, sample), (&[0.0; N], &rest));
+        point.process_noise = point.process_noise.plus(&sampled);
+        Ok((process, point))
+    }
+
+    /// The fastest motion of the mass at rest in 1/s.
+    pub fn fastest(&self) -> f64 {
+        self.eigenvalues.iter().map(|(re, im)| re.hypot(*im)).fold(0.0, f64::max)
+    }
+}
+
+/// The poles of a Butterworth low-pass of this order and corner in rad/s.
+fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>> {
+    let pairs = (0..order / 2).map(move |k| {
+        let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
+        Pole::Pair { real: -corner * angle.sin(), imaginary: corner * angle.cos() }
+    });
+    pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
+}

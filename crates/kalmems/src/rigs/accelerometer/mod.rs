@@ -1,0 +1,192 @@
+//! The force-rebalance accelerometer: a mass between plates that sense it, and push it back where there is a loop.
+//!
+//! Zhang, Sensing and Control of MEMS Accelerometers Using Kalman Filter, 2010. The thesis's observer is given the
+//! acceleration as a known input. An instrument that is to measure it does not have it: here the acceleration is a state,
+//! and the known input is there for comparison, under a name that says so.
+
+mod course;
+mod data;
+mod feedback;
+mod filters;
+mod instrument;
+mod outlook;
+mod segment;
+mod settings;
+mod simulation;
+
+use super::{Rig, SegmentEstimate};
+use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::estimate::{EstimateError, Progress};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::outlook::Outlook;
+use crate::recording::{Layout, Recording};
+use crate::simulate::{SimulateError, Simulation};
+use crate::units::kind;
+use data::SegmentData;
+use instrument::Instrument;
+use settings::Settings;
+use simulation::AccelerometerSimulation;
+
+/// The rig.
+pub struct AccelerometerRig;
+
+/// What a reference may know; the first is what the instrument is for.
+static VALUES: [ValueState; 3] = [
+    ValueState { name: "acceleration", kind: &kind::ACCELERATION },
+    ValueState { name: "displacement", kind: &kind::LENGTH },
+    ValueState { name: "velocity", kind: &kind::VELOCITY },
+];
+
+impl Rig for AccelerometerRig {
+    fn name(&self) -> &'static str {
+        "accelerometer"
+    }
+
+    fn takes(&self, device: &Device) -> bool {
+        matches!(device, Device::Accelerometer(_))
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(experiment)?;
+        let roles = experiment.recordings.iter().enumerate();
+        let wanted: Vec<usize> =
+            roles.filter(|(_, r)| r.role == Role::Test).map(|(index, _)| index).collect();
+        if wanted.is_empty() {
+            let why = "no recording has the role `test`; that is estimated".to_owned();
+            return Err(experiment.error("recording", Fault::Value { why }));
+        }
+        for index in &wanted {
+            Columns::of(experiment, *index)?;
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        let columns = Columns::of(experiment, index)?;
+        let all = [Some(columns.signal), columns.feedback, columns.acceleration];
+        Ok(experiment.recording(index)?.layout(&all.into_iter().flatten().collect::<Vec<_>>()))
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[]
+    }
+
+    fn values(&self) -> &'static [ValueState] {
+        &VALUES
+    }
+
+    fn estimate(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let columns = Columns::of(experiment, index)?;
+        let signal = recording.column_of(columns.signal, &kind::VOLTAGE)?;
+        let optional =
+            |name: Option<&str>, kind| name.map(|name| recording.column_of(name, kind)).transpose();
+        let feedback = optional(columns.feedback, &kind::VOLTAGE)?;
+        let acceleration = optional(columns.acceleration, &kind::ACCELERATION)?;
+        let mut estimates = Vec::new();
+        for segment in recording.segments() {
+            let place = match segment.label.as_str() {
+                "" => recording.source().file.clone(),
+                label => format!("{}, segment `{label}`", recording.source().file),
+            };
+            let time_s = segment.time.to_vec();
+            let motion = segment::motion(&settings);
+            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+            let interval_s = segment.time.interval_s().filter(|_| span > settings.skip_s);
+            let Some(interval_s) = interval_s else {
+                return Err(EstimateError::TooShort { place, found_s: span, skip_s: settings.skip_s });
+            };
+            let data = SegmentData {
+                time_s: &time_s,
+                signal: signal.of(segment),
+                feedback: feedback.map(|column| column.of(segment)),
+                acceleration: acceleration.map(|column| column.of(segment)),
+                interval_s,
+            };
+            if !data.signal.iter().any(|y| y.is_finite()) {
+                return Err(EstimateError::NoSignal { place, column: columns.signal.to_owned() });
+            }
+            for (values, name) in
+                [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)]
+            {
+                data.require_whole(values, name.unwrap_or_default(), &place)?;
+            }
+            if settings.hardware.has_feedback
+                && let Ok(instrument) = Instrument::sensed(&settings.hardware)
+            {
+                feedback::require_right(&instrument, &data, columns.feedback.unwrap_or_default(), &place)?;
+            }
+            let trajectories = segment::estimate(&settings, &data, progress)?;
+            estimates.push(SegmentEstimate {
+                segment: segment.clone(),
+                drive_column: columns.feedback.unwrap_or_default().to_owned(),
+                signal_column: columns.signal.to_owned(),
+                drive: None,
+                motion,
+                other_axes: Vec::new(),
+                skip_s: settings.skip_s,
+                parts: 1,
+                trajectories,
+            });
+        }
+        Ok(estimates)
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook::outlook(experiment)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        Ok(Box::new(AccelerometerSimulation::of(experiment)?))
+    }
+
+    /// It has no angle; see [`Rig::values`].
+    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+        estimate.trajectories.iter().map(|_| None).collect()
+    }
+}
+
+/// The columns of a recording.
+struct Columns<'a> {
+    signal: &'a str,
+    /// Where there is a loop.
+    feedback: Option<&'a str>,
+    /// Where a filter has it as a known input.
+    acceleration: Option<&'a str>,
+}
+
+/// The channels that an estimate may need.
+const MEANINGS: [&str; 3] = ["signal", "feedback", "acceleration"];
+
+impl<'a> Columns<'a> {
+    /// Those that the filters and the device need; that of the acceleration is left alone where no filter is to know it.
+    fn of(experiment: &'a Experiment, index: usize) -> Result<Self, ConfigError> {
+        let settings = Settings::of(experiment)?;
+        let channels = &experiment.recording(index)?.channels;
+        let key = || Key::from("recording").index(index).child("channels");
+        if let Some((name, _)) = channels.iter().find(|(name, _)| !MEANINGS.contains(name)) {
+            return Err(experiment.error(key().child(name), Fault::unknown_key(name, MEANINGS)));
+        }
+        let wanted = |name: &str, example: &str, needed: bool| match channels.column(name) {
+            Some(column) => Ok(Some(column)),
+            None if needed => {
+                let remedy = format!("name the column, such as `{name} = \"{example}\"`");
+                Err(experiment.error(key().child(name), Fault::MissingKey { remedy }))
+            }
+            None => Ok(None),
+        };
+        let known = settings.filters.iter().any(|filter| filter.known_acceleration);
+        let acceleration = wanted("acceleration", "acceleration_m_per_s2", known)?;
+        Ok(Self {
+            signal: wanted("signal", "output_V", true)?.unwrap_or_default(),
+            feedback: wanted("feedback", "feedback_V", settings.hardware.has_feedback)?,
+            acceleration: acceleration.filter(|_| known),
+        })
+    }
+}

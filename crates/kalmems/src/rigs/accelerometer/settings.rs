@@ -1,0 +1,107 @@
+//! What the rig takes from an experiment file, in SI.
+
+use super::filters::FilterSettings;
+use crate::config::{ConfigError, Device, Experiment, Fault, Quantity};
+use kalmems_models::capacitance::DifferentialPlates;
+use kalmems_models::constants::VACUUM_PERMITTIVITY;
+use kalmems_models::dynamics::{Accelerometer, GaussMarkov, ProofMass, SensedAcceleration};
+use kalmems_models::noise::brownian_force_density;
+use kalmems_models::readout::DifferentialReadout;
+use std::f64::consts::TAU;
+
+/// Device and filter settings.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The device.
+    pub hardware: Hardware,
+    /// How long a filter has to settle before it is scored, in s.
+    pub skip_s: f64,
+    /// The filters, in the order of the file.
+    pub filters: Vec<FilterSettings>,
+}
+
+/// The device, its noise, and what is known of the acceleration beforehand.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardware {
+    /// How it moves, with the acceleration as a state.
+    pub sensed: SensedAcceleration<f64>,
+    /// What is recorded of it.
+    pub readout: DifferentialReadout<f64>,
+    /// The two-sided density of the Brownian force in N²/Hz.
+    pub force_density: f64,
+    /// The variance of the recorded signal's noise per sample, in V².
+    pub noise_variance: f64,
+    /// Whether the experiment describes a feedback.
+    pub has_feedback: bool,
+}
+
+impl Hardware {
+    /// Reads what the file says of the device.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let Device::Accelerometer(device) = &experiment.device else {
+            let why = "this rig is for a `[device.accelerometer]`".to_owned();
+            return Err(experiment.error("device", Fault::Value { why }));
+        };
+        let plates = DifferentialPlates {
+            area: device.plates.area.si(),
+            gap: device.plates.gap.si(),
+            permittivity: device.plates.relative_permittivity.si() * VACUUM_PERMITTIVITY,
+        };
+        let (mass, readout, prior) = (&device.proof_mass, &device.readout, &device.acceleration);
+        let carrier_amplitude = readout.carrier_amplitude.si();
+        let instrument = Accelerometer {
+            mass: ProofMass {
+                mass: mass.mass.si(),
+                damping: mass.damping.si(),
+                squeezed: mass.squeezed_film.as_ref().map_or(0.0, Quantity::si),
+                spring: mass.spring.si(),
+            },
+            plates,
+            carrier_mean_square: readout.carrier_mean_square.si() * carrier_amplitude * carrier_amplitude,
+            bias: device.feedback.as_ref().map_or(0.0, |feedback| feedback.bias.si()),
+        };
+        Ok(Self {
+            sensed: SensedAcceleration {
+                device: instrument,
+                prior: GaussMarkov {
+                    rms: prior.rms.si(),
+                    rate: TAU * prior.bandwidth.si(),
+                    damping_ratio: prior.damping_ratio.si(),
+                },
+            },
+            readout: DifferentialReadout {
+                plates,
+                carrier_amplitude,
+                feedback_capacitance: readout.feedback_capacitance.si(),
+            },
+            force_density: 0.5 * brownian_force_density(mass.damping.si(), mass.temperature.si()),
+            noise_variance: readout.noise_variance.si(),
+            has_feedback: device.feedback.is_some(),
+        })
+    }
+}
+
+impl Settings {
+    /// Reads and checks what the rig needs.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let hardware = Hardware::of(experiment)?;
+        let Some(estimate) = &experiment.estimate else {
+            let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
+            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+        };
+        let unused = [
+            ("process_noise", !estimate.process_noise.is_empty()),
+            ("first_peak", estimate.first_peak.is_some()),
+            ("first_peak_y", estimate.first_peak_y.is_some()),
+        ];
+        if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
+            let why = "the accelerometer's noise is that of its temperature and of its acceleration, and its signal \
+                       tells the sign; leave it out";
+            return Err(
+                experiment.error(format!("estimate.{name}").as_str(), Fault::Value { why: why.to_owned() })
+            );
+        }
+        let filters = (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, i));
+        Ok(Self { hardware, skip_s: estimate.skip.si(), filters: filters.collect::<Result<_, _>>()? })
+    }
+}
