@@ -287,6 +287,20 @@ fn a_gap_is_not_bridged_and_costs_no_more_than_what_it_hides() {
 }
 
 #[test]
+fn of_equal_maxima_near_each_other_the_first_is_taken() {
+    // Every sixth response is the same to the last bit.
+    let signal: Vec<f64> = (0..60).map(|k| [0.0, 1.0, 3.0, 4.0, 3.0, 1.0][k % 6]).collect();
+    let kernel = SlopeKernel::<f64, 3>::new(1.0).unwrap();
+    for (reach, count) in [(7, 1), (6, 1), (5, 9)] {
+        let slope = responses(&kernel, &signal);
+        assert_eq!(peaks(&slope, reach, Threshold::fixed(0.1)).count(), count, "{reach}");
+    }
+    let found = stream(Detector::<f64, 3, 6, 20>::new(kernel, Threshold::fixed(0.1), 1.0), &signal);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].index < 10);
+}
+
+#[test]
 fn following_a_motion_lowers_the_level_and_its_end_raises_it() {
     // Edges of 6 σ, 3 σ and 3 σ, 400 samples apart, and one of 3 σ long after.
     let deviation = kernel().noise_deviation(1.0);
