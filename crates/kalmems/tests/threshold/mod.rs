@@ -95,7 +95,7 @@ impl Case {
             "start = { angle = \"-0.10193 rad\", rate = \"413.356 rad/s\" }\n\
              start_sd = { angle = \"5 mrad\", rate = \"20 rad/s\" }"
         };
-        let filters: String = [("first", Some(&self.filter)), ("second", self.second.as_ref())]
+        let filters: Vec<String> = [("first", Some(&self.filter)), ("second", self.second.as_ref())]
             .into_iter()
             .filter_map(|(name, settings)| settings.map(|settings| (name, settings)))
             .map(|(name, settings)| {
@@ -106,7 +106,8 @@ impl Case {
             "{device}\n[[recording]]\nrole = \"ring_down\"\nfile = \"recording.csv\"\nclock = {{ column = \"time_s\" }}\n\
              channels = {{ drive = \"drive_V\", signal = \"cap_V\" }}\n[recording.reference]\n{reference}\n\
              [estimate]\nskip = \"0 s\"\nparts = 4\ncrossings = {crossings}\n\
-             process_noise = {{ angular_acceleration = \"{density} rad^2/s^3\" }}\n{filters}"
+             process_noise = {{ angular_acceleration = \"{density} rad^2/s^3\" }}\n{}",
+            filters.concat()
         );
         Experiment::parse(&text, path).unwrap_or_else(|e| panic!("{e}"))
     }

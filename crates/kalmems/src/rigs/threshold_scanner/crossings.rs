@@ -12,7 +12,7 @@ use kalmems_models::capacitance::CombCurve;
 pub struct Crossing {
     sample: Instant,
     parabola: Instant,
-    zero_crossing: Option<Instant>,
+    zero: Option<Instant>,
     /// The sample at which a detector that runs with the signal knows of it.
     pub known_at: usize,
 }
@@ -34,7 +34,7 @@ impl Crossing {
         match timing {
             Timing::Sample => Some(self.sample),
             Timing::Parabola => Some(self.parabola),
-            Timing::ZeroCrossing => self.zero_crossing,
+            Timing::ZeroCrossing => self.zero,
         }
     }
 }
@@ -136,7 +136,7 @@ fn with<const HALF: usize, const FIT: usize>(
         Crossing {
             sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
             parabola: instant(peak.fraction, peak.height, jitter),
-            zero_crossing: zero.map(|zero| instant(zero.displacement, zero.slope, zero.timing_variance)),
+            zero: zero.map(|zero| instant(zero.displacement, zero.slope, zero.timing_variance)),
             known_at: index + HALF + reach + 1,
         }
     });

@@ -1,6 +1,6 @@
 //! What the rig takes from the device table, in SI.
 
-use crate::config::{CombShape, ConfigError, Device, Experiment, Fault};
+use crate::config::{CombShape, ConfigError, Device, Experiment, Fault, Quantity};
 use kalmems_models::capacitance::{CombCurve, CombFingers, CurveShape};
 use kalmems_models::dynamics::{CombDrivenMirror, MirrorResonator};
 use kalmems_models::readout::CurrentReadout;
@@ -43,7 +43,7 @@ impl Hardware {
         let comb = CombCurve {
             centre: device.comb.threshold_angle.si(),
             // The file was refused where it states neither.
-            gain: device.comb.gain.as_ref().map_or(from_fingers.unwrap_or(0.0), |gain| gain.si()),
+            gain: device.comb.gain.as_ref().map_or(from_fingers.unwrap_or(0.0), Quantity::si),
             steepness: device.comb.steepness.si(),
             shape: match device.comb.shape {
                 CombShape::Logistic => CurveShape::Logistic,

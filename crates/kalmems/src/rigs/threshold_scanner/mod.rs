@@ -223,13 +223,17 @@ fn found(
     if falling > SIGN_RATIO * rising && falling > threshold {
         return Err(EstimateError::SignReversed { place, column, falling, rising });
     }
-    // As many as noise alone has, and more than four standard deviations of that.
+    // As many as noise alone has, within four standard deviations of that, and none that noise could not be.
     let count = crossings.len();
-    if count as f64 <= by_noise + 4.0 * by_noise.sqrt() + 1.0 {
+    let is_few = count as f64 <= by_noise + 4.0 * by_noise.sqrt() + 1.0;
+    if count == 0 || (is_few && rising < LOUD) {
         return Err(EstimateError::NoCrossing { place, column, count, by_noise, largest: rising });
     }
     Ok(crossings)
 }
+
+/// A response, in standard deviations of that to noise, that noise does not reach in a year.
+const LOUD: f64 = 8.0;
 
 /// How many times as steep as its rises a signal must fall to be taken for reversed.
 const SIGN_RATIO: f64 = 1.5;

@@ -61,15 +61,12 @@ impl ThresholdSimulation {
             return Err(experiment.error("simulate", Fault::MissingKey { remedy: remedy.to_owned() }).into());
         };
         let integration_rate_hz = simulate.integration_rate.si();
-        let (before, drive, source) = match &simulate.drive {
-            DriveSource::Capture(capture) => {
-                let (before, drive) = captured(capture, integration_rate_hz);
-                (Some(before), drive, None)
-            }
-            _ => {
-                let (drive, source) = drive_of(experiment, simulate)?;
-                (None, drive, source)
-            }
+        let (before, drive, source) = if let DriveSource::Capture(capture) = &simulate.drive {
+            let (before, drive) = captured(capture, integration_rate_hz);
+            (Some(before), drive, None)
+        } else {
+            let (drive, source) = drive_of(experiment, simulate)?;
+            (None, drive, source)
         };
         if matches!(drive, Drive::Square { .. }) && hardware.feedthrough != 0.0 {
             let why = "the current through the feedthrough capacitance has no bound where the drive jumps; use a drive \
