@@ -2,7 +2,9 @@
 
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
 use crate::estimate::{EstimateError, Progress};
-use crate::evaluate::{ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, evaluate_values};
+use crate::evaluate::{
+    ErrorsByState, MotionErrors, PositionErrors, ReferenceError, ReferenceRecording, evaluate_values,
+};
 use crate::recording::{ReadError, Recording};
 use crate::rigs::{self, Rig, SegmentEstimate};
 use crate::simulate::Unwritten;
@@ -41,6 +43,8 @@ pub struct SegmentOutcome {
     pub errors: Vec<Option<MotionErrors>>,
     /// How far each is from what the reference knows beside angles.
     pub values: Vec<ErrorsByState>,
+    /// The same of a device that moves along a line.
+    pub positions: Vec<Option<PositionErrors>>,
 }
 
 /// What can stop the job.
@@ -150,13 +154,14 @@ fn evaluate(
             None => Vec::new(),
         };
         let errors = rig.evaluate(&estimate, &found);
+        let positions = rig.evaluate_positions(&estimate, &found);
         let known = match &reference {
             Some(reference) => reference.values(&estimate.segment.label)?,
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
         let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
-        segments.push(SegmentOutcome { estimate, errors, values });
+        segments.push(SegmentOutcome { estimate, errors, values, positions });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     Ok(RecordingOutcome { name, recording, reference, segments })

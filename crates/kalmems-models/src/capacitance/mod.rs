@@ -2,13 +2,19 @@
 
 mod curve;
 mod differential;
+mod disks;
+mod distance_series;
 mod fingers;
 mod gauss_legendre;
 mod gaussian;
+mod parallel_plate;
 mod tilting_plate;
 
 pub use curve::{CombCurve, CurveShape};
 pub use differential::{DifferentialPlates, FixedPlate};
+pub use disks::CoaxialDisks;
+pub use distance_series::DistanceSeries;
 pub use fingers::CombFingers;
 pub use gaussian::GaussianComb;
+pub use parallel_plate::{ParallelPlate, VACUUM_PERMITTIVITY};
 pub use tilting_plate::{Contact, TiltingPlate};

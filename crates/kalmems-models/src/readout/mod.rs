@@ -2,6 +2,7 @@
 
 mod angle_before;
 mod biased;
+mod carrier;
 mod charge_amplifier;
 mod current;
 mod delayed;
@@ -9,10 +10,12 @@ mod demodulated;
 mod feedthrough;
 mod low_pass;
 mod low_passed;
+mod phasor_capacitance;
 mod two_axis;
 
 pub use angle_before::AngleBefore;
 pub use biased::BiasedComb;
+pub use carrier::CarrierDivider;
 pub use charge_amplifier::{ChargeAmplifier, DifferentialReadout};
 pub use current::CurrentReadout;
 pub use delayed::DelayedComb;
@@ -20,4 +23,5 @@ pub use demodulated::DemodulatedComb;
 pub use feedthrough::Feedthrough;
 pub use low_pass::{LowPassOutput, LowPassPair};
 pub use low_passed::LowPassedComb;
+pub use phasor_capacitance::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
 pub use two_axis::TwoAxisComb;

@@ -1,3 +1,4 @@
 //! What an estimated motion is for.
 
 pub mod image;
+pub mod spectrum;

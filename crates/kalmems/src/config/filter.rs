@@ -122,6 +122,8 @@ pub enum Method {
     KalmanBucy,
     /// One gain for all times: that which gives the error the poles of `observer_bandwidth`.
     Luenberger,
+    /// Each sample by itself, the sensor's law inverted.
+    DirectInversion,
 }
 
 impl Method {
@@ -143,6 +145,7 @@ impl Method {
             Self::SteadyState => "steady_state",
             Self::KalmanBucy => "kalman_bucy",
             Self::Luenberger => "luenberger",
+            Self::DirectInversion => "direct_inversion",
         }
     }
 
@@ -181,7 +184,7 @@ impl Method {
 
     /// Whether it says how uncertain it is.
     pub const fn claims(self) -> bool {
-        !matches!(self, Self::Model | Self::LockIn)
+        !matches!(self, Self::Model | Self::LockIn | Self::DirectInversion)
     }
 }
 
@@ -341,9 +344,9 @@ impl Filter {
         let missing = |name: &str, remedy: &str| {
             Err((at.clone().child(name), Fault::MissingKey { remedy: remedy.to_owned() }))
         };
-        if self.method == Method::LockIn {
+        if matches!(self.method, Method::LockIn | Method::DirectInversion) {
             if self.start.is_some() {
-                return refuse("start", "the method `lock_in` has no start; leave it out".to_owned());
+                return refuse("start", format!("the method `{word}` has no start; leave it out"));
             }
         } else if self.start.is_none() {
             return missing("start", "write `start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }`");

@@ -1,6 +1,6 @@
 //! What an experiment file says about the simulation that is wanted.
 
-use super::kinds::{Acceleration, Angle, Frequency, Ratio, Time, Voltage};
+use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage};
 use super::quantity::Quantity;
 use super::recording::Clock;
 use super::sign::{NotNegative, Positive};
@@ -77,6 +77,22 @@ pub enum DriveSource {
     Capture(CaptureDrive),
     /// An acceleration, which an accelerometer is to measure.
     Acceleration(AccelerationDrive),
+    /// None: the motion is what `start` says, with constant rates.
+    Prescribed(PrescribedMotion),
+}
+
+/// What a prescribed motion has beside its start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PrescribedMotion {
+    /// The amplitude of the second harmonic; none where it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"10 nm")]
+    pub second_harmonic: Option<Quantity<Length, NotNegative>>,
+    /// Its phase at twice the motion's phase 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.3 rad")]
+    pub second_harmonic_phase: Option<Quantity<Angle>>,
 }
 
 /// A constant voltage.

@@ -22,6 +22,11 @@ pub trait Course<const N: usize> {
     /// The measurement and its noise variance.
     fn measurement(&self) -> (&Self::Measurement, f64);
 
+    /// What is said of each sample beside the states, where there is something.
+    fn derived(&self) -> Option<Derived<N>> {
+        None
+    }
+
     /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
     fn advance<F: Filter<f64, N>>(
         &mut self,
@@ -45,6 +50,43 @@ pub trait Course<const N: usize> {
         }
         let (measurement, variance) = self.measurement();
         filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
+    }
+}
+
+/// Quantities that follow from the states, such as a position from an amplitude and a phase.
+#[derive(Clone, Copy, Debug)]
+pub struct Derived<const N: usize> {
+    /// What they are.
+    pub names: [StateName; 2],
+    /// What they need to know beside the states.
+    pub parameter: f64,
+    /// How they follow.
+    pub compute: Compute<N>,
+}
+
+/// Mean and standard deviation of two quantities, from a parameter, the mean of the states and their covariance.
+pub type Compute<const N: usize> = fn(f64, &[f64; N], &Covariance<f64, N>) -> [(f64, f64); 2];
+
+impl<const N: usize> Derived<N> {
+    /// The names of the states, and of what follows from them.
+    pub(super) fn after(derived: Option<&Self>, states: &[StateName; N]) -> Vec<StateName> {
+        states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
+    }
+
+    /// Enters what follows from the states of sample `k` behind them.
+    pub(super) fn keep(
+        derived: Option<&Self>,
+        trajectory: &mut Trajectory,
+        k: usize,
+        mean: &[f64; N],
+        covariance: &Covariance<f64, N>,
+    ) {
+        let Some(derived) = derived else { return };
+        let values = (derived.compute)(derived.parameter, mean, covariance);
+        for (state, (mean, sd)) in trajectory.states.iter_mut().skip(N).zip(values) {
+            state.mean[k] = mean;
+            state.sd[k] = sd;
+        }
     }
 }
 
@@ -98,7 +140,12 @@ pub fn follow<F: Filter<f64, N>, C: Course<N>, const N: usize>(
     states: &[StateName; N],
     progress: &dyn Progress,
 ) -> Option<Trajectory> {
-    let mut trajectory = Trajectory::blank(names, TrajectoryKind::Filtered, course.time_s(), states);
+    let mut trajectory = Trajectory::blank(
+        names,
+        TrajectoryKind::Filtered,
+        course.time_s(),
+        &Derived::after(course.derived().as_ref(), states),
+    );
     let n = trajectory.time_s.len();
     // Remembers what only a smoother needs; so that a filter is compiled once for both.
     let mut filter = Linked::new(filter);
@@ -141,9 +188,10 @@ fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
         }
         None => trajectory.counts.without_signal += 1,
     }
-    for (i, state) in trajectory.states.iter_mut().enumerate() {
+    for (i, state) in trajectory.states.iter_mut().take(N).enumerate() {
         state.mean[k] = filter.mean()[i];
         state.sd[k] = filter.covariance().standard_deviation(i);
     }
+    Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
     Ok(())
 }

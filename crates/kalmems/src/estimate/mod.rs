@@ -15,7 +15,7 @@ mod trajectory;
 
 pub use any_filter::{AnyFilter, ITERATIONS};
 pub use constant_gain::ConstantGain;
-pub use engine::{Course, StateName, follow};
+pub use engine::{Compute, Course, Derived, StateName, follow};
 pub use error::EstimateError;
 pub use literal_ukf::{LiteralUkf, Misprint};
 pub(crate) use lock::is_the_only_one;

@@ -1,5 +1,6 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
+use super::engine::Derived;
 use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
 use kalmems_core::update::Policy;
@@ -39,12 +40,14 @@ pub fn smooth<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
         return answer;
     }
     let begun = std::time::Instant::now();
+    let derived = course.derived();
     let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| {
         let covariance = smoothed.covariance();
-        for (i, state) in answer.states.iter_mut().enumerate() {
+        for (i, state) in answer.states.iter_mut().take(N).enumerate() {
             state.mean[k] = smoothed.mean[i];
             state.sd[k] = covariance.standard_deviation(i);
         }
+        Derived::keep(derived.as_ref(), &mut answer, k, &smoothed.mean, &covariance);
     };
     let linked = Linked::new(start.clone());
     let result = match lookahead {

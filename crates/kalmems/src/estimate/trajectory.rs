@@ -48,7 +48,7 @@ pub struct Trajectory {
 pub enum TrajectoryKind {
     /// The model alone; it takes no notice of the signal.
     ModelAlone,
-    /// The signal alone, cycle by cycle. It predicts nothing, so that it has no innovations.
+    /// The signal alone, sample by sample or cycle by cycle. It predicts nothing, so that it has no innovations.
     LockIn,
     /// Both, at each sample from what was measured until then.
     Filtered,

@@ -5,19 +5,19 @@ use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
 use crate::recording::{Layout, ReadError, Recording};
 use crate::signal::{GAP, hermite, usual_interval};
-use crate::units::kind;
+use crate::units::{Kind, kind};
 use std::ops::ControlFlow;
 
-/// An angle measured, or known, independently of the signal.
+/// An angle measured, or known, independently of the signal; a position of a device that moves along a line.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// The states of an estimate that it is compared with: the angle's name, and the rate's.
     pub states: [&'static str; 2],
     /// When the instrument said so, less its delay, in s.
     pub time_s: Vec<f64>,
-    /// The angle in rad; not a number where it is missing.
+    /// The angle in rad, or the position in m; not a number where it is missing.
     pub angle: Vec<f64>,
-    /// The rate in rad/s, where the reference has one.
+    /// The rate in rad/s or m/s, where the reference has one.
     pub rate: Option<Vec<f64>>,
 }
 
@@ -153,9 +153,10 @@ impl ReferenceRecording {
     pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
         let segment = self.recording.segments().iter().find(|segment| segment.label == label);
         let one = |columns: &AngleColumns| {
-            let kind = if columns.beam.is_some() { &kind::VOLTAGE } else { &kind::ANGLE };
-            let angle = self.recording.column_of(&columns.angle, kind)?;
-            let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, &kind::ANGULAR_RATE));
+            let [of_angle, of_rate] = kinds(columns.states);
+            let of_angle = if columns.beam.is_some() { &kind::VOLTAGE } else { of_angle };
+            let angle = self.recording.column_of(&columns.angle, of_angle)?;
+            let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, of_rate));
             let rate = rate.transpose()?;
             Ok(segment.map(|segment| Reference {
                 states: columns.states,
@@ -188,29 +189,36 @@ impl ReferenceRecording {
     }
 }
 
+/// What a motion and its rate are: those of a tilt, but for a device that moves along a line.
+fn kinds(states: [&str; 2]) -> [&'static Kind; 2] {
+    if states[0] == "position" {
+        [&kind::LENGTH, &kind::VELOCITY]
+    } else {
+        [&kind::ANGLE, &kind::ANGULAR_RATE]
+    }
+}
+
 impl Reference {
     /// The estimated angle and its standard deviation at each of the reference's times.
     ///
     /// Where the reference was not sampled with the signal, the estimate between two samples is the cubic
-    /// through both angles and rates; outside the recording, in its gaps, and where the filter had stopped, it
-    /// is not a number.
+    /// through both angles and rates; outside the recording, in its gaps, where the filter had stopped, and between
+    /// the samples of an estimate without a rate, it is not a number.
     pub fn estimate_at(&self, trajectory: &Trajectory) -> (Vec<f64>, Vec<f64>) {
         let nothing = || (vec![f64::NAN; self.time_s.len()], Vec::new());
-        let (Some(angle), Some(rate)) = (trajectory.state(self.states[0]), trajectory.state(self.states[1]))
-        else {
-            return nothing();
-        };
+        let Some(angle) = trajectory.state(self.states[0]) else { return nothing() };
+        let rate = trajectory.state(self.states[1]);
         let times = &trajectory.time_s;
         let usual = usual_interval(times);
-        let at = |time: f64| match place(times, usual, time) {
-            Place::At(k) => (angle.mean[k], angle.sd.get(k).copied()),
-            Place::Before { next, spacing, share } => {
+        let at = |time: f64| match (place(times, usual, time), rate) {
+            (Place::At(k), _) => (angle.mean[k], angle.sd.get(k).copied()),
+            (Place::Before { next, spacing, share }, Some(rate)) => {
                 let k = next - 1;
                 let ends = ((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]));
                 let mean = hermite(ends.0, ends.1, spacing, share);
                 (mean, angle.sd.get(k).zip(angle.sd.get(next)).map(|(a, b)| a.max(*b)))
             }
-            Place::Nowhere => (f64::NAN, None),
+            _ => (f64::NAN, None),
         };
         let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self.time_s.iter().map(|t| at(*t)).unzip();
         if angle.sd.is_empty() {

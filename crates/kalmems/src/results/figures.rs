@@ -1,8 +1,8 @@
 //! The pictures of an estimate.
 
-use super::Verdict;
 use super::metrics::{angles_of, verdict, words_with};
 use super::summary::shown as shown_unit;
+use super::{Verdict, position};
 use crate::estimate::{StateSeries, Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
@@ -12,10 +12,15 @@ use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Cycles of the motion that the close-up shows.
-const CYCLES: f64 = 4.0;
+pub(super) const CYCLES: f64 = 4.0;
 
 /// All pictures of one segment; `prefix` keeps the names of several segments apart.
 pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Vec<Figure> {
+    if segment.estimate.trajectories.iter().any(|trajectory| trajectory.state("position").is_some()) {
+        let mut figures = position::figures(recording, segment, prefix);
+        figures.push(nis(segment, prefix));
+        return figures;
+    }
     let mut figures = vec![motion(recording, segment, prefix)];
     if segment.values.iter().any(|values| !values.is_empty()) {
         figures.push(value_error(segment, prefix));
@@ -28,12 +33,12 @@ pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
     figures
 }
 
-fn time_axis() -> Axis {
+pub(super) fn time_axis() -> Axis {
     Axis::new("time", "s")
 }
 
 /// Stacks panels over one time axis.
-fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
+pub(super) fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
     for (i, panel) in panels.into_iter().enumerate() {
         figure = figure.with(if i == 0 { panel } else { panel.sharing_x() });
     }
@@ -41,7 +46,7 @@ fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
 }
 
 /// The filter that a close-up shows: the first that takes notice of the signal.
-fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
+pub(super) fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
     let trajectories = &segment.estimate.trajectories;
     trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).or(trajectories.first())
 }
@@ -185,7 +190,7 @@ fn value_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
 }
 
-fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
+pub(super) fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
     recording.column(name).map(|column| column.of(&segment.estimate.segment).to_vec()).unwrap_or_default()
 }
 
@@ -293,7 +298,7 @@ fn windowed(time_s: &[f64], values: &[f64], window: usize) -> Vec<(f64, f64)> {
 }
 
 /// The filter's name; with a warning where its answer is none for this angle, or for any.
-fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
+pub(super) fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
     match verdict(trajectory, errors, segment.estimate.skip_s) {
@@ -309,7 +314,7 @@ fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>)
     }
 }
 
-fn role(trajectory: &Trajectory) -> Role {
+pub(super) fn role(trajectory: &Trajectory) -> Role {
     if trajectory.kind == TrajectoryKind::ModelAlone { Role::Model } else { Role::Estimate }
 }
 

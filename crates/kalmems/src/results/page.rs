@@ -3,7 +3,7 @@
 use super::figures::figures;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
-use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
+use super::{EstimatorMetrics, Metrics, MotionOf, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::Peak;
 use crate::evaluate::{MotionErrors, ValueErrors};
 use crate::report::{Column, Figure, Page, ReportError, Section, Table};
@@ -45,6 +45,13 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
     let mut section = Section::new("Result");
     for notice in notices(metrics) {
         section = section.notice(notice.severity, notice.text);
+    }
+    if metrics.motion == MotionOf::Position {
+        return section.table(summary_table(metrics, false)).paragraph(
+            "Errors are those of the position after the settling time, against the reference. The mean NIS of a filter \
+             that is right lies in its interval 95 times in 100. What the mean NIS cannot see: a wrong gain of the \
+             readout or a wrong reference distance scales amplitude and position, and the filter is as content.",
+        );
     }
     let sign = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
@@ -103,6 +110,9 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
             ),
         )),
         None if segment.estimators.iter().any(|e| !e.values.is_empty()) => {}
+        None if segment.estimators.iter().any(|estimator| estimator.position.is_some()) => {
+            facts.push(("motion", format!("at {:.6} Hz", segment.motion_hz)));
+        }
         None => facts.push(("drive", "no steady sine: phases are not compared with it".to_owned())),
     }
     for axis in &segment.other_axes {
@@ -165,7 +175,8 @@ fn details(segment: &SegmentMetrics) -> Table {
         }
     }
     let angles = segment.estimators.iter().filter_map(|e| e.errors.as_ref()).map(|e| e.each().count()).max();
-    for index in 0..angles.unwrap_or(usize::from(known.is_empty())) {
+    let of_line = segment.estimators.iter().any(|e| e.position.is_some());
+    for index in 0..angles.unwrap_or(usize::from(known.is_empty() && !of_line)) {
         let errors: Vec<Option<&MotionErrors>> =
             segment.estimators.iter().map(|e| e.errors.as_ref()?.each().nth(index)).collect();
         let of = errors.iter().flatten().next().map(|e| e.of);

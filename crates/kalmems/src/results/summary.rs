@@ -1,7 +1,7 @@
 //! The figures as a table, and the sentences that must not be missed.
 
 use super::metrics::angles_of;
-use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
+use super::{EstimatorMetrics, Metrics, MotionOf, SegmentMetrics, Verdict};
 use crate::evaluate::{MotionErrors, PartErrors};
 use crate::report::{Column, Severity, Table};
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -36,14 +36,21 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     }
     columns.push(Column::text("estimator"));
     let values = value_columns(metrics);
-    if values.is_empty() {
-        columns.extend([
+    columns.extend(match metrics.motion {
+        MotionOf::Angle if !values.is_empty() => Vec::new(),
+        MotionOf::Angle => vec![
             Column::number("angle RMSE", "deg"),
             Column::number("of p-p", "%"),
             Column::number("phase RMSE", "deg"),
             Column::number("amplitude RMSE", "deg"),
-        ]);
-    }
+        ],
+        MotionOf::Position => vec![
+            Column::number("position RMSE", "nm"),
+            Column::number("mean error", "nm"),
+            Column::number("largest error", "nm"),
+            Column::number("within ±3σ", "%"),
+        ],
+    });
     for value in &values {
         let (unit, _) = shown(value.unit);
         columns.push(Column::number(format!("{} RMSE", value.name), unit));
@@ -60,7 +67,9 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
-                table.push(name.clone().into_iter().chain(row(estimator, &values)).chain(duration));
+                table.push(
+                    name.clone().into_iter().chain(row(estimator, metrics.motion, &values)).chain(duration),
+                );
                 for part in estimator.errors.iter().flat_map(|e| &e.parts) {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_part(part)).chain(duration));
@@ -108,7 +117,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     }
 }
 
-fn row(estimator: &EstimatorMetrics, values: &[ValueColumn]) -> Vec<String> {
+fn row(estimator: &EstimatorMetrics, motion: MotionOf, values: &[ValueColumn]) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -116,8 +125,10 @@ fn row(estimator: &EstimatorMetrics, values: &[ValueColumn]) -> Vec<String> {
         _ => estimator.name.clone(),
     };
     let mut cells = vec![name];
-    if values.is_empty() {
-        cells.extend(figures(errors));
+    match motion {
+        MotionOf::Angle if !values.is_empty() => {}
+        MotionOf::Angle => cells.extend(figures(errors)),
+        MotionOf::Position => cells.extend(position_figures(estimator)),
     }
     for value in values {
         let errors = estimator.values.get(value.name);
@@ -162,6 +173,17 @@ fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
     ]
 }
 
+fn position_figures(estimator: &EstimatorMetrics) -> [String; 4] {
+    let errors = estimator.position.as_ref();
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    [
+        number(errors.map(|e| e.rms_nm)),
+        number(errors.map(|e| e.mean_nm)),
+        number(errors.map(|e| e.largest_nm)),
+        number(errors.and_then(|e| Some(100.0 * e.within_three_sigma?))),
+    ]
+}
+
 /// Three significant digits without an exponent.
 pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -187,7 +209,10 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);
             if let Some(reference) = reference
-                && segment.estimators.iter().all(|e| e.errors.is_none() && e.values.is_empty())
+                && segment
+                    .estimators
+                    .iter()
+                    .all(|e| e.errors.is_none() && e.values.is_empty() && e.position.is_none())
             {
                 let text = "has no sample of this segment to compare with after the settling time";
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));

@@ -5,12 +5,13 @@
 //! To add one: a folder here, a device table in [`crate::config`], and one line in [`ALL`].
 
 pub mod accelerometer;
+pub mod piston_mirror;
 pub mod shared_scanner;
 pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
-use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
+use crate::evaluate::{MotionErrors, ONE_ANGLE, PositionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording, Segment};
@@ -21,6 +22,7 @@ use crate::simulate::{SimulateError, Simulation};
 /// Every rig that is built.
 pub static ALL: &[&dyn Rig] = &[
     &accelerometer::AccelerometerRig,
+    &piston_mirror::PistonMirrorRig,
     &shared_scanner::SharedScannerRig,
     &shared_scanner::two_axes::TwoAxesRig,
     &threshold_scanner::ThresholdScannerRig,
@@ -68,6 +70,16 @@ pub trait Rig: Sync {
 
     /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
     fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
+
+    /// The same for a device that moves along a line; none for one that tilts.
+    fn evaluate_positions(
+        &self,
+        estimate: &SegmentEstimate,
+        references: &[Reference],
+    ) -> Vec<Option<PositionErrors>> {
+        let _ = references;
+        vec![None; estimate.trajectories.len()]
+    }
 
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(

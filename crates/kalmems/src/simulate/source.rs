@@ -58,6 +58,12 @@ pub fn drive_of(
             let key = Key::from("simulate").child("drive").child("acceleration");
             return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
         }
+        DriveSource::Prescribed(_) => {
+            let why = "this device is simulated by its drive, not by a motion; write one, such as `constant` or `sine`";
+            return Err(experiment
+                .error("simulate.drive.prescribed", Fault::Value { why: why.to_owned() })
+                .into());
+        }
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;
             return Ok((drive, Some(source)));

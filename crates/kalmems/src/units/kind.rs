@@ -90,6 +90,9 @@ kinds! {
     #[strict] RATE_VARIANCE = "a variance of an angular rate", of [0, 0, -2, 0, 0, 2], "3e-6 rad^2/s^2";
     #[strict] INTEGRAL_GAIN = "a gain per time", of [0, 0, -1, 0, 0, 0], "1 1/s";
     #[strict] RATIO_DRIFT = "a variance of a ratio per time", of [0, 0, -1, 0, 0, 0], "1e-7 1/s";
+    #[strict] FREQUENCY_DRIFT = "a variance of a frequency per time", of [0, 0, -3, 0, 0, 0], "1e-8 Hz^2/s";
+    LENGTH_DRIFT = "a variance of a length per time", of [0, 2, -1, 0, 0, 0], "1e-19 m^2/s";
+    VELOCITY_DRIFT = "a variance of a velocity per time", of [0, 2, -3, 0, 0, 0], "1e-14 m^2/s^3";
     VOLTAGE_DRIFT = "a variance of a voltage per time", of [2, 4, -7, -2, 0, 0], "1e-8 V^2/s";
     CAPACITANCE_DENSITY =
         "a noise density of a capacitance", of_halves [-2, -4, 9, 4, 0, 0], "0.151 aF/sqrt(Hz)";

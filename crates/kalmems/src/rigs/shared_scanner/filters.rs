@@ -182,6 +182,11 @@ impl FilterSettings {
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
+        if filter.method == Method::DirectInversion {
+            let why = "the signal of a scanner is even in the angle and cannot be inverted; write `ekf`, `ukf`, \
+                       `lock_in` or `model`";
+            return Err(experiment.error(at.child("method"), Fault::Value { why: why.to_owned() }));
+        }
         let start = match &filter.start {
             Some(Start::Values(values)) => Some(state_at(experiment, at.clone().child("start"), values)?),
             Some(Start::FromSignal) | None => None,

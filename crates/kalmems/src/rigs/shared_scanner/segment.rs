@@ -89,10 +89,11 @@ fn filter_of<const N: usize>(
     let literal = |misprint| AnyFilter::LiteralUkf(LiteralUkf::new(mean, covariance, points, misprint));
     match method {
         Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-        // Those for the accelerometer do not come here: the experiment is refused.
+        // Those for other devices do not come here: the experiment is refused.
         Method::Ekf
         | Method::EulerEkf
         | Method::LockIn
+        | Method::DirectInversion
         | Method::HybridEkf
         | Method::SteadyState
         | Method::KalmanBucy

@@ -81,7 +81,9 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        if filter.method.is_literal() || matches!(filter.method, Method::LockIn | Method::SquareRootUkf) {
+        if filter.method.is_literal()
+            || matches!(filter.method, Method::DirectInversion | Method::LockIn | Method::SquareRootUkf)
+        {
             return refuse("method", "this method is for one axis; with two write `ekf`, `ukf` or `model`");
         }
         if filter.demodulator {

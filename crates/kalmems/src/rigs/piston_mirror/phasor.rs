@@ -1,0 +1,167 @@
+//! The models of the motion: what a filter knows of a phasor.
+
+use super::plates::{COEFFICIENTS, Plates};
+use crate::estimate::{Derived, StateName};
+use crate::units::kind;
+use kalmems_core::{Covariance, Measurement, NoiseDensity, Process};
+use kalmems_models::dynamics::{DriftingPhasor, SteadyPhasor};
+use kalmems_models::readout::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
+use std::f64::consts::TAU;
+
+/// The states [A, f, φ, d₀, Ȧ] as files name them; a filter of three has the first three.
+pub const STATES: [StateName; 5] = [
+    ("amplitude", "m", &kind::LENGTH),
+    ("frequency", "Hz", &kind::FREQUENCY),
+    ("phase", "rad", &kind::ANGLE),
+    ("offset", "m", &kind::LENGTH),
+    ("amplitude_rate", "m_per_s", &kind::VELOCITY),
+];
+
+/// What follows from them.
+const DERIVED: [StateName; 2] = [("position", "m", &kind::LENGTH), ("velocity", "m_per_s", &kind::VELOCITY)];
+
+/// A model of the motion with `N` states.
+pub trait Phasor<const N: usize> {
+    /// One step; its input is the turns that are taken off the phase.
+    type Process: Process<f64, N, Input = f64>;
+    /// What is measured.
+    type Readout: Measurement<f64, N, 1>;
+
+    /// The step over an interval in s.
+    fn over(&self, interval_s: f64) -> Self::Process;
+
+    /// What is measured.
+    fn readout(&self) -> &Self::Readout;
+
+    /// Position and velocity, from the states.
+    fn derived(&self) -> Derived<N>;
+}
+
+/// [A, f, φ] about a known rest position.
+pub struct Steady {
+    /// The densities of A, f and φ in m²/s, Hz²/s and rad²/s.
+    pub density: NoiseDensity<f64, 3>,
+    /// C(d₀ + A·cos φ).
+    pub readout: SteadyPhasorCapacitance<f64, COEFFICIENTS>,
+}
+
+/// [A, f, φ, d₀, Ȧ].
+pub struct Drifting {
+    /// The densities of each in its unit² per second.
+    pub density: NoiseDensity<f64, 5>,
+    /// C(d₀ + A·cos φ).
+    pub readout: DriftingPhasorCapacitance<f64, COEFFICIENTS>,
+}
+
+impl Steady {
+    /// With noise on the amplitude and the frequency.
+    pub fn new(series: Plates, rest_distance: f64, [amplitude, frequency]: [f64; 2]) -> Self {
+        Self {
+            density: NoiseDensity::none().on::<0>(amplitude).on::<1>(frequency),
+            readout: SteadyPhasorCapacitance { series, rest_distance },
+        }
+    }
+}
+
+impl Drifting {
+    /// With noise on the frequency, the rest position and the amplitude's rate.
+    pub fn new(series: Plates, [frequency, offset, amplitude_rate]: [f64; 3]) -> Self {
+        Self {
+            density: NoiseDensity::none().on::<1>(frequency).on::<3>(offset).on::<4>(amplitude_rate),
+            readout: DriftingPhasorCapacitance { series },
+        }
+    }
+}
+
+impl Phasor<3> for Steady {
+    type Process = SteadyPhasor<f64>;
+    type Readout = SteadyPhasorCapacitance<f64, COEFFICIENTS>;
+
+    fn over(&self, interval_s: f64) -> Self::Process {
+        SteadyPhasor::new(interval_s, &self.density)
+    }
+
+    fn readout(&self) -> &Self::Readout {
+        &self.readout
+    }
+
+    fn derived(&self) -> Derived<3> {
+        let compute = |rest: f64, x: &[f64; 3], p: &Covariance<f64, 3>| {
+            let whole = [x[0], x[1], x[2], rest, 0.0];
+            let (values, gradients) = position_and_velocity(&whole);
+            let sd = gradients.map(|gradient| deviation(&[gradient[0], gradient[1], gradient[2]], p));
+            [(values[0], sd[0]), (values[1], sd[1])]
+        };
+        Derived { names: DERIVED, parameter: self.readout.rest_distance, compute }
+    }
+}
+
+impl Phasor<5> for Drifting {
+    type Process = DriftingPhasor<f64>;
+    type Readout = DriftingPhasorCapacitance<f64, COEFFICIENTS>;
+
+    fn over(&self, interval_s: f64) -> Self::Process {
+        DriftingPhasor::new(interval_s, &self.density)
+    }
+
+    fn readout(&self) -> &Self::Readout {
+        &self.readout
+    }
+
+    fn derived(&self) -> Derived<5> {
+        let compute = |_: f64, x: &[f64; 5], p: &Covariance<f64, 5>| {
+            let (values, gradients) = position_and_velocity(x);
+            let sd = gradients.map(|gradient| deviation(&gradient, p));
+            [(values[0], sd[0]), (values[1], sd[1])]
+        };
+        Derived { names: DERIVED, parameter: 0.0, compute }
+    }
+}
+
+/// d = d₀ + A·cos φ in m and ḋ = Ȧ·cos φ − 2π·f·A·sin φ in m/s, and their derivatives by [A, f, φ, d₀, Ȧ].
+pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2], [[f64; 5]; 2]) {
+    let (s, c) = phase.sin_cos();
+    let rate = TAU * f;
+    let values = [rest + a * c, drift * c - rate * a * s];
+    let gradients =
+        [[c, 0.0, -a * s, 1.0, 0.0], [-rate * s, -TAU * a * s, -drift * s - rate * a * c, 0.0, c]];
+    (values, gradients)
+}
+
+/// √(gᵀ·P·g).
+fn deviation<const N: usize>(gradient: &[f64; N], p: &Covariance<f64, N>) -> f64 {
+    let mut variance = 0.0;
+    for i in 0..N {
+        for j in 0..N {
+            variance += gradient[i] * p.get(i, j) * gradient[j];
+        }
+    }
+    variance.sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_are_differences() {
+        let x = [5e-4, 500.0, 0.7, 1e-3, 2e-6];
+        let (_, gradients) = position_and_velocity(&x);
+        for (j, h) in [1e-8, 1e-3, 1e-5, 1e-8, 1e-8].into_iter().enumerate() {
+            let (mut up, mut down) = (x, x);
+            up[j] += h;
+            down[j] -= h;
+            let (up, down) = (position_and_velocity(&up).0, position_and_velocity(&down).0);
+            for i in 0..2 {
+                let difference = (up[i] - down[i]) / (2.0 * h);
+                assert!((gradients[i][j] - difference).abs() <= 1e-6 * difference.abs() + 1e-9, "{i} {j}");
+            }
+        }
+        // The velocity is the derivative along the motion.
+        let h = 1e-8;
+        let later = [x[0] + h * x[4], x[1], x[2] + TAU * x[1] * h, x[3], x[4]];
+        let ([now, velocity], _) = position_and_velocity(&x);
+        let ([then, _], _) = position_and_velocity(&later);
+        assert!(((then - now) / h / velocity - 1.0).abs() < 1e-4);
+    }
+}

@@ -1,0 +1,211 @@
+//! What the rig takes from an experiment file, in SI.
+
+use super::phasor::STATES;
+use super::plates::{COEFFICIENTS, Plates};
+use crate::config::{
+    ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+};
+use crate::units::kind;
+use kalmems_core::SigmaPoints;
+
+/// Device, noise and filter settings.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The device.
+    pub hardware: Hardware,
+    /// How long a filter has to settle before it is scored, in s.
+    pub skip_s: f64,
+    /// The filters, in the order of the file.
+    pub filters: Vec<FilterSettings>,
+}
+
+/// The device alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardware {
+    /// C(d).
+    pub plates: Plates,
+    /// The one-sided density of the capacitance's noise in F/√Hz.
+    pub noise_density: f64,
+}
+
+/// One filter.
+#[derive(Clone, Debug)]
+pub struct FilterSettings {
+    /// Its name in files.
+    pub key: String,
+    /// Its name for people.
+    pub name: String,
+    /// How it estimates.
+    pub method: Method,
+    /// Its states and where they start.
+    pub motion: Motion,
+    /// How sigma points are spread.
+    pub points: SigmaPoints<f64>,
+    /// Whether it is smoothed over the whole recording.
+    pub smooth: bool,
+    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
+    pub lag_s: Option<f64>,
+}
+
+/// What a filter knows of the motion.
+#[derive(Clone, Copy, Debug)]
+pub enum Motion {
+    /// Nothing: each capacitance is inverted by itself.
+    None,
+    /// [A, f, φ] about a known rest position.
+    Steady {
+        /// The densities of A and f in m²/s and Hz²/s.
+        density: [f64; 2],
+        /// Mean and standard deviation of the states and the rest position; `None` starts from the signal.
+        start: Option<([f64; 3], [f64; 3], f64)>,
+    },
+    /// [A, f, φ, d₀, Ȧ].
+    Drifting {
+        /// The densities of f, d₀ and Ȧ in Hz²/s, m²/s and m²/s³.
+        density: [f64; 3],
+        /// Mean and standard deviation; `None` starts from the signal.
+        start: Option<([f64; 5], [f64; 5])>,
+    },
+}
+
+impl Hardware {
+    /// Reads what the file says of the device.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let Device::PistonMirror(device) = &experiment.device else {
+            let why = "this rig is for a `[device.piston_mirror]`".to_owned();
+            return Err(experiment.error("device", Fault::Value { why }));
+        };
+        let given = &device.capacitance.coefficients;
+        if given.len() > COEFFICIENTS {
+            let why = format!(
+                "found {} coefficients; at most {COEFFICIENTS}, for the powers 0 to {}, are built; fit the capacitance \
+                 with fewer",
+                given.len(),
+                COEFFICIENTS - 1
+            );
+            return Err(
+                experiment.error("device.piston_mirror.capacitance.coefficients", Fault::Value { why })
+            );
+        }
+        let coefficients = std::array::from_fn(|k| given.get(k).map_or(0.0, Quantity::si));
+        Ok(Self {
+            plates: Plates { reference_distance: device.capacitance.reference_distance.si(), coefficients },
+            noise_density: device.readout.noise_density.si(),
+        })
+    }
+
+    /// The variance of one sample in F²: the density's square times half the sampling rate.
+    pub fn noise_variance(&self, interval_s: f64) -> f64 {
+        self.noise_density * self.noise_density / (2.0 * interval_s)
+    }
+}
+
+impl Settings {
+    /// Reads and checks what the rig needs.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let hardware = Hardware::of(experiment)?;
+        let Some(estimate) = &experiment.estimate else {
+            let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
+            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+        };
+        let filters = (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, i));
+        Ok(Self { hardware, skip_s: estimate.skip.si(), filters: filters.collect::<Result<_, _>>()? })
+    }
+}
+
+impl FilterSettings {
+    /// Reads and checks the filter at this place of the file.
+    fn of(experiment: &Experiment, estimate: &Estimate, index: usize) -> Result<Self, ConfigError> {
+        let filter = &estimate.filters[index];
+        let at = Key::from("estimate").child("filter").index(index);
+        let refuse = |name: &str, why: &str| {
+            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+        };
+        let built = matches!(
+            filter.method,
+            Method::Ekf | Method::Ukf | Method::IteratedEkf | Method::SquareRootEkf | Method::DirectInversion
+        );
+        if !built {
+            let why = "this method is not built for a piston mirror; write `ekf`, `ukf`, `iterated_ekf`, \
+                       `square_root_ekf` or `direct_inversion`";
+            return refuse("method", why);
+        }
+        let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
+        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
+            return refuse(name, "a piston mirror's filter has no such states; leave it out");
+        }
+        let motion = if filter.method == Method::DirectInversion {
+            Motion::None
+        } else {
+            motion(experiment, estimate, filter, &at)?
+        };
+        Ok(Self {
+            key: filter.name.key(),
+            name: filter.name.to_string(),
+            method: filter.method,
+            motion,
+            points: SigmaPoints {
+                alpha: filter.alpha.unwrap_or(1.0),
+                beta: filter.beta.unwrap_or(2.0),
+                kappa: filter.kappa.unwrap_or(1.0),
+            },
+            smooth: filter.smooth,
+            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
+        })
+    }
+}
+
+/// The states of a filter: five where its process noise has an `amplitude_rate`, else three.
+fn motion(
+    experiment: &Experiment,
+    estimate: &Estimate,
+    filter: &Filter,
+    at: &Key,
+) -> Result<Motion, ConfigError> {
+    let (noise_key, noise) = if filter.process_noise.is_empty() {
+        (Key::from("estimate.process_noise"), &estimate.process_noise)
+    } else {
+        (at.clone().child("process_noise"), &filter.process_noise)
+    };
+    let [start_key, sd_key] = ["start", "start_sd"].map(|name| at.clone().child(name));
+    let given = match &filter.start {
+        Some(Start::Values(values)) => Some(values),
+        Some(Start::FromSignal) | None => None,
+    };
+    if given.is_none() && !filter.start_sd.is_empty() {
+        let why = "a start from the signal brings its own; leave it out".to_owned();
+        return Err(experiment.error(sd_key, Fault::Value { why }));
+    }
+    let [amplitude, frequency, phase, offset, rate] =
+        STATES.map(|(name, _, kind)| move |sign| Entry { name, kind, sign });
+    let frequency_noise = Entry::new("frequency", &kind::FREQUENCY_DRIFT, Sign::NotNegative);
+    if noise.contains_key("amplitude_rate") {
+        let entries = [
+            frequency_noise,
+            Entry::new("offset", &kind::LENGTH_DRIFT, Sign::NotNegative),
+            Entry::new("amplitude_rate", &kind::VELOCITY_DRIFT, Sign::NotNegative),
+        ];
+        let density = experiment.values(noise_key, noise, entries)?;
+        let five = |mean: bool| {
+            let positive = Sign::Positive;
+            let any = if mean { Sign::Any } else { positive };
+            [amplitude(positive), frequency(positive), phase(any), offset(positive), rate(any)]
+        };
+        let start = given.map(|values| {
+            let mean = experiment.values(start_key, values, five(true))?;
+            Ok::<_, ConfigError>((mean, experiment.values(sd_key, &filter.start_sd, five(false))?))
+        });
+        return Ok(Motion::Drifting { density, start: start.transpose()? });
+    }
+    let entries = [Entry::new("amplitude", &kind::LENGTH_DRIFT, Sign::NotNegative), frequency_noise];
+    let density = experiment.values(noise_key, noise, entries)?;
+    let start = given.map(|values| {
+        let positive = Sign::Positive;
+        let entries = [amplitude(positive), frequency(positive), phase(Sign::Any), offset(positive)];
+        let [a, f, p, rest] = experiment.values(start_key, values, entries)?;
+        let entries = [amplitude(positive), frequency(positive), phase(positive)];
+        let sd = experiment.values(sd_key, &filter.start_sd, entries)?;
+        Ok::<_, ConfigError>(([a, f, p], sd, rest))
+    });
+    Ok(Motion::Steady { density, start: start.transpose()? })
+}

@@ -1,0 +1,123 @@
+//! A recording of the mirror that is computed.
+
+use super::phasor::{STATES, position_and_velocity};
+use super::settings::Hardware;
+use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Quantity, Sign};
+use crate::recording::Source;
+use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use std::f64::consts::TAU;
+use std::ops::ControlFlow;
+
+/// A motion with constant rates, as the file states it, seen through the capacitance with white noise.
+pub struct PhasorSimulation {
+    hardware: Hardware,
+    /// [A, f, φ, d₀, Ȧ] at the first sample.
+    start: [f64; 5],
+    /// Amplitude in m and phase in rad of the second harmonic.
+    harmonic: [f64; 2],
+    samples: u64,
+    interval_s: f64,
+    noise_sd: f64,
+    seed: u64,
+}
+
+/// The stream of the readout's noise.
+const SIGNAL_NOISE: u64 = 0;
+
+impl PhasorSimulation {
+    /// Reads and checks what the file says of the simulation.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let hardware = Hardware::of(experiment)?;
+        let Some(simulate) = &experiment.simulate else {
+            let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` and \
+                          `drive = { prescribed = {} }`"
+                .to_owned();
+            return Err(experiment.error("simulate", Fault::MissingKey { remedy }));
+        };
+        let DriveSource::Prescribed(motion) = &simulate.drive else {
+            let why =
+                "a piston mirror is simulated by its motion; write `drive = { prescribed = {} }`".to_owned();
+            return Err(experiment.error("simulate.drive", Fault::Value { why }));
+        };
+        let positive = ["amplitude", "frequency", "offset"];
+        let entries = STATES.map(|(name, _, kind)| {
+            let sign = if positive.contains(&name) { Sign::Positive } else { Sign::Any };
+            Entry { name, kind, sign }
+        });
+        let start = experiment.values("simulate.start", &simulate.start, entries)?;
+        let harmonic = [
+            motion.second_harmonic.as_ref().map_or(0.0, Quantity::si),
+            motion.second_harmonic_phase.as_ref().map_or(0.0, Quantity::si),
+        ];
+        let interval_s = simulate.sampling_rate.si().recip();
+        let noise_sd = if simulate.noise { hardware.noise_variance(interval_s).sqrt() } else { 0.0 };
+        let simulation = Self {
+            hardware,
+            start,
+            harmonic,
+            samples: simulate.samples(),
+            interval_s,
+            noise_sd,
+            seed: simulate.seed,
+        };
+        let nearest = start[3] - start[0].max(start[0] + start[4] * simulate.duration.si()) - harmonic[0];
+        if nearest <= 0.0 {
+            let why = format!(
+                "the mirror would come to {nearest:.3e} m from the electrode; expected a distance above 0 all along: \
+                 an `amplitude` below `offset`"
+            );
+            return Err(experiment.error("simulate.start", Fault::Value { why }));
+        }
+        Ok(simulation)
+    }
+
+    /// Position in m and velocity in m/s at a time in s.
+    fn at(&self, time_s: f64) -> [f64; 2] {
+        let [amplitude, frequency, phase, rest, drift] = self.start;
+        let turns = frequency * time_s;
+        let now = [amplitude + drift * time_s, frequency, phase + TAU * (turns - turns.floor()), rest, drift];
+        let ([position, velocity], _) = position_and_velocity(&now);
+        let (s, c) = (2.0 * now[2] + self.harmonic[1]).sin_cos();
+        let second = self.harmonic[0];
+        [position + second * c, velocity - 2.0 * TAU * frequency * second * s]
+    }
+}
+
+impl Simulation for PhasorSimulation {
+    fn recorded(&self) -> &'static [Channel] {
+        &[Channel { meaning: "signal", column: "cap_F" }]
+    }
+
+    fn truth(&self) -> &'static [Channel] {
+        &[
+            Channel { meaning: "position", column: "position_m" },
+            Channel { meaning: "velocity", column: "velocity_m_per_s" },
+        ]
+    }
+
+    fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    fn sources(&self) -> &[Source] {
+        &[]
+    }
+
+    fn outlook(&self) -> Option<String> {
+        None
+    }
+
+    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+        let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
+        for k in 0..self.samples {
+            let time_s = k as f64 * self.interval_s;
+            let [position, velocity] = self.at(time_s);
+            let clean: f64 = self.hardware.plates.capacitance(position);
+            let signal = clean + self.noise_sd * noise.sample();
+            if each(&Sample { time_s, recorded: &[signal], truth: &[position, velocity] }).is_break() {
+                return Err(SimulateError::Interrupted);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,189 @@
+//! Where the motion starts, from the first samples alone.
+
+use super::data::SegmentData;
+use super::plates::{Plates, distance_at};
+use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
+use crate::signal::fit_sine;
+use kalmems_core::{Covariance, Over};
+use std::f64::consts::TAU;
+
+/// A motion with constant rates: [A, f, φ, d₀, Ȧ] at the first sample, and how well they are known from the samples
+/// that it was fitted to.
+#[derive(Clone, Copy, Debug)]
+pub struct BatchStart {
+    /// [A, f, φ, d₀, Ȧ] in m, Hz, rad, m and m/s, with A > 0, f > 0 and φ in (−π, π].
+    pub mean: [f64; 5],
+    /// Their covariance, from the stated noise of a sample; that of Ȧ is without limit where it was held at 0.
+    pub covariance: Covariance<f64, 5>,
+    /// Samples that were used.
+    pub samples: usize,
+    /// Samples whose capacitance no distance has, or that are missing.
+    pub left_out: usize,
+    /// The sum of squared residuals over its degrees of freedom, each divided by the noise: about 1 where motion and
+    /// noise are as the device's table has them.
+    pub mean_square: f64,
+}
+
+/// Why there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NoBatchStart {
+    /// Not even a sine was found in the distances.
+    NoSine,
+    /// The fit did not settle.
+    NotFitted,
+    /// It settled, and leaves far more than the noise.
+    Poor {
+        /// The mean square of the residuals over the noise.
+        mean_square: f64,
+    },
+}
+
+impl std::fmt::Display for NoBatchStart {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoSine => f.write_str("its first samples show no oscillation of the distance"),
+            Self::NotFitted => f.write_str("no sinusoidal motion fits its first samples"),
+            Self::Poor { mean_square } => write!(
+                f,
+                "the best sinusoidal motion leaves {mean_square:.3} times the stated noise in its first samples; the \
+                 noise, the electrodes or the motion are not as described"
+            ),
+        }
+    }
+}
+
+/// The first samples that are looked at, in s: ten cycles of a mirror at 500 Hz.
+const WINDOW_S: f64 = 20e-3;
+/// Cycles that the window must hold at least; it grows until it does.
+const CYCLES: f64 = 6.0;
+/// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves
+/// thousands.
+const POOR: f64 = 4.0;
+
+/// Fits a motion to the first samples of a segment, from any phase: the capacitances as distances, the largest line of
+/// their spectrum with linear least squares and Gauss–Newton steps on its frequency ([`fit_sine`]), and from
+/// there Gauss–Newton steps on the capacitances themselves, which weigh each sample as it deserves.
+///
+/// Ȧ is held at 0: so short a window says nothing of it.
+pub fn batch_start(plates: &Plates, data: &SegmentData) -> Result<BatchStart, NoBatchStart> {
+    let first_s = data.time_s.first().copied().ok_or(NoBatchStart::NoSine)?;
+    let mut window_s = WINDOW_S;
+    loop {
+        let end = data.time_s.partition_point(|t| *t < first_s + window_s);
+        let window = SegmentData { time_s: &data.time_s[..end], signal: &data.signal[..end], ..*data };
+        let start = within(plates, &window);
+        let enough = start.as_ref().is_ok_and(|start| start.mean[1] * window_s >= CYCLES);
+        if enough || end == data.time_s.len() {
+            return start;
+        }
+        window_s *= 2.0;
+    }
+}
+
+fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchStart> {
+    let first_s = window.time_s.first().copied().ok_or(NoBatchStart::NoSine)?;
+    let distances: Vec<f64> =
+        window.signal.iter().map(|c| distance_at(plates, *c).unwrap_or(f64::NAN)).collect();
+    let times: Vec<f64> = window.time_s.iter().map(|t| t - first_s).collect();
+    let sine = fit_sine(&times, &distances, window.interval_s).ok_or(NoBatchStart::NoSine)?;
+    batch_fit(plates, window, [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0], false)
+        .map_err(|_| NoBatchStart::NotFitted)
+        .and_then(|mut start| {
+            start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
+            if start.mean_square > POOR {
+                return Err(NoBatchStart::Poor { mean_square: start.mean_square });
+            }
+            Ok(start)
+        })
+}
+
+/// The motion with constant rates that fits the capacitances of a window best, from a start nearby; `drifts` says
+/// whether Ȧ is fitted too.
+pub fn batch_fit(
+    plates: &Plates,
+    window: &SegmentData,
+    start: [f64; 5],
+    drifts: bool,
+) -> Result<BatchStart, FitError> {
+    let law = ByDual(MotionLaw { plates, window });
+    let settings = FitSettings {
+        free: [true, true, true, true, drifts],
+        tolerance: 1e-10,
+        ..FitSettings::from_start(start)
+    };
+    let found = fit(&law, &settings)?;
+    let mean_square = found.residual_deviation().powi(2);
+    let mut covariance = found.covariance.to_full();
+    // The fit scales by what it found of the noise; here the noise is known.
+    covariance = covariance.scaled(mean_square.recip());
+    if !drifts {
+        covariance.0[4][4] = f64::INFINITY;
+    }
+    Ok(BatchStart {
+        mean: canonical(found.parameters),
+        covariance: Covariance::from_lower(covariance),
+        samples: found.degrees_of_freedom + if drifts { 5 } else { 4 },
+        left_out: 0,
+        mean_square,
+    })
+}
+
+/// The same motion with A > 0, f > 0 and φ in (−π, π].
+///
+/// (A, f, φ, Ȧ) and (−A, f, φ + π, −Ȧ) are one motion, and so are (f, φ) and (−f, −φ).
+pub fn canonical([amplitude, frequency, phase, offset, drift]: [f64; 5]) -> [f64; 5] {
+    let (mut phase, sign) = if amplitude < 0.0 { (phase + TAU / 2.0, -1.0) } else { (phase, 1.0) };
+    if frequency < 0.0 {
+        phase = -phase;
+    }
+    [sign * amplitude, frequency.abs(), wrapped(phase), offset, sign * drift]
+}
+
+/// φ in (−π, π].
+pub fn wrapped(phase: f64) -> f64 {
+    phase - TAU * (phase / TAU - 0.5).ceil()
+}
+
+/// The samples of a window less a motion, over the noise.
+struct MotionLaw<'a> {
+    plates: &'a Plates,
+    window: &'a SegmentData<'a>,
+}
+
+impl Law<5> for MotionLaw<'_> {
+    fn residuals<S: Over<f64>>(&self, p: &[S; 5], each: &mut impl FnMut(S)) {
+        let weight = self.window.noise_variance.sqrt().recip();
+        let first_s = self.window.time_s.first().copied().unwrap_or(0.0);
+        let samples = self.window.time_s.iter().zip(self.window.signal).filter(|(_, y)| y.is_finite());
+        for (time, y) in samples {
+            let t = time - first_s;
+            let distance = (p[0] + p[4] * t) * (p[2] + p[1] * (TAU * t)).cos() + p[3];
+            each((self.plates.capacitance(distance) - *y) * weight);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn mirrored_motions_are_one() {
+        let at = |[a, f, phase, rest, drift]: [f64; 5], t: f64| {
+            rest + (a + drift * t) * (phase + TAU * f * t).cos()
+        };
+        for motion in
+            [[-5e-4, 500.0, 2.0, 1e-3, 1e-6], [5e-4, -500.0, -2.0, 1e-3, 1e-6], [-1.0, -2.0, 9.0, 0.0, 3.0]]
+        {
+            let found = canonical(motion);
+            assert!(found[0] > 0.0 && found[1] > 0.0 && found[2].abs() <= TAU / 2.0);
+            for t in [0.0, 1e-4, 0.3] {
+                assert_abs_diff_eq!(at(motion, t), at(found, t), epsilon = 1e-12);
+            }
+        }
+        assert_eq!(wrapped(TAU / 2.0), TAU / 2.0);
+        assert_abs_diff_eq!(wrapped(-TAU / 2.0), TAU / 2.0, epsilon = 1e-15);
+        assert_abs_diff_eq!(wrapped(7.0), 7.0 - TAU, epsilon = 1e-15);
+    }
+}
