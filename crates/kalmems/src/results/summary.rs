@@ -66,7 +66,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
         for segment in &recording.segments {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
-                let duration = with_durations.then(|| format!("{:.0}", estimator.seconds_per_step * 1e9));
+                let duration = with_durations.then(|| per_step(estimator.seconds_per_step));
                 table.push(
                     name.clone().into_iter().chain(row(estimator, metrics.motion, &values)).chain(duration),
                 );
@@ -82,6 +82,11 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
         }
     }
     table
+}
+
+/// In ns; nothing for what takes no steps.
+fn per_step(seconds: f64) -> String {
+    if seconds.is_finite() { format!("{:.0}", seconds * 1e9) } else { "–".to_owned() }
 }
 
 pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String {
