@@ -238,6 +238,56 @@ fn times_have_the_variances_that_are_told() {
     }
 }
 
+/// The variance of the place of the highest maximum of an edge's response in noise, over Canny's, by the density of maxima.
+///
+/// Units: the noise's standard deviation, and the distance 1/β over which it changes. The edge's response is a parabola
+/// −κ·t²/2, κ = 1/q. Rice: the density of maxima at t of height u, times the chance e^{−U} that none is higher, U the
+/// crossings of u towards the middle beyond those that the parabola brings by itself.
+fn competing(q: f64) -> f64 {
+    let normal = |x: f64| (-x * x / 2.0).exp() / (2.0 * PI).sqrt();
+    let below = |x: f64| 0.5 * libm::erfc(-x / 2.0_f64.sqrt());
+    // λ₀ = λ₂ = 1 and λ₄ = (5/2s²)/(3/2s²); the second derivative given the height.
+    let spread = (5.0_f64 / 3.0 - 1.0).sqrt();
+    let kappa = 1.0 / q;
+    let (extent, steps) = ((6.0 * q / (1.0 + q).sqrt()).min(12.0 * (2.0 * q).sqrt() + 3.0), 300_usize);
+    let step = extent / steps as f64;
+    let (mut squares, mut mass) = (0.0, 0.0);
+    for height in -45..65 {
+        let u = 0.1 * f64::from(height);
+        let (mut crossings, mut here, mut spread_here) = (0.0, 0.0, 0.0);
+        for i in 0..=steps {
+            let t = step * i as f64;
+            let weight = if i == 0 || i == steps { 1.0 } else { 2.0 };
+            let (x, slope) = (u + kappa * t * t / 2.0, kappa * t);
+            let rate = normal(x) * (normal(slope) + slope * below(slope)) - normal(x) * slope;
+            crossings += weight * step * rate.max(0.0) / below(x);
+            let mean = -kappa - x;
+            let bend = spread * normal(mean / spread) - mean * below(-mean / spread);
+            let density = weight * step * normal(slope) * normal(x) * bend;
+            here += density;
+            spread_here += density * t * t;
+        }
+        squares += spread_here * (-crossings).exp();
+        mass += here * (-crossings).exp();
+    }
+    squares / mass / (q * q)
+}
+
+#[test]
+fn the_highest_of_several_maxima_is_as_near_as_rice_says() {
+    // β² = ∫g″²…: of the derivative of a Gaussian λ₂/λ₀ = 3/(2s²).
+    let beta = (1.5_f64).sqrt() / S;
+    let jitter = 3.0 / (8.0 * PI.sqrt() * S.powi(5));
+    for q in [0.05, 0.2, 0.5, 1.0, 2.0, 4.0, 6.5, 10.0, 20.0, 40.0] {
+        // The curvature at which Canny's standard deviation is q/β.
+        let curvature = jitter.sqrt() * beta / q;
+        let told = kernel().timing_variance(1.0, -curvature) / (q / beta).powi(2);
+        let rice = competing(q);
+        println!("q = {q}: {:.3} of Canny's, {:.3} by Rice", told.sqrt(), rice.sqrt());
+        assert!((told / rice).sqrt().ln().abs() < 0.05, "{q}: {told} {rice}");
+    }
+}
+
 #[test]
 fn single_precision_finds_the_same() {
     let mut chance = Chance::new(9);

@@ -127,18 +127,30 @@ impl<T: Scalar, const HALF: usize> SlopeKernel<T, HALF> {
         noise.abs() * self.noise_gain.sqrt()
     }
 
-    /// The variance of a maximum's time, in samples², where the response curves by `curvature` per sample² (negative
-    /// at a maximum) and the white noise has `noise_variance` per sample.
+    /// The variance of a maximum's time, in samples², where the response to the edge alone curves by `curvature` per
+    /// sample² (negative at a maximum) and the white noise has `noise_variance` per sample.
     ///
-    /// Canny's σ_t² = σ²·∫f′² / (∫f′·y′)²: noise tilts the response by r′, and the maximum moves by −r′/r″. With
-    /// σ² per sample and t in samples no interval appears; printed with seconds the noise must be a density (Chen 2018,
-    /// equation 65, corrected). It holds as long as the maximum moves by less than half the kernel's width, and is
-    /// too large beyond: there several maxima compete, and the highest is nearer than the first moved would be (test
-    /// `slow_times_and_angles_are_as_well_known_as_foretold`).
+    /// For small displacements Canny's σ_c² = σ²·∫f′² / (∫f′·y′)²: noise tilts the response by r′, and the maximum moves by
+    /// −r′/r″. With σ² per sample and t in samples no interval appears; printed with seconds the noise must be a density
+    /// (Chen 2018, equation 65, corrected).
+    ///
+    /// Where σ_c exceeds the distance 1/β over which the response's noise changes, β² = λ₂/λ₀, the edge has several maxima,
+    /// and the highest of them is nearer than the first one moved would be: at a height of u standard deviations above the
+    /// edge's their density falls by e^{−u·κ·t²/2} as well, κ = −r″ over the response's noise, so that
+    /// 1/σ_t² = 1/σ_c² + ū·κ with the mean height ū of the highest. By Rice's formula for the maxima and the chance of none
+    /// higher, that is
+    ///
+    /// σ_t² = σ_c² / (1 + q²/(3 + 0.57·q)), q = β·σ_c,
+    ///
+    /// to 5 % of σ_t up to q = 40 (test `the_highest_of_several_maxima_is_as_near_as_rice_says`); on free decays of the
+    /// scanner it holds at all signal-to-noise ratios (test `slow_times_and_angles_are_as_well_known_as_foretold`).
     ///
     /// Without noise an edge with a bell-shaped slope of variance w² gives r″ = −r/(s² + w²).
     pub fn timing_variance(&self, noise_variance: T, curvature: T) -> T {
-        noise_variance * self.jitter_gain / curvature.sq()
+        let small = noise_variance * self.jitter_gain / curvature.sq();
+        let square = small * self.jitter_gain / self.noise_gain;
+        let competing = square / (T::of(3.0) + T::of(0.57) * square.sqrt());
+        small / (T::of(1.0) + competing)
     }
 
     /// How often the response to white noise has maxima.

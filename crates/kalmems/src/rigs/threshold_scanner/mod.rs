@@ -10,6 +10,7 @@ mod filters;
 mod hardware;
 pub mod identification;
 mod plant;
+mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
@@ -22,6 +23,7 @@ use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_mo
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
 use crate::recording::{FindingKind, Layout, Recording};
+use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crossings::{Found, Signal, find};
@@ -168,6 +170,10 @@ impl Rig for ThresholdScannerRig {
         progress: &dyn Progress,
     ) -> Result<Identification, IdentifyError> {
         identification::identify(experiment, progress)
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
     }
 }
 
