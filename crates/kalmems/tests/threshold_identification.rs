@@ -360,3 +360,23 @@ fn the_rig_identifies_an_experiment_and_puts_the_values_in_their_places() {
     let why = rigs::of(&alone).unwrap().identify(&alone, &Silent).unwrap_err().to_string();
     assert!(why.contains("no reference"), "{why}");
 }
+
+/// A decay that begins while the drive is still on is no free decay.
+#[test]
+fn a_drive_that_is_not_off_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = Device::from(0.1).record(8e-6, 2400, 1);
+    let write = |volts: &dyn Fn(usize) -> f64| {
+        let mut text = "time_s,drive_V,cap_V,psd_V\n".to_owned();
+        for (k, (y, angle)) in record.signal.iter().zip(&record.angle).enumerate() {
+            text += &format!("{:.6},{},{y},{}\n", 8e-6 * k as f64, volts(k), angle.tan() * DETECTOR);
+        }
+        std::fs::write(folder.path().join("recording.csv"), text).unwrap();
+        let experiment = Experiment::parse(EXPERIMENT, &folder.path().join("experiment.toml")).unwrap();
+        rigs::of(&experiment).unwrap().identify(&experiment, &Silent)
+    };
+    let why = write(&|k| if k < 40 { 60.0 } else { 0.0 }).unwrap_err().to_string();
+    assert!(why.contains("not off") && why.contains("60 V at 0 s") && why.contains("40 of 2400"), "{why}");
+    // The rest of a transient, and what a converter rounds to, are.
+    assert!(write(&|k| 0.9 * (-(k as f64) / 10.0).exp()).is_ok());
+}

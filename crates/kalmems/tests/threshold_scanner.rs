@@ -4,12 +4,13 @@ mod threshold;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{EstimateError, Silent};
+use kalmems::reproduce::{Effort, Verdict};
 use kalmems::results::{Metrics, notices};
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{WorkflowError, estimate_unwritten};
 use std::path::Path;
-use threshold::{Case, crossings_at, expected, rmse_rad, simulated, text};
+use threshold::{Case, crossings_at, expected, reproduced, rmse_rad, simulated, text};
 
 /// The four filters of the published comparison, and those beyond it.
 #[test]
@@ -147,6 +148,9 @@ fn a_sweep_captures_and_a_cut_off_frees() {
     let held = run("1266 Hz", "");
     assert!((0.13..0.18).contains(&largest(&held)), "{}", largest(&held));
     assert!(held.iter().all(|s| (0.0..=60.0).contains(&s.1)));
+    // Twice the resonance is 1249 Hz: above it the motion is held, the larger the nearer; below it is lost.
+    assert!(largest(&run("1255 Hz", "")) > largest(&held));
+    assert!(largest(&run("1244 Hz", "")) < 2e-2);
     assert!(largest(&run("1220 Hz", "")) < 1e-3);
 
     let freed = run("1266 Hz", "cut_off = { at = \"5 ms\", transient = \"20 us\" }\n");
@@ -229,6 +233,29 @@ fn a_driven_motion_is_followed_with_its_feedthrough() {
     assert!(ignored > 20.0 * known, "{ignored}");
 }
 
+/// Brief cut-offs of the power: the samples at which the drive bends are counted and not used, all are judged.
+#[test]
+fn brief_cut_offs_of_the_power_are_followed_with_their_transients() {
+    let cut_off =
+        "cut_off = { at = \"10 ms\", lasting = \"4 ms\", every = \"20 ms\", transient = \"20 us\" }\n";
+    let recording = threshold::driven_with(1, cut_off);
+    let error = |states: &str| {
+        let filter = format!("threshold = {{ gate = 4 }}\n{states}");
+        let case = Case { feedthrough: "0.21 pF", driven: true, filter, ..Case::default() };
+        let metrics = threshold::metrics_of(&case, &recording);
+        let estimator = metrics.estimators().next().unwrap().clone();
+        assert!(estimator.failure.is_none(), "{:?}", estimator.failure);
+        let bends = estimator.counts.drive_bends;
+        assert!((8..200).contains(&bends), "{bends}");
+        estimator.errors.unwrap().angle.rmse_deg.to_radians()
+    };
+    let tracked = error(
+        "states = { feedthrough = { start_sd = \"10 %\" }, gain = { start_sd = \"5 %\" }, natural_frequency = { start_sd = \"0.5 %\" } }",
+    );
+    println!("brief cut-offs: {:.3} mrad", 1e3 * tracked);
+    assert!(tracked <= 1.0e-3, "{tracked}");
+}
+
 fn refused(case: &Case, recording: &Unwritten) -> EstimateError {
     match estimate_unwritten(&case.experiment(), recording, &Silent) {
         Err(WorkflowError::Estimate(why)) => why,
@@ -259,9 +286,31 @@ fn wrong_recordings_are_named() {
     let clipped = simulated(3, "adc = { bits = 12, low = \"-0.5 V\", high = \"0.5 V\" }");
     let why = refused(&case, &clipped);
     assert!(matches!(why, EstimateError::Clipped { count, .. } if count > 100), "{why}");
+    // A filter of the signal alone is led astray as well, whether or not anyone asks for crossings.
+    let alone = Case { crossings: "", filter: "variant = \"full\"".to_owned(), ..case.clone() };
+    assert!(matches!(refused(&alone, &still), EstimateError::NoCrossing { .. }));
+    let reversed = Case { gain: "-2.82e-3", ..alone.clone() };
+    assert!(matches!(refused(&reversed, &right), EstimateError::SignReversed { .. }));
+    assert!(rmse_rad(&alone, &right) < 0.5e-3);
     // Rounded, but within it, all is well.
     let rounded = simulated(3, "adc = { bits = 12, low = \"-4 V\", high = \"4 V\" }");
     assert!(rmse_rad(&case, &rounded) < 0.5e-3);
+}
+
+/// A reference that is later or earlier than the experiment states: the evaluation says by how much, and that it is not the
+/// filter's error.
+#[test]
+fn a_reference_that_is_not_in_time_is_named() {
+    let recording = simulated(6, "");
+    for (reference, late_s) in [("delay = \"0.114 ms\"", -0.114e-3), ("delay = \"-0.2 ms\"", 0.2e-3)] {
+        let metrics = threshold::metrics_of(&Case { reference, ..Case::default() }, &recording);
+        let errors = metrics.estimators().next().unwrap().errors.clone().unwrap();
+        let lag = errors.reference_lag.unwrap();
+        assert!((lag.lag_s - late_s).abs() < 2e-6, "{lag:?}");
+        assert!(notices(&metrics).iter().any(|notice| notice.text.contains("than the experiment states")));
+    }
+    let metrics = threshold::metrics_of(&Case::default(), &recording);
+    assert!(metrics.estimators().next().unwrap().errors.clone().unwrap().reference_lag.is_none());
 }
 
 /// Of models that are right, the one whose innovations are likeliest is found without a reference, and said.
@@ -364,4 +413,97 @@ fn slow_driven_motions_are_followed() {
         print_spread(name, errors);
     }
     assert!(errors[3].iter().all(|error| *error <= 1.0e-3), "{errors:?}");
+}
+
+/// The rest of the reproduction takes half a minute with --release: this item is closed form.
+#[test]
+fn the_curves_of_the_papers_are_reproduced() {
+    let found = reproduced(Some("Figure 4.7"), Effort::Quick);
+    let [item] = found.items.as_slice() else { panic!() };
+    assert_eq!(item.verdict(), Verdict::Reproduced);
+    let mut keys: Vec<&str> =
+        found.program.parts.iter().flat_map(|part| part.heads).map(|head| head.key).collect();
+    let count = keys.len();
+    keys.sort_unstable();
+    keys.dedup();
+    assert_eq!((keys.len(), count), (count, 16));
+}
+
+/// Every item of the papers has the verdict that the book states, on other noise than its own.
+#[test]
+#[ignore = "half a minute with --release"]
+fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
+    let found = reproduced(None, Effort::Quick);
+    let verdicts: Vec<(&str, Verdict)> =
+        found.items.iter().map(|item| (item.head.key, item.verdict())).collect();
+    use Verdict::{DoesNotReproduce, Reproduced, SameTrend};
+    assert_eq!(
+        verdicts,
+        [
+            ("figure-4-2e", Reproduced),
+            ("figure-4-5", Reproduced),
+            ("figure-4-6a", SameTrend),
+            ("figure-4-6b", Reproduced),
+            ("figure-4-7", Reproduced),
+            ("figure-4-8", Reproduced),
+            ("figure-4-9", Reproduced),
+            ("figure-4-10", Reproduced),
+            ("figure-4-11", Reproduced),
+            ("figure-4-12", DoesNotReproduce),
+            ("width", Reproduced),
+            ("table-4-3", SameTrend),
+            ("table-4-3-order", SameTrend),
+            ("table-4-3-perfect", DoesNotReproduce),
+            ("temperature", Reproduced),
+            ("comparison", Reproduced),
+        ]
+    );
+}
+
+/// A column of a row of a table, by the head of the row.
+fn cell(table: &kalmems::report::Table, row: &str, column: usize) -> f64 {
+    let row = table.rows.iter().find(|cells| cells[0] == row).unwrap_or_else(|| panic!("no row {row}"));
+    row[column].parse().unwrap()
+}
+
+/// Identified on three recordings, judged on 30 others that are up to 60 K colder and warmer: the likeliest variant is 60 %
+/// below the printed EKF and 25 % below that with the true derivative, and told a right curve likelihood chooses well.
+#[test]
+#[ignore = "30 recordings; run with --release"]
+fn slow_on_equal_terms_the_likeliest_filter_is_far_better_than_either_ekf() {
+    let found = reproduced(Some("comparison"), Effort::Full);
+    let table = &found.items[0].tables[0];
+    println!("{}{}", table.to_text(), found.items[0].tables[1].to_text());
+    let mean = |row: &str| cell(table, row, 1);
+    let [printed, full] = [mean("EKF as printed"), mean("EKF with the true derivative")];
+    let [chosen, best] = [mean("the likeliest variant"), mean("the best variant of each recording")];
+    assert!(chosen <= 0.4 * printed, "{chosen} {printed}");
+    assert!(chosen <= 0.75 * full, "{chosen} {full}");
+    assert!(chosen <= 1.5 * best, "{chosen} {best}");
+    // With a curve of another shape it does not, and that is what identification mends.
+    let [astray, astray_best] = [
+        mean("the likeliest, told a curve of another shape"),
+        mean("the best, told a curve of another shape"),
+    ];
+    assert!(astray > 5.0 * astray_best, "{astray} {astray_best}");
+}
+
+/// The farther the device has drifted the worse an EKF that knows it as it was; less with parameters as states.
+#[test]
+#[ignore = "20 decays at eight temperatures; run with --release"]
+fn slow_drift_costs_accuracy_and_states_win_it_back() {
+    let found = reproduced(Some("temperature"), Effort::Full);
+    let table = &found.items[0].tables[0];
+    println!("{}", table.to_text());
+    for row in ["EKF", "hybrid", "EKF, resonance", "hybrid, resonance"] {
+        for warmer in 2..=7 {
+            assert!(cell(table, row, warmer) > cell(table, row, warmer - 1), "{row} {warmer}");
+        }
+    }
+    let hottest = |row: &str| cell(table, row, 7);
+    assert!(hottest("hybrid, resonance and gain") < 0.3 * hottest("hybrid"));
+    assert!(hottest("EKF, resonance and gain") < 0.3 * hottest("EKF"));
+    // A comb whose steepness drifts as well takes that back.
+    let loose = |row: &str| cell(table, row, 8);
+    assert!(loose("EKF, resonance and gain") > 2.0 * hottest("EKF, resonance and gain"));
 }

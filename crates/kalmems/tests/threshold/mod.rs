@@ -2,8 +2,9 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
+use kalmems::reproduce::{Effort, Reproduction, Settings, reproduce};
 use kalmems::results::Metrics;
-use kalmems::rigs;
+use kalmems::rigs::{self, Rig, threshold_scanner::ThresholdScannerRig};
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{estimate, estimate_unwritten};
 use std::path::{Path, PathBuf};
@@ -87,7 +88,11 @@ impl Case {
 
     fn at(&self, path: &Path) -> Experiment {
         let device = device(self);
-        let (reference, density, crossings) = (self.reference, self.density, self.crossings);
+        let (reference, density) = (self.reference, self.density);
+        let crossings = match self.crossings {
+            "" => String::new(),
+            crossings => format!("crossings = {crossings}\n"),
+        };
         let start = if self.driven {
             // Near the motion that `driven` settles to.
             "start = { angle = \"0.09 rad\", rate = \"490 rad/s\" }\nstart_sd = { angle = \"5 mrad\", rate = \"20 rad/s\" }"
@@ -105,7 +110,7 @@ impl Case {
         let text = format!(
             "{device}\n[[recording]]\nrole = \"ring_down\"\nfile = \"recording.csv\"\nclock = {{ column = \"time_s\" }}\n\
              channels = {{ drive = \"drive_V\", signal = \"cap_V\" }}\n[recording.reference]\n{reference}\n\
-             [estimate]\nskip = \"0 s\"\nparts = 4\ncrossings = {crossings}\n\
+             [estimate]\nskip = \"0 s\"\nparts = 4\n{crossings}\
              process_noise = {{ angular_acceleration = \"{density} rad^2/s^3\" }}\n{}",
             filters.concat()
         );
@@ -174,15 +179,31 @@ pub fn simulated(seed: u64, more: &str) -> Unwritten {
 
 /// 80 ms of steady motion under a raised cosine of 60 V, with a feedthrough of 0.2 pF.
 pub fn driven(seed: u64) -> Unwritten {
+    driven_with(seed, "")
+}
+
+/// The same with more keys of `[simulate.drive.capture]`.
+pub fn driven_with(seed: u64, more: &str) -> Unwritten {
     let text = text("0.2 pF").replace("seed = 1", &format!("seed = {seed}"));
     let drive = "\n[simulate.drive.capture]\nvoltage = \"60 V\"\nfrom = \"1600 Hz\"\nto = \"1266 Hz\"\nsweep = \"2 s\"\n\
                  hold = \"0.3 s\"\n";
-    run(&(text.replace("\"-0.105 rad\", rate = \"420 rad/s\"", "\"1 mrad\", rate = \"0 rad/s\"") + drive))
+    run(&(text.replace("\"-0.105 rad\", rate = \"420 rad/s\"", "\"1 mrad\", rate = \"0 rad/s\"")
+        + drive
+        + more))
 }
 
-fn metrics_of(case: &Case, recording: &Unwritten) -> Metrics {
-    let named = "file = \"reference.csv\"\nchannels = { angle = \"angle_rad\", rate = \"rate_rad_per_s\" }";
-    let experiment = Case { reference: named, ..case.clone() }.experiment();
+/// What the rig's papers show, beside ours.
+pub fn reproduced(only: Option<&str>, effort: Effort) -> Reproduction {
+    let settings = Settings { only: only.map(str::to_owned), effort, seed: 1, threads: 2 };
+    let program = ThresholdScannerRig.reproduction().unwrap();
+    reproduce("threshold_scanner", program, settings, &Silent).unwrap()
+}
+
+pub fn metrics_of(case: &Case, recording: &Unwritten) -> Metrics {
+    let named = "file = \"reference.csv\"\nchannels = { angle = \"angle_rad\", rate = \"rate_rad_per_s\" }\n";
+    let late = if case.reference.starts_with("delay") { case.reference } else { "" };
+    let reference = Box::leak((named.to_owned() + late).into_boxed_str());
+    let experiment = Case { reference, ..case.clone() }.experiment();
     Metrics::of(&estimate_unwritten(&experiment, recording, &Silent).unwrap())
 }
 

@@ -39,6 +39,22 @@ impl Crossing {
     }
 }
 
+#[cfg(test)]
+impl Crossing {
+    /// The same at another sample, of those that are so far apart.
+    pub fn moved_to(&self, sample: usize, interval_s: f64) -> Self {
+        let by_s = sample as f64 * interval_s - self.sample.time_s;
+        let moved = |instant: Instant| Instant { time_s: instant.time_s + by_s, ..instant };
+        let own = (self.sample.time_s / interval_s).round() as usize;
+        Self {
+            sample: moved(self.sample),
+            parabola: moved(self.parabola),
+            zero: self.zero.map(moved),
+            known_at: self.known_at - own + sample,
+        }
+    }
+}
+
 /// What a detector found.
 pub struct Found {
     /// In the order of time.
@@ -182,5 +198,84 @@ impl Offsets {
         }
         self.next = index;
         if self.count == 0 { self.known } else { self.sum / self.count as f64 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::WhiteNoise;
+    use kalmems_core::detect::Detector;
+    use kalmems_models::capacitance::CurveShape;
+
+    /// The rig looks at a whole recording; a detector that runs with the signal finds the same, bit by bit, at the sample
+    /// that the rig tells its filters.
+    #[test]
+    fn a_stream_finds_what_the_rig_finds_when_the_rig_says_it_is_known() {
+        type Stream = Detector<f64, 60, 150, 400>;
+        let comb = CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
+        let (rate, interval_s, noise) = (3924.5, 2e-6, 0.0435);
+        let mut white = WhiteNoise::new(3, 0);
+        let time_s: Vec<f64> = (0..40_000).map(|k| f64::from(k) * interval_s).collect();
+        let mut volts: Vec<f64> = time_s
+            .iter()
+            .map(|t| {
+                let (sine, cosine) = (rate * t).sin_cos();
+                let amplitude = 0.15 * (-26.0 * t).exp();
+                comb.sensitivity(amplitude * sine) * amplitude * rate * cosine + 0.01 + noise * white.sample()
+            })
+            .collect();
+        // And a gap.
+        volts[20_000..20_050].fill(f64::NAN);
+        for acceptance in [
+            Acceptance::Deviations(2.0),
+            Acceptance::Deviations(4.0),
+            Acceptance::FalseAlarms { per_s: 10.0, keep: Some(2.0) },
+        ] {
+            let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
+            let noise_variance = noise * noise;
+            let signal = Signal {
+                time_s: &time_s,
+                volts: &volts,
+                interval_s,
+                noise_variance,
+                offset: 0.0,
+                comb,
+                passes_hz: rate / std::f64::consts::PI,
+            };
+            let batch = find(signal, &settings).unwrap().crossings;
+            let kernel = SlopeKernel::<f64, 60>::new(15.0).unwrap();
+            let threshold = match acceptance {
+                Acceptance::Deviations(sds) => Threshold::fixed(sds * kernel.noise_deviation(noise)),
+                Acceptance::FalseAlarms { per_s, keep } => {
+                    let samples = (2.0 / (signal.passes_hz * interval_s)) as u32;
+                    let hold = keep.map(|deviations| Hold { deviations, samples });
+                    Threshold::for_false_alarms(&kernel, noise, per_s * interval_s, 150, hold).unwrap()
+                }
+            };
+            let fit = CubicFit::<f64, 90>::new(30.0).unwrap();
+            let mut stream = Stream::new(kernel, threshold, noise_variance);
+            let mut offsets = Offsets::new(0.0);
+            let mut found = 0;
+            for (k, volts_now) in volts.iter().chain([f64::NAN; Stream::LOOK_AHEAD].iter()).enumerate() {
+                let Some(detection) = stream.push(*volts_now) else { continue };
+                let mine = &batch[found];
+                found += 1;
+                let index = usize::try_from(detection.index).unwrap();
+                assert_eq!(mine.known_at, k);
+                assert_eq!(mine.sample.time_s, time_s[index]);
+                assert_eq!(mine.parabola.time_s, time_s[index] + detection.fraction * interval_s);
+                // Near the ends of the recording the memory of the stream is not full.
+                if (400..volts.len()).contains(&k) {
+                    let offset = offsets.at(index, &volts);
+                    let zero = stream
+                        .crossing(&fit, offset)
+                        .map(|zero| time_s[index] + zero.displacement * interval_s);
+                    assert_eq!(mine.zero.map(|zero| zero.time_s), zero, "{index}");
+                }
+            }
+            assert_eq!(found, batch.len());
+            assert!(found > 60, "{found}");
+        }
     }
 }

@@ -29,7 +29,7 @@ use crate::units::kind;
 use crossings::{Found, Signal, find};
 use hardware::Hardware;
 use segment::Samples;
-use settings::Settings;
+use settings::{DetectorSettings, Settings};
 use simulation::ThresholdSimulation;
 
 /// The rig.
@@ -201,14 +201,18 @@ fn slope(data: &SegmentData, hardware: &Hardware) -> Vec<f64> {
         .collect()
 }
 
-/// The crossings, or why there are none.
+/// The crossings, or why there are none. Where the file asks for none they are looked for all the same, to see that the
+/// signal is the comb's, as soon as a filter relies on it.
 fn found(
     settings: &Settings,
     data: &SegmentData,
     drive_slope: &[f64],
     (place, column): (&str, &str),
 ) -> Result<Vec<crossings::Crossing>, EstimateError> {
-    let Some(detector) = &settings.crossings else { return Ok(Vec::new()) };
+    if settings.crossings.is_none() && settings.filters.iter().all(|filter| filter.is_model) {
+        return Ok(Vec::new());
+    }
+    let detector = &settings.crossings.unwrap_or(DetectorSettings::usual(&settings.hardware));
     let hardware = &settings.hardware;
     let per_slope = hardware.feedback_resistance * hardware.feedthrough;
     let alone: Vec<f64> =
@@ -235,7 +239,7 @@ fn found(
     if count == 0 || (is_few && rising < LOUD) {
         return Err(EstimateError::NoCrossing { place, column, count, by_noise, largest: rising });
     }
-    Ok(crossings)
+    Ok(if settings.crossings.is_some() { crossings } else { Vec::new() })
 }
 
 /// A response, in standard deviations of that to noise, that noise does not reach in a year.

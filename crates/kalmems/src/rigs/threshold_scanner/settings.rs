@@ -31,6 +31,14 @@ pub struct DetectorSettings {
     pub acceptance: Acceptance,
 }
 
+impl DetectorSettings {
+    /// What suits a mirror of this resonance: in parts of its cycle as the published detector at 625 Hz.
+    pub fn usual(hardware: &Hardware) -> Self {
+        let cycle_s = 1.0 / hardware.natural_hz();
+        Self { width_s: 0.02 * cycle_s, separation_s: 0.2 * cycle_s, acceptance: Acceptance::Deviations(4.0) }
+    }
+}
+
 /// Which responses of the detector count.
 #[derive(Clone, Copy, Debug)]
 pub enum Acceptance {

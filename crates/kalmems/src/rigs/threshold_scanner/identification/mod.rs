@@ -20,6 +20,7 @@ use crate::estimate::Progress;
 use crate::evaluate::BeamPosition;
 use crate::fit::Derived;
 use crate::identify::{Identification, IdentifyError, Material};
+use crate::recording::Recording;
 use crate::units::kind;
 use std::f64::consts::TAU;
 
@@ -54,6 +55,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                    the position detector or of the angle under `[recording.reference]`";
         return Err(material.unfit(why.to_owned()));
     }
+    drive_is_off(experiment, &material, progress)?;
     let beam = BeamPosition::of(experiment);
     let record = Decay {
         interval_s: material.interval_s,
@@ -111,6 +113,38 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     }
     identification.materials.push(material);
     Ok(identification)
+}
+
+/// A drive that stays below this, in V, is off: K_d·V²/2 of it is 10⁻⁵ of ω_n²·θ of the published device.
+const OFF_V: f64 = 1.0;
+
+/// Refuses a recording whose drive is on, where the drive was recorded.
+fn drive_is_off(
+    experiment: &Experiment,
+    material: &Material,
+    progress: &dyn Progress,
+) -> Result<(), IdentifyError> {
+    let place = experiment.recordings.iter().position(|recording| recording.role == Role::RingDown);
+    let Some(described) = place.map(|index| experiment.recording(index)).transpose()? else { return Ok(()) };
+    let Some(column) = described.channels.column(MEANINGS[0]) else { return Ok(()) };
+    let path = experiment.resolve(&described.file);
+    let recording =
+        Recording::read_with(&path, &described.layout(&[column]), &mut |done, _| progress.reached(done))?;
+    let drive = recording.column_of(column, &kind::VOLTAGE)?;
+    for segment in recording.segments() {
+        let volts = drive.of(segment);
+        let mut on = volts.iter().enumerate().filter(|(_, volts)| volts.abs() > OFF_V);
+        if let Some((first, volts)) = on.next() {
+            let at_s = segment.time.at(first);
+            let count = 1 + on.count();
+            return Err(material.unfit(format!(
+                "its drive `{column}` is not off: {volts} V at {at_s} s, and above {OFF_V} V at {count} of {samples} samples; a free \
+                 decay begins when the drive has died away: cut the recording there",
+                samples = segment.time.len()
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn device_of(experiment: &Experiment) -> Result<&ThresholdScanner, IdentifyError> {

@@ -68,6 +68,14 @@ fn undetermined(identification: &mut Identification, place: &str, found: &Found)
         "the signal knows their product; C(theta) takes R_s V_bias from the file, and its constant part has no current"
             .to_owned(),
     );
+    let half_ms = 0.5e3 * TAU / found.decay.fit.parameters[unknown::NATURAL_RATE];
+    add(
+        "delay of the reference beyond a quarter of a cycle",
+        format!(
+            "a reference that is later or earlier by half a cycle, {half_ms:.3} ms, and a threshold on the other side of the \
+             middle explain the recording as well"
+        ),
+    );
     for index in [unknown::NATURAL_RATE, unknown::DAMPING_RATIO, unknown::GAIN, unknown::STEEPNESS] {
         let parameter = found.decay.fit.parameter(index);
         if !is_known(&found.decay, index) {

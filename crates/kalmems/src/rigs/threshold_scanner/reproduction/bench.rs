@@ -203,9 +203,14 @@ pub fn estimate(
     seed: u64,
     progress: &dyn Progress,
 ) -> Option<(Vec<Crossing>, Vec<Trajectory>)> {
+    let crossings = crossings(settings, decay, signal)?;
+    let trajectories = follow(settings, decay, (signal, &crossings), seed, progress)?;
+    Some((crossings, trajectories))
+}
+
+/// The crossings of a recorded signal; `None` where the detector cannot be made.
+pub fn crossings(settings: &Settings, decay: &Decay, signal: &[f64]) -> Option<Vec<Crossing>> {
     let device = &settings.hardware;
-    let off = vec![0.0; signal.len()];
-    let data = SegmentData::new(&decay.time_s, &off, signal, INTERVAL_S);
     let looked_at = Signal {
         time_s: &decay.time_s,
         volts: signal,
@@ -215,13 +220,24 @@ pub fn estimate(
         comb: device.readout.comb,
         passes_hz: 2.0 * device.natural_hz(),
     };
-    let found = find(looked_at, settings.crossings.as_ref()?).ok()?;
+    Some(find(looked_at, settings.crossings.as_ref()?).ok()?.crossings)
+}
+
+/// What the filters make of a recorded signal and these crossings; `None` where the work was stopped.
+pub fn follow(
+    settings: &Settings,
+    decay: &Decay,
+    (signal, crossings): (&[f64], &[Crossing]),
+    seed: u64,
+    progress: &dyn Progress,
+) -> Option<Vec<Trajectory>> {
+    let off = vec![0.0; signal.len()];
+    let data = SegmentData::new(&decay.time_s, &off, signal, INTERVAL_S);
     let mut settings = settings.clone();
     start_near(&mut settings.filters, decay.states[0], seed);
-    let motion = Motion { frequency_hz: device.natural_hz(), is_driven: false };
-    let samples = Samples { data: &data, drive_slope: &off, crossings: &found.crossings, motion };
-    let trajectories = segment::estimate(&settings, samples, progress).ok()?;
-    Some((found.crossings, trajectories))
+    let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
+    let samples = Samples { data: &data, drive_slope: &off, crossings, motion };
+    segment::estimate(&settings, samples, progress).ok()
 }
 
 /// All filters start from the same state, as far from the true one as they believe to be.

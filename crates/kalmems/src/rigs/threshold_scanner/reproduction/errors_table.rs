@@ -140,7 +140,7 @@ fn order(trials: &[Trial]) -> Item {
         table.push([(*head).to_owned(), format!("{paper}"), ours.to_text()]);
     }
     Item::new(&ORDER)
-        .check(Check::value("mean reduction", "%", published::REDUCED[4], reductions[4], 0.5))
+        .check(Check::value("mean reduction", "%", published::REDUCED[4], reductions[4], SAME))
         .check(Check::claim(
             "thresholds help most where the signal is weakest",
             format!("{} % at SNR 1, {} % at SNR 85", published::REDUCED[3], published::REDUCED[0]),
@@ -149,8 +149,9 @@ fn order(trials: &[Trial]) -> Item {
         ))
         .table(table)
         .remark(
-            "Where the amplitude is large a detection is certain to the sample, and a wrong model makes the largest error: \
-             there is most to correct there. No mismatch of gain, curve and resonance that was tried has the paper's order.",
+            "With another mismatch of the same size, a comb told 4 mrad off its place instead of in the mirror's plane, the \
+             order is the opposite one: most where the amplitude is large. The order says which mismatch it was, not what \
+             thresholds can do.",
         )
 }
 

@@ -26,7 +26,7 @@ pub static HEAD: Head = Head {
     origin: Origin::Measured,
 };
 
-/// The filters that anyone may choose from, those with a gate or states of their own.
+/// The filters that are chosen from.
 const VARIANTS: [&str; 7] = [
     "hybrid",
     "EKF, resonance",

@@ -15,7 +15,7 @@ pub struct Lilliefors {
 }
 
 /// What the modified distance exceeds in 5 % of all normal samples.
-pub const CRITICAL: f64 = 0.895;
+const CRITICAL: f64 = 0.895;
 
 impl Lilliefors {
     /// Tests values. `None` where there are fewer than five, or all are the same.

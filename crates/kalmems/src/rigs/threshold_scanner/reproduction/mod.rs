@@ -7,6 +7,8 @@ mod decay_fit;
 mod edges;
 mod errors_table;
 mod fair;
+#[cfg(test)]
+mod false_crossings;
 mod lilliefors;
 mod normality;
 mod published;

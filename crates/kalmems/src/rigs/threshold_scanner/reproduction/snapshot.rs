@@ -23,7 +23,7 @@ pub static HEAD: Head = Head {
 };
 
 /// s on each side of a pass that are drawn.
-const NEAR_S: f64 = 0.25e-3;
+const NEAR_S: f64 = 0.08e-3;
 const HEADS: [&str; 4] = ["SNR 83", "SNR 23", "SNR 5", "SNR 1"];
 
 /// One trial.

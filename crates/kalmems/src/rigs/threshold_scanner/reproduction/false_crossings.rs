@@ -1,0 +1,77 @@
+//! Detections that are none, told to the filters at random times.
+
+use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
+use crate::estimate::Silent;
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::Rng;
+
+/// How many are made up.
+const FALSE: usize = 60;
+const FILTERS: [&str; 3] = ["hybrid", "hybrid, resonance", "hybrid, resonance and gain"];
+
+/// What they do to the errors of each filter: without them, with them behind a gate of four standard deviations, and with
+/// them believed; and how many crossings each filter was told of and how many it refused, with and without them.
+fn harm(seed: u64) -> ([[f64; 3]; 3], [[(usize, usize); 2]; 3]) {
+    let bench = Bench::new().unwrap();
+    let settings = bench.told(bench.device, &FILTERS);
+    let decay = Decay::of(&bench.device, Decay::phase(seed as usize));
+    let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
+    let found = crossings(&settings, &decay, &signal).unwrap();
+    let mut chance = Pcg64::new(seed.into(), 9);
+    let mut below = |count: usize| (chance.next_u64() % count as u64) as usize;
+    let made_up = (0..FALSE).map(|_| {
+        let original = &found[below(found.len())];
+        original.moved_to(below(SAMPLES - 1000), INTERVAL_S)
+    });
+    let with_false: Vec<_> = made_up.chain(found.iter().copied()).collect();
+    let run = |told: &[_], gate_nis: f64| {
+        let mut settings = settings.clone();
+        for filter in &mut settings.filters {
+            filter.threshold.as_mut().unwrap().gate_nis = gate_nis;
+        }
+        follow(&settings, &decay, (&signal, told), seed, &Silent).unwrap()
+    };
+    let runs = [run(&found, 16.0), run(&with_false, 16.0), run(&with_false, f64::INFINITY)];
+    let counts = |i: usize, run: usize| {
+        let counts = runs[run][i].counts;
+        (counts.crossings, counts.crossings_refused)
+    };
+    (
+        std::array::from_fn(|i| std::array::from_fn(|run| errors(&runs[run][i], &decay)[4])),
+        std::array::from_fn(|i| [counts(i, 0), counts(i, 1)]),
+    )
+}
+
+#[test]
+fn sixty_false_detections_at_random_times_do_no_harm_behind_a_gate() {
+    for seed in 0..2 {
+        check(seed);
+    }
+}
+
+#[test]
+#[ignore = "20 recordings; run with --release"]
+fn slow_sixty_false_detections_do_no_harm_in_any_of_20_recordings() {
+    for seed in 0..20 {
+        check(seed);
+    }
+}
+
+fn check(seed: u64) {
+    let (errors, counts) = harm(seed);
+    for ((name, [clean, gated, believed]), [before, with]) in FILTERS.iter().zip(errors).zip(counts) {
+        println!(
+            "seed {seed}, {name}: {:.3} mrad, gated {:.3}, believed {:.3}; refused {} of {}, before {} of {}",
+            1e3 * clean,
+            1e3 * gated,
+            1e3 * believed,
+            with.1,
+            with.0,
+            before.1,
+            before.0
+        );
+        assert_eq!(with.0, before.0 + FALSE);
+        assert!(gated <= 1.2 * clean, "{seed} {name}: {gated} {clean}");
+        assert!(believed > 2.0 * clean, "{seed} {name}: {believed} {clean}");
+    }
+}
