@@ -655,3 +655,31 @@ fn slow_the_thesis_is_reproduced_where_the_answer_is_given() {
     assert!(holds(&found, "the mass shapes the noise of the bits"));
     assert!(holds(&found, "an averaging filter before the decimation is worth it"));
 }
+
+/// The example, which needs no other data; and its simulations, which run and are as long as they say.
+#[test]
+fn the_example_knows_the_acceleration_without_being_told() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/accelerometer");
+    let load = |name: &str| Experiment::load(&folder.join(name)).unwrap_or_else(|e| panic!("{e}"));
+    let outcome = workflow::estimate(&load("experiment.toml"), &Silent).unwrap();
+    let metrics = Metrics::of(&outcome);
+    println!("{}", summary_table(&metrics, true).to_text());
+    let mg = |key: &str| of(&metrics, key).values["acceleration"].rmse / 9.80665e-3;
+    // Over four periods of the whole recording an independent filter has 10.6 mg, and claims 13.9.
+    assert!((mg("ekf") / 10.6 - 1.0).abs() < 0.15, "{}", mg("ekf"));
+    assert!((mg("settled_gain") / mg("ekf") - 1.0).abs() < 0.02);
+    assert!(mg("ekf_smoothed") < 0.8 * mg("ekf"));
+    for (name, samples) in
+        [("simulation.toml", 30_001), ("one_bit.toml", 200_001), ("full_carrier.toml", 20_001)]
+    {
+        let experiment = load(name);
+        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        assert_eq!(simulation.samples(), samples, "{name}");
+        let mut seen = 0;
+        let ended = simulation.run(&mut |_| {
+            seen += 1;
+            if seen < 2000 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        assert!(matches!(ended, Err(SimulateError::Interrupted)) && seen == 2000, "{name}");
+    }
+}
