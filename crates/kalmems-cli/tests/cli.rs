@@ -587,7 +587,7 @@ fn reproduce_computes_what_is_asked_for_and_names_what_there_is() {
     let output = run(&["reproduce", "gyroscope"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        text(&output.stderr).contains("nothing is published of a rig `gyroscope`; there is: shared_scanner")
+        text(&output.stderr).contains("nothing is published of a rig `gyroscope`; there is: accelerometer")
     );
 }
 

@@ -10,12 +10,14 @@
 //!
 //! Times are reported, and nothing fails because of them; the bench `instructions` is what gates.
 
+mod accelerometer;
 mod by_hand;
 mod cases;
 mod peers;
 mod system;
 mod threshold;
 
+use accelerometer::Sensed;
 use kalmems_core::{FilterError, Scalar};
 use std::hint::black_box;
 use std::time::Instant;
@@ -47,8 +49,20 @@ fn main() {
         ("adskalman", peers::adskalman),
     ];
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
+    compare_accelerometer::<f64>("f64");
+    compare_accelerometer::<f32>("f32");
     compare_crossings::<f64>("f64");
     compare_crossings::<f32>("f32");
+}
+
+/// The thesis of the accelerometer allows 5 µs for a step; the settled gain is to take a quarter of the full filter.
+fn compare_accelerometer<T: Scalar<Mask = bool>>(number: &str) {
+    let filters: [(&str, accelerometer::Run<T>); 3] = [
+        ("settled gain", Sensed::settled),
+        ("EKF, exact step", Sensed::exact),
+        ("EKF, hybrid", Sensed::hybrid),
+    ];
+    compare(number, "Accelerometer, 4 states", &Sensed::simulated(LENGTH), &filters);
 }
 
 /// The goal is 4 times the plain filter for the whole chain.

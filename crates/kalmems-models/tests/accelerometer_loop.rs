@@ -3,7 +3,7 @@
 
 use kalmems_models::capacitance::{DifferentialPlates, FixedPlate};
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
-use kalmems_models::control::{Complex, PiController, RebalanceLoop, SampledRebalance, Stopped};
+use kalmems_models::control::{Comparator, Complex, PiController, RebalanceLoop, SampledRebalance, Stopped};
 use kalmems_models::dynamics::{Accelerometer, ProofMass};
 use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::{PI, TAU};
@@ -206,6 +206,134 @@ fn the_averaged_carrier_is_the_full_one_but_for_a_beat() {
         let beat = 0.6 / closed.device.bias * signal_hz / 1e6;
         assert_close(worst(closed, signal_hz), beat, 0.1);
     }
+}
+
+/// The phase is that of the response, turn by turn; that of the device alone is the one of its two real poles.
+#[test]
+fn the_phase_is_that_of_the_response() {
+    let loops = [rebalanced(4.0, 10.0), RebalanceLoop { delay: 1e-6, ..rebalanced(4.0, 137.0) }];
+    for closed in loops {
+        let mut last = 0.0;
+        for step in 0..600 {
+            let rate = TAU * 10_f64.powf(f64::from(step) / 100.0);
+            let (phase, response) = (closed.phase(rate), closed.response(rate));
+            let wrapped = (phase - response.im.atan2(response.re)) / TAU;
+            assert!(
+                (wrapped - wrapped.round()).abs() < 1e-12 && (phase - last).abs() < 0.3,
+                "{rate} {phase}"
+            );
+            last = phase;
+        }
+    }
+    let plain = open(4.0);
+    let [slow, fast] = plain.device.mass.eigenvalues(plain.device.softened_spring(0.0));
+    let expected = -(1e5 / -slow.0).atan() - (1e5 / -fast.0).atan();
+    assert_close(plain.phase(1e5), expected, 1e-12);
+}
+
+/// What a run does with an acceleration of this frequency, in V per m/s²: the loop is computed at every interval, and
+/// its output correlated over whole periods after it has settled.
+fn driven(closed: &RebalanceLoop<f64>, (interval, signal_hz): (f64, f64)) -> Complex<f64> {
+    let mut run = SampledRebalance::new(closed, interval, 1);
+    let per_period = (1.0 / signal_hz / interval).round();
+    let (mut re, mut im) = (0.0, 0.0);
+    let samples = 40 * per_period as u32;
+    for k in 0..samples {
+        let angle = |k: u32| TAU * f64::from(k) / per_period;
+        let output = run.read(0.0);
+        if k >= samples / 2 {
+            let share = 2.0 / f64::from(samples / 2);
+            (re, im) = (re + share * output * angle(k).sin(), im + share * output * angle(k).cos());
+        }
+        let feedback = run.answer(output);
+        run.advance(feedback, [angle(k).sin(), angle(k + 1).sin()], &[]).unwrap();
+    }
+    Complex { re, im }
+}
+
+/// Computed at every step of the integration the loop is a continuous one: without a delay, and at 5 µs per sample with
+/// that of the hold, or of the hold and the computation.
+#[test]
+fn a_loop_that_is_computed_often_is_the_continuous_one() {
+    for (interval, late) in [(1e-7, 0.5), (5e-6, 0.5), (5e-6, 1.5)] {
+        let closed = RebalanceLoop { delay: late * interval, ..rebalanced(4.0, 10.0) };
+        for signal_hz in [1e3, 1e4] {
+            let ours = driven(&closed, (interval, signal_hz));
+            // The loop at 0.1 µs is set against one without any delay.
+            let expected =
+                RebalanceLoop { delay: if interval < 1e-6 { 0.0 } else { closed.delay }, ..closed };
+            let expected = expected.response(TAU * signal_hz);
+            let off = Complex { re: ours.re - expected.re, im: ours.im - expected.im };
+            assert!(
+                off.size() < 0.01 * expected.size(),
+                "{interval} {late} {signal_hz} {ours:?} {expected:?}"
+            );
+        }
+    }
+}
+
+/// One bit at 1 MHz: the bits under a constant acceleration, and the mean displacement over the second half.
+fn one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, gn: f64) -> Result<(Vec<f64>, f64), Stopped> {
+    let mut run = SampledRebalance::new(closed, 1e-6, 2).with_comparator(comparator);
+    let (mut bits, mut displacement) = (Vec::new(), 0.0);
+    for k in 0..80_000 {
+        let feedback = run.answer(run.read(0.0));
+        bits.push(feedback / comparator.level);
+        if k >= 40_000 {
+            displacement += run.state()[0] / 4e4;
+        }
+        run.advance(feedback, [gn * STANDARD_GRAVITY; 2], &[])?;
+    }
+    Ok((bits, displacement))
+}
+
+/// The loop of one bit at 10 g full scale.
+fn with_one_bit(integral: f64, lead_s: f64) -> (RebalanceLoop<f64>, Comparator) {
+    let closed = rebalanced(4.0, 10.0);
+    let controller = PiController { proportional: 10.0, integral };
+    (RebalanceLoop { controller, ..closed }, Comparator { level: 0.5 * closed.device.bias, lead_s })
+}
+
+/// Momentum: what the bits and the springs push on average is what the acceleration does, up to the last few bits of
+/// 40 000. Without an integral the mass rests where the springs take their part; with one it does not.
+#[test]
+fn the_mean_of_the_bits_is_the_acceleration() {
+    for (integral, lead_s) in [(0.0, 0.0), (0.0, 5.6e-6), (1e5, 5.6e-6)] {
+        let (closed, comparator) = with_one_bit(integral, lead_s);
+        let spring = closed.device.softened_spring(comparator.level);
+        for gn in [0.0123, 1.0, -5.0, 9.9] {
+            let (bits, displacement) = one_bit(&closed, comparator, gn).unwrap();
+            let pushed = 10.0 * bits[40_000..].iter().sum::<f64>() / 4e4;
+            let held = spring * displacement / closed.device.mass.mass / STANDARD_GRAVITY;
+            assert!((pushed + held - gn).abs() < 2e-3, "{integral} {lead_s} {gn}: {pushed} {held}");
+            assert!(integral == 0.0 || held.abs() < 1e-5, "{held}");
+            assert!(bits.iter().all(|bit| bit.abs() == 1.0));
+        }
+        // Beyond its full scale it says no more than that.
+        let (bits, displacement) = one_bit(&closed, comparator, 11.0).unwrap();
+        assert!(bits[40_000..].iter().all(|bit| *bit == 1.0) && displacement > 50e-9);
+    }
+}
+
+/// Means of ten times more bits scatter about ten times less, where those of independent bits would by √10; and a lead
+/// halves what is left.
+#[test]
+fn the_noise_of_the_bits_is_shaped() {
+    let scatter = |lead_s: f64, count: usize| {
+        let (closed, comparator) = with_one_bit(0.0, lead_s);
+        let squares = [0.123, 1.357, 4.321].map(|gn| {
+            let (bits, _) = one_bit(&closed, comparator, gn).unwrap();
+            let means: Vec<f64> =
+                bits[40_000..].chunks(count).map(|chunk| chunk.iter().sum::<f64>() / count as f64).collect();
+            let middle = means.iter().sum::<f64>() / means.len() as f64;
+            means.iter().map(|mean| (mean - middle).powi(2)).sum::<f64>() / means.len() as f64
+        });
+        (squares.iter().sum::<f64>() / 3.0).sqrt()
+    };
+    let (short, long) = (scatter(5.6e-6, 50), scatter(5.6e-6, 500));
+    println!("50 bits {short}, 500 bits {long}, without a lead {}", scatter(0.0, 500));
+    assert!(long < 0.15 * short, "{short} {long}");
+    assert!(long < 0.7 * scatter(0.0, 500), "{long}");
 }
 
 /// e^{jφ} and quotients against the closed forms.

@@ -89,8 +89,12 @@ pub struct AtFrequency {
     pub frequency_hz: f64,
     /// The output for what is measured, in V/(m/s²).
     pub response: f64,
-    /// The same without the loop.
+    /// Its phase in rad.
+    pub phase: f64,
+    /// The output without the loop.
     pub open_response: f64,
+    /// Its phase in rad.
+    pub open_phase: f64,
     /// The loop gain; 0 where there is no loop.
     pub loop_gain: f64,
     /// By how much the loop amplifies a disturbance.

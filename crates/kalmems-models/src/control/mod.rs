@@ -8,4 +8,4 @@ mod sampled;
 pub use complex::Complex;
 pub use pi::PiController;
 pub use rebalance::{Margins, RebalanceLoop};
-pub use sampled::{STOP, SampledRebalance, Stopped};
+pub use sampled::{Comparator, STOP, SampledRebalance, Stopped};

@@ -62,6 +62,12 @@ impl<P: Scalar<Mask = bool>> RebalanceLoop<P> {
         one / (one + self.open_loop(rate))
     }
 
+    /// The phase of [`response`](Self::response) in rad, from its two factors, so that it passes −180° without a jump.
+    pub fn phase(&self, rate: P) -> P {
+        let (sensitivity, compliance) = (self.sensitivity(rate), self.compliance(rate));
+        angle(sensitivity) + angle(compliance)
+    }
+
     /// y/a in V/(m/s²).
     pub fn response(&self, rate: P) -> Complex<P> {
         Complex::real(self.device.mass.mass) * self.readout_response(rate) * self.sensitivity(rate)
@@ -117,6 +123,11 @@ impl<P: Scalar<Mask = bool>> RebalanceLoop<P> {
         let compliance = self.compliance(rate);
         angle_below(controller) + angle_below(compliance)
     }
+}
+
+/// The angle in rad, from −180° to 180°.
+fn angle<P: Scalar<Mask = bool>>(z: Complex<P>) -> P {
+    if z.im.gt(P::of(0.0)) { -angle_below(Complex { re: z.re, im: -z.im }) } else { angle_below(z) }
 }
 
 /// The angle in rad of what lies in the lower half of the plane, from −180° to 0.

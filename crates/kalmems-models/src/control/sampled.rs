@@ -17,14 +17,30 @@ pub struct SampledRebalance {
     device: CarrierDriven<f64>,
     readout: DifferentialReadout<f64>,
     controller: PiController<f64>,
+    comparator: Option<Comparator>,
     is_late: bool,
     interval_s: f64,
     steps: u32,
     carrier: Option<Carrier>,
     state: [f64; 2],
     integral: f64,
+    seen: f64,
     waiting: f64,
     samples: u64,
+}
+
+/// What makes one bit of a controller's output: the loop is then a one-bit ΔΣ modulator whose noise the mass shapes
+/// (Zhang 2010, section 1.2, names it as the alternative; Kraft 1997).
+///
+/// u = V_F·sgn(K_p·(y + τ·Δy/h) + K_i·∫y dt): of the two voltages ±V_F one is applied in each interval h. Two levels lie
+/// on a line, however the force depends on the voltage, and v_F² is always the same. The mean of the bits is the
+/// acceleration, in units of the full scale g·V_F/m. The lead τ makes up for the lag of an over-damped mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparator {
+    /// V_F in V.
+    pub level: f64,
+    /// τ in s: about the decay time of the mass's faster motion.
+    pub lead_s: f64,
 }
 
 /// The carrier of a run that does not average it.
@@ -72,15 +88,23 @@ impl SampledRebalance {
             device: CarrierDriven { device: closed.device },
             readout: closed.readout,
             controller: closed.controller,
+            comparator: None,
             is_late: closed.delay > interval_s,
             interval_s,
             steps: steps.max(1),
             carrier: None,
             state: [0.0; 2],
             integral: 0.0,
+            seen: 0.0,
             waiting: 0.0,
             samples: 0,
         }
+    }
+
+    /// With one bit of the controller's output in its place.
+    #[must_use]
+    pub fn with_comparator(self, comparator: Comparator) -> Self {
+        Self { comparator: Some(comparator), ..self }
     }
 
     /// With the carrier in full, a sine of the readout's amplitude, in place of its mean square. The steps must be fine
@@ -100,8 +124,16 @@ impl SampledRebalance {
     /// What the loop applies from here to the next sample, in V, to a readout of `seen` V: what was read, or what an
     /// observer in the loop makes of it. Once per sample.
     pub fn answer(&mut self, seen: f64) -> f64 {
-        let (computed, integral) = self.controller.step(self.integral, seen, self.interval_s);
+        let (linear, integral) = self.controller.step(self.integral, seen, self.interval_s);
         self.integral = integral;
+        let computed = match self.comparator {
+            Some(Comparator { level, lead_s }) => {
+                let lead = self.controller.proportional * lead_s * (seen - self.seen) / self.interval_s;
+                if linear + lead < 0.0 { -level } else { level }
+            }
+            None => linear,
+        };
+        self.seen = seen;
         let applied = if self.is_late { self.waiting } else { computed };
         self.waiting = computed;
         applied

@@ -304,6 +304,9 @@ pub struct AccelerationDrive {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"10 Hz")]
     pub frequency: Option<Quantity<Frequency, Positive>>,
+    /// Whether the carrier is simulated as the sine that it is, and not by its mean square; false if left out.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub full_carrier: bool,
 }
 
 /// Samples that a simulation may have: a file of 100 GB.

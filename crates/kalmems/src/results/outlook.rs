@@ -45,10 +45,11 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
         Figure::new(
             "frequencies",
             format!("{}: response and noise over frequency", outlook.experiment),
-            "Top: the output for an acceleration, with the loop and without. Middle: the loop gain, and by how much the \
-             loop amplifies a disturbance. Bottom: what the noise looks like at the input, which no loop changes.",
+            "Top: the output for an acceleration, with the loop and without, and its phase. Then the loop gain, and by how \
+             much the loop amplifies a disturbance. Bottom: what the noise looks like at the input, which no loop changes.",
         )
         .with(responses_panel(&outlook.frequencies))
+        .with(phases_panel(&outlook.frequencies).sharing_x())
         .with(loop_panel(&outlook.frequencies).sharing_x())
         .with(noise_panel(&outlook.frequencies).sharing_x())
     });
@@ -120,16 +121,28 @@ fn frequency_axis() -> Axis {
 
 /// The output for what is measured.
 fn responses_panel(frequencies: &[AtFrequency]) -> Panel {
-    let per_g = 1e3 * STANDARD_GRAVITY;
-    let panel = Panel::new(frequency_axis(), Axis::new("output", "mV/g").log());
-    let panel = if frequencies.iter().any(|at| at.loop_gain > 0.0) {
-        panel.with(over_frequency("without the loop", Role::Model, frequencies, |at| {
-            Some(at.open_response * per_g)
-        }))
-    } else {
-        panel
+    const PER_G: f64 = 1e3 * STANDARD_GRAVITY;
+    let axis = Axis::new("output", "mV/g").log();
+    with_and_without(frequencies, axis, |at| [at.response * PER_G, at.open_response * PER_G])
+}
+
+/// By how much it is late.
+fn phases_panel(frequencies: &[AtFrequency]) -> Panel {
+    with_and_without(frequencies, Axis::new("phase", "deg"), |at| {
+        [at.phase.to_degrees(), at.open_phase.to_degrees()]
+    })
+}
+
+/// Something with the loop, and without it where there is one.
+fn with_and_without(frequencies: &[AtFrequency], axis: Axis, of: fn(&AtFrequency) -> [f64; 2]) -> Panel {
+    let line = |label, role, place: usize| {
+        over_frequency(label, role, frequencies, move |at| of(at).get(place).copied())
     };
-    panel.with(over_frequency("output", Role::Estimate, frequencies, |at| Some(at.response * per_g)))
+    let mut panel = Panel::new(frequency_axis(), axis);
+    if frequencies.iter().any(|at| at.loop_gain > 0.0) {
+        panel = panel.with(line("without the loop", Role::Model, 1));
+    }
+    panel.with(line("output", Role::Estimate, 0))
 }
 
 /// The loop, where there is one.

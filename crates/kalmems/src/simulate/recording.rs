@@ -76,6 +76,12 @@ pub enum SimulateError {
         /// When, and to which plate.
         why: String,
     },
+    /// There is no settled filter for what is to observe in a loop.
+    #[error("there is no observer for the loop: {why}; act on the output instead")]
+    NoObserver {
+        /// Why its gain does not settle.
+        why: String,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

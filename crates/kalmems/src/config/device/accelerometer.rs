@@ -2,7 +2,7 @@
 
 use crate::config::kinds::{
     Acceleration, Area, Capacitance, Damping, Frequency, IntegralGain, Length, Mass, Ratio, SpringConstant,
-    Temperature, Voltage, VoltageVariance,
+    Temperature, Time, Voltage, VoltageVariance,
 };
 use crate::config::quantity::Quantity;
 use crate::config::sign::{NotNegative, Positive};
@@ -64,6 +64,10 @@ pub struct SwitchedReadout {
     pub carrier_amplitude: Quantity<Voltage, Positive>,
     /// The mean square of the carrier over the square of its amplitude: 0.5 for a sine, 1 for a square wave.
     pub carrier_mean_square: Quantity<Ratio, Positive>,
+    /// The frequency of the carrier; the outlook assumes 1 MHz if it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 MHz")]
+    pub carrier_frequency: Option<Quantity<Frequency, Positive>>,
     /// The capacitance that turns charge into voltage.
     pub feedback_capacitance: Quantity<Capacitance, Positive>,
     /// The variance of one sample.
@@ -83,10 +87,32 @@ pub struct ForceFeedback {
     /// Whether what is computed of a sample is applied one sample later; at once if left out.
     #[serde(default, skip_serializing_if = "is_false")]
     pub one_sample_late: bool,
+    /// Whether the controller is an analogue one, which acts between the samples too; false if left out. For
+    /// simulations, where it is computed at every step of the integration; what is recorded is then the output with the
+    /// mean of its noise until the next sample, and the mean of the feedback over the same time.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub continuous: bool,
+    /// One bit of the controller's output in its place, at each sample: a delta-sigma loop. None if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_bit: Option<OneBit>,
     /// Whether the controller acts on what a settled Kalman filter makes of the output, and not on the output itself;
     /// false if left out. For simulations: a recording holds what was applied.
     #[serde(default, skip_serializing_if = "is_false")]
     pub through_observer: bool,
+}
+
+/// A comparator behind the controller: its bit, as plus or minus one voltage, is what is fed back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OneBit {
+    /// The voltage.
+    #[schemars(example = &"86.5 mV")]
+    pub level: Quantity<Voltage, Positive>,
+    /// How far the output is carried on along its last change before it is compared: about the time in which the
+    /// faster motion of the mass decays. None if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"5.6 us")]
+    pub lead: Option<Quantity<Time, NotNegative>>,
 }
 
 /// An acceleration that varies like noise through a second-order low-pass.

@@ -9,7 +9,7 @@ mod shared_scanner;
 mod threshold_scanner;
 
 pub use accelerometer::{
-    AccelerationPrior, Accelerometer, ForceFeedback, ParallelPlates, ProofMass, SwitchedReadout,
+    AccelerationPrior, Accelerometer, ForceFeedback, OneBit, ParallelPlates, ProofMass, SwitchedReadout,
 };
 pub use circuit::{
     DetectorSource, DiodeDetector, HighPassFilter, ModulatedCircuit, SquareLawDetector, SynchronousDetector,

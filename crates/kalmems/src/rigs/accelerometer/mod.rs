@@ -10,6 +10,8 @@ mod feedback;
 mod filters;
 mod instrument;
 mod outlook;
+mod reproduction;
+mod run;
 mod segment;
 mod settings;
 mod simulation;
@@ -20,6 +22,7 @@ use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segment
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
+use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
@@ -116,6 +119,10 @@ impl Rig for AccelerometerRig {
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
         outlook::outlook(experiment)
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {

@@ -1,19 +1,20 @@
 //! What can be said of an accelerometer before anything is recorded.
 
 use super::instrument::Instrument;
+use super::run::Acting;
 use super::settings::Hardware;
-use super::simulation::closed_loop;
-use crate::config::{Clock, Experiment};
+use super::simulation::{acting, closed_loop};
+use crate::config::{Clock, Device, Experiment, Quantity};
 use crate::outlook::{AtFrequency, Outlook, Topic};
 use crate::simulate::SimulateError;
 use kalmems_core::FixedGain;
 use kalmems_models::constants::STANDARD_GRAVITY;
-use kalmems_models::control::{PiController, RebalanceLoop};
+use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use kalmems_models::noise::Mosfet;
 use std::f64::consts::{PI, TAU};
 
-/// The frequency of the carrier, which the experiment does not state: ASSUMED, that of Zhang 2010, Table I.
-const CARRIER_HZ: f64 = 1e6;
+/// The frequency of the carrier where the experiment does not state it: ASSUMED, that of Zhang 2010, Table I.
+const ASSUMED_CARRIER_HZ: f64 = 1e6;
 /// Where the noise at the input is given, in Hz: well below every corner.
 const LOW_HZ: f64 = 10.0;
 /// In the unit in which such noise is read.
@@ -24,14 +25,30 @@ const MILLI_G: f64 = 1e-3 * STANDARD_GRAVITY;
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let hardware = Hardware::of(experiment)?;
     let rate_hz = sampling_rate(experiment);
-    let closed = closed_loop(experiment, rate_hz.map_or(0.0, f64::recip))?;
+    let described = closed_loop(experiment, rate_hz.map_or(0.0, f64::recip))?;
     let mut topics = vec![device(&hardware)];
-    if hardware.has_feedback {
-        topics.push(of_loop(&closed, rate_hz));
-    }
+    let (closed, largest_feedback) = match acting(experiment)? {
+        // One bit closes no linear loop: what is linear about it is the device, always under the same v_F².
+        Acting::OneBit(comparator) => {
+            topics.push(of_one_bit(&described, comparator, rate_hz));
+            let mut alone = without(&described);
+            alone.device.carrier_mean_square += comparator.level * comparator.level;
+            (alone, comparator.level)
+        }
+        Acting::Continuously => {
+            topics.push(of_loop(&described, None));
+            (described, described.device.bias)
+        }
+        Acting::Sampled => {
+            if hardware.has_feedback {
+                topics.push(of_loop(&described, rate_hz));
+            }
+            (described, described.device.bias)
+        }
+    };
     topics.push(noise(experiment, &hardware, &closed, rate_hz));
     if let Some(rate_hz) = rate_hz {
-        topics.push(bounds(&hardware, &closed, rate_hz));
+        topics.push(bounds(&hardware, &closed, (rate_hz, largest_feedback)));
     }
     Ok(Outlook {
         experiment: experiment.name.to_string(),
@@ -42,6 +59,11 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         frequencies: over_frequency(&hardware, &closed, rate_hz),
         information: Vec::new(),
     })
+}
+
+/// The same device with nothing fed back.
+fn without(closed: &RebalanceLoop<f64>) -> RebalanceLoop<f64> {
+    RebalanceLoop { controller: PiController { proportional: 0.0, integral: 0.0 }, ..*closed }
 }
 
 /// Frequencies per decade of a picture.
@@ -55,7 +77,7 @@ fn over_frequency(
 ) -> Vec<AtFrequency> {
     let highest = rate_hz.map_or(1e6, |rate| 0.5 * rate);
     let brownian = (2.0 * hardware.sensed.device.mass.acceleration_density(hardware.force_density)).sqrt();
-    let open = RebalanceLoop { controller: PiController { proportional: 0.0, integral: 0.0 }, ..*closed };
+    let open = without(closed);
     // To 1 GHz at most.
     (0..=9 * PER_DECADE)
         .map(|k| 10_f64.powf(f64::from(k) / f64::from(PER_DECADE)))
@@ -65,7 +87,9 @@ fn over_frequency(
             AtFrequency {
                 frequency_hz,
                 response: closed.response(rate).size(),
+                phase: closed.phase(rate),
                 open_response: open.response(rate).size(),
+                open_phase: open.phase(rate),
                 loop_gain: closed.open_loop(rate).size(),
                 sensitivity: closed.sensitivity(rate).size(),
                 brownian,
@@ -148,6 +172,44 @@ fn device(hardware: &Hardware) -> Topic {
             [0.0],
             "The plates pull more than the spring holds, even at rest.",
         ),
+    }
+}
+
+/// What a loop of one bit can say.
+fn of_one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, rate_hz: Option<f64>) -> Topic {
+    let mass = &closed.device.mass;
+    let full_scale = closed.device.feedback_gain() * comparator.level / mass.mass;
+    let [_, fast] = mass.eigenvalues(closed.device.softened_spring(comparator.level));
+    let decay_s = fast.0.abs().recip();
+    let topic = Topic::new("Loop of one bit")
+        .with(
+            "full_scale_gn",
+            [full_scale / STANDARD_GRAVITY],
+            format!(
+                "Its bits hold up to {:.1} g; their mean is the acceleration.",
+                full_scale / STANDARD_GRAVITY
+            ),
+        )
+        .with(
+            "lead_s",
+            [comparator.lead_s, decay_s],
+            format!(
+                "The comparator looks {:.1} µs ahead; the faster motion of the mass decays in {:.1} µs.",
+                1e6 * comparator.lead_s,
+                1e6 * decay_s
+            ),
+        );
+    match rate_hz {
+        // A bit more or less.
+        Some(rate_hz) => topic.with(
+            "one_bit_in_1_ms_gn",
+            [2.0 * full_scale / (1e-3 * rate_hz) / STANDARD_GRAVITY],
+            format!(
+                "In 1 ms one bit more or less is {:.2} mg.",
+                2.0 * full_scale / (1e-3 * rate_hz) / MILLI_G
+            ),
+        ),
+        None => topic,
     }
 }
 
@@ -266,27 +328,38 @@ fn noise(
         ),
     };
     // In phase with the carrier there is twice the density; the sensing capacitors divide what C4 feeds back.
-    let temperature = match &experiment.device {
-        crate::config::Device::Accelerometer(device) => device.proof_mass.temperature.si(),
-        _ => 0.0,
+    let (temperature, stated_hz) = match &experiment.device {
+        Device::Accelerometer(device) => {
+            (device.proof_mass.temperature.si(), device.readout.carrier_frequency.as_ref().map(Quantity::si))
+        }
+        _ => (0.0, None),
     };
+    let carrier_hz = stated_hz.unwrap_or(ASSUMED_CARRIER_HZ);
     let stage = Mosfet::ASSUMED;
     let divided = 1.0 + 2.0 * closed.readout.plates.at_rest() / closed.readout.feedback_capacitance;
     let of = |density: f64| (2.0 * density).sqrt() * divided * per_volt / MICRO_G;
-    let parts = [stage.thermal(temperature), stage.flicker(CARRIER_HZ), stage.leakage(CARRIER_HZ)].map(of);
+    let parts = [stage.thermal(temperature), stage.flicker(carrier_hz), stage.leakage(carrier_hz)].map(of);
     topic.with(
         "assumed_mosfet_micro_g_per_root_hz",
         parts,
         format!(
-            "A MOSFET of ASSUMED values behind a carrier of 1 MHz (ASSUMED): thermal {:.2}, flicker {:.2}, leakage {:.3} \
+            "A MOSFET of ASSUMED values behind a carrier of {} MHz{}: thermal {:.2}, flicker {:.2}, leakage {:.3} \
              µg/√Hz at {LOW_HZ:.0} Hz.",
-            parts[0], parts[1], parts[2]
+            1e-6 * carrier_hz,
+            if stated_hz.is_none() { " (ASSUMED)" } else { "" },
+            parts[0],
+            parts[1],
+            parts[2]
         ),
     )
 }
 
 /// What no filter can beat, from the noise and the stated acceleration.
-fn bounds(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) -> Topic {
+fn bounds(
+    hardware: &Hardware,
+    closed: &RebalanceLoop<f64>,
+    (rate_hz, largest_feedback): (f64, f64),
+) -> Topic {
     let topic = Topic::new("Bounds");
     let settled = Instrument::sensed(hardware).ok().and_then(|instrument| {
         let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(1.0 / rate_hz)).ok()?;
@@ -297,7 +370,7 @@ fn bounds(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) -> Top
     };
     let later = non_causal(hardware, closed, rate_hz);
     let largest = if hardware.has_feedback {
-        closed.device.feedback_gain() * closed.device.bias / closed.device.mass.mass
+        closed.device.feedback_gain() * largest_feedback / closed.device.mass.mass
     } else {
         closed.device.static_pull_in(0.0).map_or(f64::NAN, |held| held.acceleration)
     };
@@ -322,7 +395,7 @@ fn bounds(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) -> Top
                 "From there to the {:.1} g at which {} are {:.0} dB.",
                 largest / STANDARD_GRAVITY,
                 if hardware.has_feedback {
-                    "the feedback is as large as the bias"
+                    "the feedback is as large as it may be"
                 } else {
                     "the mass is pulled in"
                 },

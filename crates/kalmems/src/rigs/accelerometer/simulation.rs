@@ -1,45 +1,22 @@
-//! A recording of the accelerometer that is computed: open, in its loop, or with an observer in the loop.
+//! A recording of the accelerometer that is computed, from what the experiment says of it.
 
 use super::filters::entries;
-use super::instrument::Instrument;
+use super::run::{Acceleration, Acting, Observed, Run};
 use super::settings::{Hardware, Settings};
 use crate::config::{
-    AccelerationDrive, ConfigError, Device, DriveSource, Experiment, Fault, Key, Quantity, Sign,
+    AccelerationDrive, Accelerometer, ConfigError, Device, DriveSource, Experiment, Fault, ForceFeedback,
+    Key, Quantity, Sign, Simulate,
 };
 use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
-use kalmems_core::{FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, Process, Scalar};
-use kalmems_models::control::{PiController, RebalanceLoop, SampledRebalance};
-use std::f64::consts::TAU;
+use crate::simulate::{Channel, Sample, SimulateError, Simulation};
+use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use std::ops::ControlFlow;
 
 /// The accelerometer, its loop and what it is to measure.
 pub struct AccelerometerSimulation {
-    hardware: Hardware,
-    closed: RebalanceLoop<f64>,
-    through_observer: bool,
-    acceleration: Acceleration,
+    run: Run,
     records_acceleration: bool,
-    samples: u64,
-    interval_s: f64,
-    steps: u32,
-    noise: bool,
-    seed: u64,
 }
-
-/// What is to be measured.
-#[derive(Clone, Copy, Debug)]
-enum Acceleration {
-    /// In m/s² and Hz.
-    Sine { amplitude: f64, frequency_hz: f64 },
-    /// As the device's prior says.
-    Chance,
-}
-
-/// The streams of the three noises.
-const SIGNAL_NOISE: u64 = 0;
-const FORCE_NOISE: u64 = 1;
-const ACCELERATION: u64 = 2;
 
 const RECORDED: [Channel; 3] = [
     Channel { meaning: "feedback", column: "feedback_V" },
@@ -47,14 +24,27 @@ const RECORDED: [Channel; 3] = [
     Channel { meaning: "acceleration", column: "known_acceleration_m_per_s2" },
 ];
 
+/// What the file says of the device.
+fn described(experiment: &Experiment) -> Option<&Accelerometer> {
+    match &experiment.device {
+        Device::Accelerometer(device) => Some(device),
+        _ => None,
+    }
+}
+
+/// What the file says of the feedback, where there is one.
+pub fn feedback(experiment: &Experiment) -> Option<&ForceFeedback> {
+    described(experiment)?.feedback.as_ref()
+}
+
 /// The loop that an experiment describes, sampled at this interval in s.
 pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<RebalanceLoop<f64>, ConfigError> {
     let hardware = Hardware::of(experiment)?;
-    let feedback = match &experiment.device {
-        Device::Accelerometer(device) => device.feedback.as_ref(),
-        _ => None,
-    };
-    let is_late = feedback.is_some_and(|feedback| feedback.one_sample_late);
+    let feedback = feedback(experiment);
+    let is = |flag: fn(&ForceFeedback) -> bool| feedback.is_some_and(flag);
+    // What is held is half an interval late on average.
+    let held = if is(|f| f.continuous) { 0.0 } else { 0.5 };
+    let computed = if is(|f| f.one_sample_late) { 1.0 } else { 0.0 };
     Ok(RebalanceLoop {
         device: hardware.sensed.device,
         readout: hardware.readout,
@@ -62,8 +52,36 @@ pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<Rebalance
             proportional: feedback.map_or(0.0, |feedback| feedback.proportional_gain.si()),
             integral: feedback.map_or(0.0, |feedback| feedback.integral_gain.si()),
         },
-        // What is held is half an interval late on average.
-        delay: if is_late { 1.5 * interval_s } else { 0.5 * interval_s },
+        delay: (held + computed) * interval_s,
+    })
+}
+
+/// When the controller acts, and how; what cannot be together is refused.
+pub fn acting(experiment: &Experiment) -> Result<Acting, ConfigError> {
+    let Some(feedback) = feedback(experiment) else { return Ok(Acting::Sampled) };
+    let refuse = |name: &str, why: &str| {
+        let key = ["accelerometer", "feedback", name].into_iter().fold(Key::from("device"), Key::child);
+        Err(experiment.error(key, Fault::Value { why: why.to_owned() }))
+    };
+    let sampled = feedback.one_sample_late || feedback.through_observer || feedback.one_bit.is_some();
+    if feedback.continuous && sampled {
+        let why = "an analogue controller has no samples: it is neither late by one, nor behind an observer, nor of \
+                   one bit; leave one of them out";
+        return refuse("continuous", why);
+    }
+    if feedback.one_bit.is_some() && feedback.through_observer {
+        return refuse(
+            "one_bit",
+            "what an observer makes of the output has no use for one bit; leave one out",
+        );
+    }
+    Ok(match &feedback.one_bit {
+        Some(one_bit) => Acting::OneBit(Comparator {
+            level: one_bit.level.si(),
+            lead_s: one_bit.lead.as_ref().map_or(0.0, Quantity::si),
+        }),
+        None if feedback.continuous => Acting::Continuously,
+        None => Acting::Sampled,
     })
 }
 
@@ -88,63 +106,66 @@ impl AccelerometerSimulation {
         }
         let interval_s = 1.0 / simulate.sampling_rate.si();
         let closed = closed_loop(experiment, interval_s)?;
-        if !closed.is_stable(interval_s) {
-            return Err(unstable(experiment, &closed, interval_s).into());
+        let acting = acting(experiment)?;
+        // Of what one bit does there is no linear loop; a run says whether the mass stays.
+        let computed_every_s = match acting {
+            Acting::Sampled => Some(interval_s),
+            Acting::Continuously => Some(1.0 / simulate.integration_rate.si()),
+            Acting::OneBit(_) => None,
+        };
+        if let Some(every_s) = computed_every_s.filter(|every_s| !closed.is_stable(*every_s)) {
+            return Err(unstable(experiment, &closed, every_s).into());
         }
         let knows = |settings: Settings| settings.filters.iter().any(|filter| filter.known_acceleration);
         let records_acceleration = experiment.estimate.is_some() && knows(Settings::of(experiment)?);
-        let feedback = match &experiment.device {
-            Device::Accelerometer(device) => device.feedback.as_ref(),
-            _ => None,
-        };
-        Ok(Self {
+        let through_observer = feedback(experiment).is_some_and(|feedback| feedback.through_observer);
+        let (acceleration, full_carrier) = driven(experiment, &simulate.drive)?;
+        let run = Run {
             hardware,
             closed,
-            through_observer: feedback.is_some_and(|feedback| feedback.through_observer),
-            acceleration: acceleration(experiment, &simulate.drive)?,
-            records_acceleration,
+            acting,
+            observer: if through_observer { Observed::Estimate } else { Observed::Output },
+            acceleration,
             samples: simulate.samples(),
             interval_s,
             steps: u32::try_from(simulate.steps_per_sample()).unwrap_or(u32::MAX),
             noise: simulate.noise,
+            carrier_hz: if full_carrier { Some(carrier(experiment, simulate)?) } else { None },
             seed: simulate.seed,
-        })
-    }
-
-    /// The acceleration at all samples in m/s².
-    fn accelerations(&self) -> Vec<f64> {
-        let prior = self.hardware.sensed.prior;
-        match self.acceleration {
-            Acceleration::Sine { amplitude, frequency_hz } => (0..self.samples)
-                .map(|k| amplitude * Scalar::sin(TAU * frequency_hz * k as f64 * self.interval_s))
-                .collect(),
-            Acceleration::Chance => {
-                let mut noise = WhiteNoise::new(self.seed, ACCELERATION);
-                let rate = prior.rate;
-                let system = Mat([[0.0, 1.0], [-rate * rate, -2.0 * prior.damping_ratio * rate]]);
-                let density = NoiseDensity::none().on::<1>(prior.density());
-                let process =
-                    LinearProcess::<f64, 2, 0>::exact(&system, &Mat::zero(), &density, self.interval_s);
-                let root = process.noise.root();
-                let mut state = [prior.rms * noise.sample(), prior.rms * rate * noise.sample()];
-                let mut values = Vec::new();
-                for _ in 0..self.samples {
-                    values.push(state[0]);
-                    let white = [noise.sample(), noise.sample()];
-                    let pushed: [f64; 2] = root.times_vector(&white);
-                    let moved = process.step(&state, &[]);
-                    state = [moved[0] + pushed[0], moved[1] + pushed[1]];
-                }
-                values
-            }
-        }
+        };
+        Ok(Self { run, records_acceleration })
     }
 }
 
-/// What is to be measured, from the file.
-fn acceleration(experiment: &Experiment, drive: &DriveSource) -> Result<Acceleration, ConfigError> {
+/// Integration steps of a carrier's period, at least.
+const STEPS_PER_PERIOD: f64 = 16.0;
+
+/// The frequency of the carrier that is to be simulated in full, in Hz.
+fn carrier(experiment: &Experiment, simulate: &Simulate) -> Result<f64, ConfigError> {
+    let readout = ["accelerometer", "readout"].into_iter().fold(Key::from("device"), Key::child);
+    let described = described(experiment).map(|device| &device.readout);
+    let Some(frequency) = described.and_then(|readout| readout.carrier_frequency.as_ref()) else {
+        let remedy = "a carrier in full has a frequency: write `carrier_frequency = \"1 MHz\"`".to_owned();
+        return Err(experiment.error(readout.child("carrier_frequency"), Fault::MissingKey { remedy }));
+    };
+    if described.is_some_and(|readout| readout.carrier_mean_square.si() != 0.5) {
+        let why = "a carrier in full is a sine, whose mean square is 0.5".to_owned();
+        return Err(experiment.error(readout.child("carrier_mean_square"), Fault::Value { why }));
+    }
+    if simulate.integration_rate.si() < STEPS_PER_PERIOD * frequency.si() {
+        let why = format!(
+            "a carrier in full needs {STEPS_PER_PERIOD} steps to a period: write `{:.0} MHz` or more",
+            1e-6 * STEPS_PER_PERIOD * frequency.si()
+        );
+        return Err(experiment.error("simulate.integration_rate", Fault::Value { why }));
+    }
+    Ok(frequency.si())
+}
+
+/// What is to be measured, from the file, and whether under the carrier in full.
+fn driven(experiment: &Experiment, drive: &DriveSource) -> Result<(Acceleration, bool), ConfigError> {
     let key = || Key::from("simulate").child("drive");
-    let DriveSource::Acceleration(AccelerationDrive { amplitude, frequency }) = drive else {
+    let DriveSource::Acceleration(AccelerationDrive { amplitude, frequency, full_carrier }) = drive else {
         let why =
             "an accelerometer measures an acceleration; write `[simulate.drive.acceleration]`".to_owned();
         return Err(experiment.error(key(), Fault::Value { why }));
@@ -154,8 +175,10 @@ fn acceleration(experiment: &Experiment, drive: &DriveSource) -> Result<Accelera
         Err(experiment.error(key().child("acceleration").child(name), Fault::MissingKey { remedy }))
     };
     match (amplitude.as_ref().map(Quantity::si), frequency.as_ref().map(Quantity::si)) {
-        (Some(amplitude), Some(frequency_hz)) => Ok(Acceleration::Sine { amplitude, frequency_hz }),
-        (None, None) => Ok(Acceleration::Chance),
+        (Some(amplitude), Some(frequency_hz)) => {
+            Ok((Acceleration::Sine { amplitude, frequency_hz }, *full_carrier))
+        }
+        (None, None) => Ok((Acceleration::Chance, *full_carrier)),
         (Some(_), None) => missing("frequency", "10 Hz"),
         (None, Some(_)) => missing("amplitude", "1 gn"),
     }
@@ -195,7 +218,7 @@ impl Simulation for AccelerometerSimulation {
     }
 
     fn samples(&self) -> u64 {
-        self.samples
+        self.run.samples
     }
 
     fn sources(&self) -> &[Source] {
@@ -207,70 +230,13 @@ impl Simulation for AccelerometerSimulation {
     }
 
     fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
-        let accelerations = self.accelerations();
-        let mut run = SampledRebalance::new(&self.closed, self.interval_s, self.steps);
-        let mut observer = if self.through_observer { self.observer() } else { None };
-        let (noise_sd, force_sd) = if self.noise {
-            (self.hardware.noise_variance.sqrt(), run.force_sd(self.hardware.force_density))
-        } else {
-            (0.0, 0.0)
-        };
-        let mut signal_noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
-        let mut force_noise = WhiteNoise::new(self.seed, FORCE_NOISE);
-        let mut forces = vec![0.0; self.steps as usize];
-        for (k, acceleration) in accelerations.iter().enumerate() {
-            let output = run.read(noise_sd * signal_noise.sample());
-            let seen = observer.as_mut().map_or(output, |observer| observer.see(output));
-            let feedback = run.answer(seen);
-            let [displacement, velocity] = *run.state();
-            let recorded = [feedback, output, *acceleration];
-            let sample = Sample {
-                time_s: k as f64 * self.interval_s,
+        self.run.follow(&mut |moment| {
+            let recorded = [moment.feedback, moment.output, moment.acceleration];
+            each(&Sample {
+                time_s: moment.time_s,
                 recorded: &recorded[..self.recorded().len()],
-                truth: &[*acceleration, displacement, velocity],
-            };
-            if each(&sample).is_break() {
-                return Err(SimulateError::Interrupted);
-            }
-            if let Some(observer) = &mut observer {
-                observer.expect(feedback);
-            }
-            let Some(next) = accelerations.get(k + 1) else { break };
-            for force in &mut forces {
-                *force = force_sd * force_noise.sample();
-            }
-            run.advance(feedback, [*acceleration, *next], &forces)
-                .map_err(|stopped| SimulateError::PulledIn { why: stopped.to_string() })?;
-        }
-        Ok(())
-    }
-}
-
-/// A settled Kalman filter in the loop; it knows what is recorded and nothing else.
-struct Observer {
-    instrument: Instrument<kalmems_models::dynamics::SensedAcceleration<f64>, 4>,
-    process: super::instrument::Exact<kalmems_models::dynamics::SensedAcceleration<f64>, 4>,
-    filter: FixedGain<f64, 4, 1>,
-}
-
-impl AccelerometerSimulation {
-    fn observer(&self) -> Option<Observer> {
-        let instrument = Instrument::sensed(&self.hardware).ok()?;
-        let filter = FixedGain::steady_state([0.0; 4], &instrument.at_rest(self.interval_s)).ok()?;
-        Some(Observer { process: instrument.over(self.interval_s), instrument, filter })
-    }
-}
-
-impl Observer {
-    /// What it makes of an output, in V. An output that is no number leaves it as it was.
-    fn see(&mut self, output: f64) -> f64 {
-        let _ = self.filter.update(&self.instrument.readout, &[output]);
-        let [volts]: [f64; 1] = self.instrument.readout.predict(self.filter.mean());
-        volts
-    }
-
-    /// To the next sample under a feedback in V.
-    fn expect(&mut self, feedback: f64) {
-        let _ = self.filter.predict(&self.process, &feedback);
+                truth: &[moment.acceleration, moment.displacement, moment.velocity],
+            })
+        })
     }
 }
