@@ -13,10 +13,12 @@
 mod by_hand;
 mod cases;
 mod peers;
+mod piston;
 mod system;
 mod threshold;
 
 use kalmems_core::{FilterError, Scalar};
+use piston::Both;
 use std::hint::black_box;
 use std::time::Instant;
 use system::{Run, System};
@@ -47,8 +49,20 @@ fn main() {
         ("adskalman", peers::adskalman),
     ];
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
+    compare_phasors();
     compare_crossings::<f64>("f64");
     compare_crossings::<f32>("f32");
+}
+
+/// The goal is 2.2 times the scanner's filter for the five states.
+fn compare_phasors() {
+    let filters: [(&str, piston::Run); 4] = [
+        ("scanner, 2 states", Both::scanner),
+        ("scanner, 2 states, Euler", Both::scanner_euler),
+        ("phasor, 5 states", Both::phasor),
+        ("phasor, fixed gain", Both::lock),
+    ];
+    compare("f64", "EKF of a phasor", &Both::simulated(LENGTH), &filters);
 }
 
 /// The goal is 4 times the plain filter for the whole chain.
