@@ -45,6 +45,8 @@ pub struct SegmentOutcome {
     pub values: Vec<ErrorsByState>,
     /// The same of a device that moves along a line.
     pub positions: Vec<Option<PositionErrors>>,
+    /// What the figures do not say.
+    pub remarks: Vec<String>,
 }
 
 /// What can stop the job.
@@ -106,7 +108,7 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
             ReferenceRecording::read(experiment, index, rig.angles(), rig.values(), &mut |d, n| {
                 reading.hear("reading the reference", d, n)
             })?;
-        recordings.push(evaluate(rig, described, recording, estimates, reference)?);
+        recordings.push(evaluate((rig, experiment), described, recording, estimates, reference)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
@@ -135,13 +137,13 @@ pub fn estimate_unwritten(
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;
-    let outcome = evaluate(rig, described, recording, estimates, reference)?;
+    let outcome = evaluate((rig, experiment), described, recording, estimates, reference)?;
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
 }
 
 /// Compares what the filters say with the reference.
 fn evaluate(
-    rig: &dyn Rig,
+    (rig, experiment): (&dyn Rig, &Experiment),
     described: &config::Recording,
     recording: Recording,
     estimates: Vec<SegmentEstimate>,
@@ -161,7 +163,8 @@ fn evaluate(
         };
         let from_s = estimate.from_s();
         let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
-        segments.push(SegmentOutcome { estimate, errors, values, positions });
+        let remarks = rig.remarks(experiment, &recording, &estimate);
+        segments.push(SegmentOutcome { estimate, errors, values, positions, remarks });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     Ok(RecordingOutcome { name, recording, reference, segments })

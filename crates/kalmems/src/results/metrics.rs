@@ -73,6 +73,9 @@ pub struct SegmentMetrics {
     /// The axes beside the one that `drive` and `motion_hz` are of.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_axes: Vec<AxisMetrics>,
+    /// What the figures do not say.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// The filter whose innovations of signal and crossings are the likeliest, where there are crossings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likeliest: Option<Likeliest>,
@@ -317,6 +320,7 @@ fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
                 drive: axis.drive.map(drive),
             })
             .collect(),
+        remarks: outcome.remarks.clone(),
         likeliest: likeliest(&estimators),
         estimators,
     }

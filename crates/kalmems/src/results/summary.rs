@@ -230,6 +230,9 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                 );
                 say(Severity::Note, text);
             }
+            for remark in &segment.remarks {
+                say(Severity::Note, format!("{place}: {remark}"));
+            }
             for estimator in &segment.estimators {
                 for (severity, text) in sentences(estimator) {
                     say(severity, format!("{place}: {}: {text}", estimator.name));

@@ -81,6 +81,17 @@ pub trait Rig: Sync {
         vec![None; estimate.trajectories.len()]
     }
 
+    /// What a reader must know of the estimate of a segment that its figures do not say, in sentences.
+    fn remarks(
+        &self,
+        experiment: &Experiment,
+        recording: &Recording,
+        estimate: &SegmentEstimate,
+    ) -> Vec<String> {
+        let _ = (experiment, recording, estimate);
+        Vec::new()
+    }
+
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(
         &self,
