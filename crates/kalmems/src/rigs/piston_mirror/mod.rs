@@ -24,10 +24,10 @@ mod simulation;
 mod start;
 mod trigger;
 
-use super::{Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Progress};
-use crate::evaluate::{MotionErrors, PositionErrors, Reference, evaluate_position};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, ReadError, Recording};
 use crate::reproduce::Program;
@@ -37,11 +37,23 @@ pub use bound::{MotionBound, motion_bound};
 pub use data::SegmentData;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
+use range::without_impossible;
+use remarks::remarks;
 use settings::Settings;
 pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
+use trigger::motion_frequency;
 
 /// The rig.
 pub struct PistonMirrorRig;
+
+/// Cycles of the motion that have to follow the settling time.
+const CYCLES: f64 = 10.0;
+
+/// What a reference may know; the first is what the instrument is for.
+static VALUES: [ValueState; 2] = [
+    ValueState { name: "position", kind: &kind::LENGTH, rate: Some("velocity") },
+    ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
+];
 
 /// The channels that an estimate may have: the capacitance, and a trigger of the drive.
 const MEANINGS: [&str; 2] = ["signal", "trigger"];
@@ -83,7 +95,11 @@ impl Rig for PistonMirrorRig {
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
-        &[["position", "velocity"]]
+        &[]
+    }
+
+    fn values(&self) -> &'static [ValueState] {
+        &VALUES
     }
 
     fn estimate(
@@ -95,60 +111,37 @@ impl Rig for PistonMirrorRig {
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let name = columns.signal;
-        let signal = recording.column_of(name, &kind::CAPACITANCE)?;
         let trigger = columns
             .trigger
             .map(|name| Ok::<_, ReadError>((name, recording.column_of(name, &kind::VOLTAGE)?)));
         let trigger = trigger.transpose()?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let too_short =
-                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
-            let interval_s = segment.time.interval_s().ok_or_else(too_short)?;
-            let noise_variance = settings.hardware.noise_variance(interval_s);
-            let kept = range::without_impossible(&settings.hardware, signal.of(segment), noise_variance)
-                .map(|(kept, _)| kept);
+        let hardware = &settings.hardware;
+        let signal = (columns.signal, &kind::CAPACITANCE);
+        estimate_segments(recording, signal, settings.skip_s, |segment| {
+            let (time_s, interval_s) = (segment.time_s, segment.interval_s);
             let motion_hz = trigger.map(|(column, values)| {
-                trigger::motion_frequency(&time_s, values.of(segment), interval_s).map_err(|why| {
-                    let (place, column) = (place.clone(), column.to_owned());
+                motion_frequency(time_s, values.of(segment.segment), interval_s).map_err(|why| {
+                    let (place, column) = (segment.place.to_owned(), column.to_owned());
                     EstimateError::Trigger { place, column, why: why.to_string() }
                 })
             });
-            let data = SegmentData {
-                time_s: &time_s,
-                signal: kept.as_deref().unwrap_or_else(|| signal.of(segment)),
+            let recorded = SegmentData {
+                time_s,
+                signal: segment.signal,
                 interval_s,
-                noise_variance,
+                noise_variance: hardware.noise_variance(interval_s),
                 motion_hz: motion_hz.transpose()?,
             };
-            require_fast_enough(&settings.hardware, &data, &place)?;
-            if !data.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: name.to_owned() });
-            }
-            let (trajectories, motion) = segment::estimate(&settings, &data, &place, progress)?;
-            if span < settings.skip_s + 10.0 / motion.frequency_hz {
-                return Err(too_short());
-            }
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: String::new(),
-                signal_column: name.to_owned(),
-                drive: None,
-                motion,
-                other_axes: Vec::new(),
-                skip_s: settings.skip_s,
-                parts: 1,
-                trajectories,
-            });
-        }
-        Ok(estimates)
+            require_fast_enough(hardware, &recorded, segment.place)?;
+            let kept = without_impossible(hardware, &recorded);
+            let signal = kept.as_ref().map_or(segment.signal, |(kept, _)| kept);
+            let data = SegmentData { signal, ..recorded };
+            let (trajectories, motion) = segment::estimate(&settings, &data, segment.place, progress)?;
+            segment.require_after_settling(CYCLES / motion.frequency_hz)?;
+            let beyond = kept.as_ref().map(|(_, beyond)| *beyond);
+            let remarks = remarks(hardware, &recorded, beyond, &trajectories);
+            Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -164,47 +157,13 @@ impl Rig for PistonMirrorRig {
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
     }
 
-    fn remarks(
-        &self,
-        experiment: &Experiment,
-        recording: &Recording,
-        estimate: &SegmentEstimate,
-    ) -> Vec<String> {
-        let hardware = Settings::of(experiment).map(|settings| settings.hardware);
-        let signal = recording.column_of(&estimate.signal_column, &kind::CAPACITANCE);
-        let (Ok(hardware), Ok(signal), Some(interval_s)) =
-            (hardware, signal, estimate.segment.time.interval_s())
-        else {
-            return Vec::new();
-        };
-        let time_s = estimate.segment.time.to_vec();
-        let data = SegmentData {
-            time_s: &time_s,
-            signal: signal.of(&estimate.segment),
-            interval_s,
-            noise_variance: hardware.noise_variance(interval_s),
-            motion_hz: None,
-        };
-        remarks::remarks(&hardware, &data, &estimate.trajectories)
-    }
-
     fn reproduction(&self) -> Option<&'static Program> {
         Some(&reproduction::PROGRAM)
     }
 
-    /// A position has no errors of an angle; see [`Rig::evaluate_positions`].
+    /// It has no angle; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
-    }
-
-    fn evaluate_positions(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[Reference],
-    ) -> Vec<Option<PositionErrors>> {
-        let errors =
-            |t| references.first().and_then(|reference| evaluate_position(t, reference, estimate.from_s()));
-        estimate.trajectories.iter().map(errors).collect()
     }
 }
 

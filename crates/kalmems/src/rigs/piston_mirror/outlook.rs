@@ -301,12 +301,14 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                             format!(
                                 "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise (`steady_state`); \
                                  the loop's natural frequency is {natural_hz:.2} Hz.",
-                                filter.name,
+                                filter.basics.name,
                                 position * NM
                             ),
                         )
                     }
-                    Err(why) => topic.with("settled_position_nm", [], format!("{}: {why}.", filter.name)),
+                    Err(why) => {
+                        topic.with("settled_position_nm", [], format!("{}: {why}.", filter.basics.name))
+                    }
                 };
             }
             Motion::Steady { density: [amplitude_density, _], .. } => {
@@ -319,7 +321,7 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                     [lag * NM, one_second],
                     format!(
                         "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean NIS does not show.",
-                        filter.name,
+                        filter.basics.name,
                         lag * NM
                     ),
                 );

@@ -1,5 +1,6 @@
 //! Samples that the device cannot have made.
 
+use super::data::SegmentData;
 use super::plates::capacitance_range;
 use super::settings::Hardware;
 
@@ -20,13 +21,9 @@ pub struct Beyond {
 /// The signal without those samples, and what they were; `None` where there is none.
 ///
 /// They say nothing of the distance: such a sample is a fault of the readout, and no estimator takes it for the motion.
-pub fn without_impossible(
-    hardware: &Hardware,
-    signal: &[f64],
-    noise_variance: f64,
-) -> Option<(Vec<f64>, Beyond)> {
+pub fn without_impossible(hardware: &Hardware, data: &SegmentData) -> Option<(Vec<f64>, Beyond)> {
     let [low, high] = capacitance_range(&hardware.plates, hardware.table_m);
-    let margin = BEYOND * noise_variance.sqrt();
+    let margin = BEYOND * data.noise_variance.sqrt();
     // 0 within the range.
     let beyond = |y: f64| {
         if y < low - margin {
@@ -37,9 +34,10 @@ pub fn without_impossible(
             0.0
         }
     };
-    let first = signal.iter().position(|y| beyond(*y) != 0.0)?;
+    let first = data.signal.iter().position(|y| beyond(*y) != 0.0)?;
     let mut found = Beyond { count: 0, first, largest_f: 0.0 };
-    let kept = signal
+    let kept = data
+        .signal
         .iter()
         .map(|y| {
             let off = beyond(*y);

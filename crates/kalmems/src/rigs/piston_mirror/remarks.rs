@@ -3,7 +3,7 @@
 use super::data::SegmentData;
 use super::observability::Unseen;
 use super::plates::{capacitance_range, last_term_m};
-use super::range::without_impossible;
+use super::range::Beyond;
 use super::settings::Hardware;
 use crate::estimate::Trajectory;
 use crate::results::significant;
@@ -14,13 +14,18 @@ const GAIN: f64 = 1e-4;
 const NM: f64 = 1e9;
 
 /// The remarks on the estimates of a segment; `data` has the signal as it was recorded.
-pub fn remarks(hardware: &Hardware, data: &SegmentData, trajectories: &[Trajectory]) -> Vec<String> {
+pub fn remarks(
+    hardware: &Hardware,
+    data: &SegmentData,
+    beyond: Option<Beyond>,
+    trajectories: &[Trajectory],
+) -> Vec<String> {
     let followed = trajectories.iter().find_map(|t| Followed::of(t));
     let mut said = Vec::new();
     if let Some(followed) = &followed {
         said.extend(of_gain(hardware, data, followed));
     }
-    said.extend(of_range(hardware, data, followed.as_ref()));
+    said.extend(beyond.map(|beyond| of_range(hardware, data, beyond, followed.as_ref())));
     said.extend(trajectories.iter().filter_map(|t| outside_table(hardware, t)));
     said.extend(of_bandwidth(hardware, data, followed.as_ref()));
     said
@@ -69,22 +74,21 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
     })
 }
 
-fn of_range(hardware: &Hardware, data: &SegmentData, followed: Option<&Followed>) -> Option<String> {
-    let (_, beyond) = without_impossible(hardware, data.signal, data.noise_variance)?;
+fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: Option<&Followed>) -> String {
     let range = capacitance_range(&hardware.plates, hardware.table_m).map(|c| significant(c * 1e15));
     let first = format!(
         "{} samples hold a capacitance that the device has at no distance, the first {:.4e} F at {} s; it has {} to {} fF. \
          They were left out, predicted and not corrected",
         beyond.count, data.signal[beyond.first], data.time_s[beyond.first], range[0], range[1]
     );
-    let Some(followed) = followed else { return Some(first) };
+    let Some(followed) = followed else { return first };
     // What one of them would move: the gain P·Hᵀ/R of a settled filter, times what it is off.
     let slope = hardware.plates.slope(followed.rest).abs();
     let moved = followed.position_sd.powi(2) * slope / data.noise_variance * beyond.largest_f.abs();
-    Some(format!(
+    format!(
         "{first}: taken for the motion, one of them would move the position by up to {} nm",
         significant(moved * NM)
-    ))
+    )
 }
 
 fn outside_table(hardware: &Hardware, trajectory: &Trajectory) -> Option<String> {

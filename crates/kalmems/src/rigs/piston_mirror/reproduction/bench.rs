@@ -122,7 +122,7 @@ impl Run {
         };
         let mut settings = settings.clone();
         settings.hardware.noise_density = self.noise;
-        settings.filters.retain(|filter| keys.contains(&filter.key.as_str()));
+        settings.filters.retain(|filter| keys.contains(&filter.basics.key.as_str()));
         for filter in &mut settings.filters {
             if let Motion::Steady { start: Some((mean, ..)), .. } = &mut filter.motion {
                 mean[2] = PHASE;
