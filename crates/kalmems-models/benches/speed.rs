@@ -14,11 +14,13 @@ mod accelerometer;
 mod by_hand;
 mod cases;
 mod peers;
+mod piston;
 mod system;
 mod threshold;
 
 use accelerometer::Sensed;
 use kalmems_core::{FilterError, Scalar};
+use piston::Both;
 use std::hint::black_box;
 use std::time::Instant;
 use system::{Run, System};
@@ -51,6 +53,7 @@ fn main() {
     compare("f64", "EKF, Euler", &System::simulated(LENGTH), &peers);
     compare_accelerometer::<f64>("f64");
     compare_accelerometer::<f32>("f32");
+    compare_phasors();
     compare_crossings::<f64>("f64");
     compare_crossings::<f32>("f32");
 }
@@ -63,6 +66,17 @@ fn compare_accelerometer<T: Scalar<Mask = bool>>(number: &str) {
         ("EKF, hybrid", Sensed::hybrid),
     ];
     compare(number, "Accelerometer, 4 states", &Sensed::simulated(LENGTH), &filters);
+}
+
+/// The goal is 2.2 times the scanner's filter for the five states.
+fn compare_phasors() {
+    let filters: [(&str, piston::Run); 4] = [
+        ("scanner, 2 states", Both::scanner),
+        ("scanner, 2 states, Euler", Both::scanner_euler),
+        ("phasor, 5 states", Both::phasor),
+        ("phasor, fixed gain", Both::lock),
+    ];
+    compare("f64", "EKF of a phasor", &Both::simulated(LENGTH), &filters);
 }
 
 /// The goal is 4 times the plain filter for the whole chain.

@@ -121,8 +121,13 @@ fn the_batch_fit_attains_the_bound() {
                 clean + noise_variance.sqrt() * noise.sample()
             })
             .collect();
-        let data =
-            SegmentData { time_s: &time_s, signal: &signal, interval_s: rate_hz.recip(), noise_variance };
+        let data = SegmentData {
+            time_s: &time_s,
+            signal: &signal,
+            interval_s: rate_hz.recip(),
+            noise_variance,
+            motion_hz: None,
+        };
         let start = [a * 1.001, f + 0.01, phase - 0.01, rest * 1.001, 0.0];
         let found = batch_fit(&plate(), &data, start, true).unwrap();
         assert!((found.mean_square - 1.0).abs() < 0.12, "{}", found.mean_square);

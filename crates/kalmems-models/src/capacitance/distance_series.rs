@@ -37,10 +37,16 @@ impl<P: Scalar, const K: usize> DistanceSeries<P, K> {
         distance.chained(sum)
     }
 
-    /// dC/dd in F/m.
-    pub fn slope(&self, distance: P) -> P {
-        let [slope] = self.capacitance(Dual::<P, 1>::variable(distance, 0)).gradient();
-        slope
+    /// dC/dd = −Σ k·c_k·d_r^k/d^{k+1} in F/m.
+    pub fn slope<S: Over<P>>(&self, distance: S) -> S {
+        let alone = distance.alone();
+        let reciprocal = alone.recip();
+        let inverse = reciprocal * self.reference_distance;
+        let mut sum = Dual::constant(P::of(0.0));
+        for k in (1..K).rev() {
+            sum = sum * inverse + self.coefficients[k] * P::of(k as f64);
+        }
+        distance.chained(-(sum * inverse * reciprocal))
     }
 
     /// The same plates behind another gain: what varies with the distance is scaled so that the capacitance at a

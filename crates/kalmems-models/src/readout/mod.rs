@@ -11,6 +11,7 @@ mod feedthrough;
 mod low_pass;
 mod low_passed;
 mod phasor_capacitance;
+mod phasor_detector;
 mod two_axis;
 
 pub use angle_before::AngleBefore;
@@ -24,4 +25,5 @@ pub use feedthrough::Feedthrough;
 pub use low_pass::{LowPassOutput, LowPassPair};
 pub use low_passed::LowPassedComb;
 pub use phasor_capacitance::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
+pub use phasor_detector::PhasorDetector;
 pub use two_axis::TwoAxisComb;

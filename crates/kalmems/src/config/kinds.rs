@@ -35,9 +35,11 @@ markers! {
     TorsionalDamping = kind::TORSIONAL_DAMPING;
     SpringConstant = kind::SPRING_CONSTANT;
     Damping = kind::DAMPING;
+    Pressure = kind::PRESSURE;
     Voltage = kind::VOLTAGE;
     VoltageVariance = kind::VOLTAGE_VARIANCE;
     VoltageDensity = kind::VOLTAGE_DENSITY;
+    VoltageNoise = kind::VOLTAGE_NOISE;
     PerVoltage = kind::PER_VOLTAGE;
     Capacitance = kind::CAPACITANCE;
     Resistance = kind::RESISTANCE;

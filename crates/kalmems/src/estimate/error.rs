@@ -164,6 +164,32 @@ pub enum EstimateError {
         /// How many samples.
         count: usize,
     },
+    /// There are too few samples per cycle to follow the motion.
+    #[error(
+        "{place}: sampled at {rate_hz} Hz, which is not above twice the {motion_hz} Hz of the motion: its frequency would be          taken for {alias_hz} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
+    )]
+    SampledTooSlowly {
+        /// The recording and its segment.
+        place: String,
+        /// The sampling rate.
+        rate_hz: f64,
+        /// The frequency of the motion.
+        motion_hz: f64,
+        /// What it would be taken for.
+        alias_hz: f64,
+        /// How far the motion goes.
+        error_m: f64,
+    },
+    /// A trigger that tells no frequency.
+    #[error("{place}: the trigger `{column}` {why}; correct the column, or leave it out of `channels`")]
+    Trigger {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Why.
+        why: String,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

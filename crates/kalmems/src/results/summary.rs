@@ -203,9 +203,6 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                 let text = "has no sample of this segment to compare with after the settling time";
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));
             }
-            for remark in &segment.remarks {
-                say(Severity::Note, format!("{place}: {remark}"));
-            }
             if let Some(likeliest) = &segment.likeliest {
                 let text = format!(
                     "{place}: of these filters `{}` predicts signal and crossings best: its log-likelihood is {:.1}, {:.1} above the \
@@ -213,6 +210,9 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                     likeliest.name, likeliest.log_likelihood, likeliest.ahead
                 );
                 say(Severity::Note, text);
+            }
+            for remark in &segment.remarks {
+                say(Severity::Note, format!("{place}: {remark}"));
             }
             for estimator in &segment.estimators {
                 for (severity, text) in sentences(estimator) {

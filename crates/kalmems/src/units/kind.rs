@@ -68,9 +68,11 @@ kinds! {
     TORSIONAL_DAMPING = "a torsional damping coefficient", of [1, 2, -1, 0, 0, 0], "5.95e-12 N m s";
     SPRING_CONSTANT = "a spring constant", of [1, 0, -2, 0, 0, 0], "3 N/m";
     DAMPING = "a damping coefficient", of [1, 0, -1, 0, 0, 0], "7e-4 N s/m";
+    PRESSURE = "a pressure", of [1, -1, -2, 0, 0, 0], "100 Pa";
     VOLTAGE = "a voltage", of [1, 2, -3, -1, 0, 0], "6 V";
     VOLTAGE_VARIANCE = "a variance of a voltage", of [2, 4, -6, -2, 0, 0], "1.92e-4 V^2";
     VOLTAGE_DENSITY = "a power density of a voltage", of [2, 4, -5, -2, 0, 0], "1e-15 V^2/Hz";
+    VOLTAGE_NOISE = "a noise density of a voltage", of_halves [2, 4, -5, -2, 0, 0], "2.09 nV/sqrt(Hz)";
     PER_VOLTAGE = "an inverse voltage", of [-1, -2, 3, 1, 0, 0], "0.5 1/V";
     CAPACITANCE = "a capacitance", of [-1, -2, 4, 2, 0, 0], "5.71 pF";
     RESISTANCE = "a resistance", of [1, 2, -3, -2, 0, 0], "17.86 kohm";

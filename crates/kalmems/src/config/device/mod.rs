@@ -15,7 +15,9 @@ pub use circuit::{
     DetectorSource, DiodeDetector, HighPassFilter, ModulatedCircuit, SquareLawDetector, SynchronousDetector,
 };
 pub use micro_stage::{Electrode, Gyroscope, MicroStage, StageResonator, Vibrometer};
-pub use piston_mirror::{CapacitanceReadout, DistanceSeries, PistonMirror};
+pub use piston_mirror::{
+    CapacitanceReadout, CarrierFrontEnd, DistanceSeries, DrivenPlate, PistonMirror, SurroundingGas,
+};
 pub use second_axis::SecondAxis;
 pub use shared_scanner::{Carrier, DemodulatedReadout, GaussianComb, Resonator, SharedScanner};
 pub use threshold_scanner::{

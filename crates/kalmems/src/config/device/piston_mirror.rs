@@ -1,9 +1,12 @@
 //! The piston mirror, sensed by a capacitor of one plate behind it.
 
 use crate::config::Key;
-use crate::config::kinds::{Capacitance, CapacitanceDensity, Length};
+use crate::config::kinds::{
+    Capacitance, CapacitanceDensity, Frequency, Length, Mass, Pressure, Ratio, Resistance, Voltage,
+    VoltageNoise,
+};
 use crate::config::quantity::Quantity;
-use crate::config::sign::Positive;
+use crate::config::sign::{NotNegative, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +18,9 @@ pub struct PistonMirror {
     pub capacitance: DistanceSeries,
     /// From capacitance to samples.
     pub readout: CapacitanceReadout,
+    /// The mechanics and the drive; for a simulation of the driven mirror, and for what can be said before it moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mirror: Option<DrivenPlate>,
 }
 
 /// A series in powers of the inverse distance: the sum of `coefficients[k] (reference_distance/d)^k`.
@@ -28,6 +34,14 @@ pub struct DistanceSeries {
     /// The coefficients, from power 0 on.
     #[schemars(length(min = 2), example = parallel_plate())]
     pub coefficients: Vec<Quantity<Capacitance>>,
+    /// The nearest distance of the table that the series was fitted to; unknown if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.45 mm")]
+    pub nearest: Option<Quantity<Length, Positive>>,
+    /// The farthest distance of that table; unknown if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1.55 mm")]
+    pub farthest: Option<Quantity<Length, Positive>>,
 }
 
 fn parallel_plate() -> serde_json::Value {
@@ -40,10 +54,83 @@ fn parallel_plate() -> serde_json::Value {
 pub struct CapacitanceReadout {
     /// The one-sided density; one sample has its square times half the sample rate as variance.
     pub noise_density: Quantity<CapacitanceDensity, Positive>,
+    /// The bandwidth before the sampling; half the sample rate if left out. Noise beyond half the sample rate is folded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"97 kHz")]
+    pub bandwidth: Option<Quantity<Frequency, Positive>>,
+    /// The carrier circuit, from which `kalmems inspect` computes a noise density to set beside the stated one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub front_end: Option<CarrierFrontEnd>,
+}
+
+/// A carrier through the sensed capacitance into a shunt, with a parasitic capacitance beside it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CarrierFrontEnd {
+    /// The carrier's voltage: root mean square, as the noise is.
+    #[schemars(example = &"1 V")]
+    pub excitation: Quantity<Voltage, Positive>,
+    /// The carrier's frequency.
+    #[schemars(example = &"20 MHz")]
+    pub carrier: Quantity<Frequency, Positive>,
+    /// The shunt.
+    #[schemars(example = &"50 ohm")]
+    pub shunt: Quantity<Resistance, Positive>,
+    /// The parasitic capacitance beside the shunt.
+    #[schemars(example = &"100 pF")]
+    pub parallel_capacitance: Quantity<Capacitance, NotNegative>,
+    /// The amplifier's noise at the shunt, one-sided.
+    #[schemars(example = &"2.09 nV/sqrt(Hz)")]
+    pub voltage_noise: Quantity<VoltageNoise, Positive>,
+}
+
+/// A plate on springs, driven through a comb in its plane that pulls it back to rest from either side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DrivenPlate {
+    /// The moving mass.
+    #[schemars(example = &"1 mg")]
+    pub mass: Quantity<Mass, Positive>,
+    /// The resonance without drive and damping.
+    #[schemars(example = &"500 Hz")]
+    pub resonance: Quantity<Frequency, Positive>,
+    /// What the comb's capacitance has more at rest than far away.
+    #[schemars(example = &"2 pF")]
+    pub comb_capacitance: Quantity<Capacitance, Positive>,
+    /// The displacement at which that has fallen to 1/e.
+    #[schemars(example = &"200 um")]
+    pub comb_width: Quantity<Length, Positive>,
+    /// The quality factor without gas.
+    #[schemars(example = &"20000")]
+    pub intrinsic_quality: Quantity<Ratio, Positive>,
+    /// The gas around it; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gas: Option<SurroundingGas>,
+}
+
+/// Gas that brakes a plate: 1/Q = p/(p + `transition_pressure`)/`viscous_quality`, beside what the mechanics take.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SurroundingGas {
+    /// Its pressure.
+    #[schemars(example = &"100 Pa")]
+    pub pressure: Quantity<Pressure, NotNegative>,
+    /// The quality factor that the gas alone would leave where it is a fluid.
+    #[schemars(example = &"150")]
+    pub viscous_quality: Quantity<Ratio, Positive>,
+    /// The pressure at which it brakes half as much as the fluid.
+    #[schemars(example = &"400 Pa")]
+    pub transition_pressure: Quantity<Pressure, Positive>,
 }
 
 impl PistonMirror {
     pub(super) fn check(&self) -> Result<(), (Key, String)> {
+        if let (Some(nearest), Some(farthest)) = (&self.capacitance.nearest, &self.capacitance.farthest)
+            && nearest.si() >= farthest.si()
+        {
+            let why = format!("`{}` is not beyond `nearest`, `{}`", farthest.text(), nearest.text());
+            return Err((Key::from("device.piston_mirror.capacitance.farthest"), why));
+        }
         // Without a power of the distance the signal says nothing about it.
         if self.capacitance.coefficients.iter().skip(1).any(|c| c.si() != 0.0) {
             return Ok(());

@@ -11,4 +11,6 @@ pub struct SegmentData<'a> {
     pub interval_s: f64,
     /// The variance of a sample in F².
     pub noise_variance: f64,
+    /// The frequency of the motion in Hz where a trigger tells it.
+    pub motion_hz: Option<f64>,
 }

@@ -7,28 +7,41 @@
 mod bound;
 mod course;
 mod data;
+mod driven;
+mod mechanics;
 mod metamodel;
+mod observability;
+mod outlook;
+mod phase_lock;
 mod phasor;
 mod plates;
+mod range;
+mod remarks;
+mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
 mod start;
+mod trigger;
 
 use super::Rig;
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Role};
 use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
+use crate::recording::{Layout, ReadError, Recording};
+use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use bound::{MotionBound, motion_bound};
 pub use data::SegmentData;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
+use range::without_impossible;
+use remarks::remarks;
 use settings::Settings;
 pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
+use trigger::motion_frequency;
 
 /// The rig.
 pub struct PistonMirrorRig;
@@ -36,18 +49,20 @@ pub struct PistonMirrorRig;
 /// Cycles of the motion that have to follow the settling time.
 const CYCLES: f64 = 10.0;
 
-/// What no innovation shows.
-const SCALE: &str = "a wrong gain of the readout or a wrong reference distance scales amplitude and position, and the \
-                     mean NIS cannot see it";
-
 /// What a reference may know; the first is what the instrument is for.
 static VALUES: [ValueState; 2] = [
     ValueState { name: "position", kind: &kind::LENGTH, rate: Some("velocity") },
     ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
 ];
 
-/// The channels that an estimate needs.
-const MEANINGS: [&str; 1] = ["signal"];
+/// The channels that an estimate may have: the capacitance, and a trigger of the drive.
+const MEANINGS: [&str; 2] = ["signal", "trigger"];
+
+/// The columns of a recording.
+struct Columns<'a> {
+    signal: &'a str,
+    trigger: Option<&'a str>,
+}
 
 impl Rig for PistonMirrorRig {
     fn name(&self) -> &'static str {
@@ -68,13 +83,15 @@ impl Rig for PistonMirrorRig {
             return Err(experiment.error("recording", Fault::Value { why }));
         }
         for index in &wanted {
-            column(experiment, *index)?;
+            columns(experiment, *index)?;
         }
         Ok(wanted)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&[column(experiment, index)?]))
+        let columns = columns(experiment, index)?;
+        let all: Vec<&str> = [Some(columns.signal), columns.trigger].into_iter().flatten().collect();
+        Ok(experiment.recording(index)?.layout(&all))
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -93,28 +110,55 @@ impl Rig for PistonMirrorRig {
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        let name = column(experiment, index)?;
-        estimate_segments(recording, (name, &kind::CAPACITANCE), settings.skip_s, |segment| {
-            let data = SegmentData {
-                time_s: segment.time_s,
+        let columns = columns(experiment, index)?;
+        let trigger = columns
+            .trigger
+            .map(|name| Ok::<_, ReadError>((name, recording.column_of(name, &kind::VOLTAGE)?)));
+        let trigger = trigger.transpose()?;
+        let hardware = &settings.hardware;
+        let signal = (columns.signal, &kind::CAPACITANCE);
+        estimate_segments(recording, signal, settings.skip_s, |segment| {
+            let (time_s, interval_s) = (segment.time_s, segment.interval_s);
+            let motion_hz = trigger.map(|(column, values)| {
+                motion_frequency(time_s, values.of(segment.segment), interval_s).map_err(|why| {
+                    let (place, column) = (segment.place.to_owned(), column.to_owned());
+                    EstimateError::Trigger { place, column, why: why.to_string() }
+                })
+            });
+            let recorded = SegmentData {
+                time_s,
                 signal: segment.signal,
-                interval_s: segment.interval_s,
-                noise_variance: settings.hardware.noise_variance(segment.interval_s),
+                interval_s,
+                noise_variance: hardware.noise_variance(interval_s),
+                motion_hz: motion_hz.transpose()?,
             };
+            require_fast_enough(hardware, &recorded, segment.place)?;
+            let kept = without_impossible(hardware, &recorded);
+            let signal = kept.as_ref().map_or(segment.signal, |(kept, _)| kept);
+            let data = SegmentData { signal, ..recorded };
             let (trajectories, motion) = segment::estimate(&settings, &data, segment.place, progress)?;
             segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-            let estimate = segment.estimated(motion, trajectories);
-            Ok(SegmentEstimate { remarks: vec![SCALE.to_owned()], ..estimate })
+            let beyond = kept.as_ref().map(|(_, beyond)| *beyond);
+            let remarks = remarks(hardware, &recorded, beyond, &trajectories);
+            Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
         })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
-        let why = "what can be said of a piston mirror before a recording is not built yet".to_owned();
-        Err(experiment.error("device", Fault::Value { why }).into())
+        outlook::outlook(experiment)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        if let Some(simulate) = &experiment.simulate
+            && !matches!(simulate.drive, DriveSource::Prescribed(_))
+        {
+            return Ok(Box::new(driven::DrivenSimulation::of(experiment, simulate)?));
+        }
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
     }
 
     /// It has no angle; see [`Rig::values`].
@@ -123,8 +167,31 @@ impl Rig for PistonMirrorRig {
     }
 }
 
-fn column(experiment: &Experiment, index: usize) -> Result<&str, ConfigError> {
+fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigError> {
     let key = Key::from("recording").index(index).child("channels");
-    let [signal] = experiment.columns(key, &experiment.recording(index)?.channels, MEANINGS)?;
-    Ok(signal)
+    let channels = &experiment.recording(index)?.channels;
+    if let Some(trigger) = channels.column("trigger") {
+        let [signal, _] = experiment.columns(key, channels, MEANINGS)?;
+        return Ok(Columns { signal, trigger: Some(trigger) });
+    }
+    let [signal] = experiment.columns(key, channels, [MEANINGS[0]])?;
+    Ok(Columns { signal, trigger: None })
+}
+
+/// Refuses samples that are too far apart for the motion that trigger or mechanics speak of.
+fn require_fast_enough(
+    hardware: &settings::Hardware,
+    data: &SegmentData,
+    place: &str,
+) -> Result<(), EstimateError> {
+    let stated = hardware.mechanics.map(|mechanics| mechanics.resonance_hz);
+    let rate_hz = 1.0 / data.interval_s;
+    let Some(motion_hz) = data.motion_hz.or(stated).filter(|motion_hz| rate_hz <= 2.0 * motion_hz) else {
+        return Ok(());
+    };
+    let alias_hz = (motion_hz - rate_hz * (motion_hz / rate_hz).round()).abs();
+    let distances = data.signal.iter().filter_map(|c| distance_at(&hardware.plates, *c));
+    let (near, far) = distances.fold((f64::INFINITY, 0.0_f64), |(n, f), d| (n.min(d), f.max(d)));
+    let error_m = (far - near).max(0.0);
+    Err(EstimateError::SampledTooSlowly { place: place.to_owned(), rate_hz, motion_hz, alias_hz, error_m })
 }

@@ -59,6 +59,35 @@ pub fn distance_at(plates: &Plates, capacitance: f64) -> Option<f64> {
     (plates.slope(distance) < 0.0).then_some(distance)
 }
 
+/// The least and the largest capacitance in F that the plates have between two distances in m, or, where one is without
+/// limit, as far as [`distance_at`] looks.
+pub fn capacitance_range(plates: &Plates, [nearest, farthest]: [f64; 2]) -> [f64; 2] {
+    let unit = plates.reference_distance;
+    let end = |stride: f64, limit: f64| {
+        let mut distance = unit;
+        loop {
+            let next = distance * stride;
+            let beyond = if stride < 1.0 { next < limit } else { next > limit };
+            if beyond || plates.slope(next) >= 0.0 {
+                return if beyond { limit } else { distance };
+            }
+            distance = next;
+        }
+    };
+    [end(STRIDE, farthest.min(unit * REACH)), end(STRIDE.recip(), nearest.max(unit / REACH))]
+        .map(|distance| plates.capacitance(distance))
+}
+
+/// What leaving the last term of a series out does at a distance, as an error of the distance in m: how far the series may
+/// be wrong outside its table, about.
+pub fn last_term_m(plates: &Plates, distance: f64) -> f64 {
+    let mut shorter = *plates;
+    if let Some(last) = shorter.coefficients.iter_mut().rev().find(|c| **c != 0.0) {
+        *last = 0.0;
+    }
+    ((plates.capacitance(distance) - shorter.capacitance(distance)) / plates.slope(distance)).abs()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

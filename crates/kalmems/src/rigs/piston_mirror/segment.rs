@@ -2,15 +2,21 @@
 
 use super::course::PhasorCourse;
 use super::data::SegmentData;
+use super::observability::amplitude_per_rest;
+use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, Phasor, STATES, Steady};
 use super::plates::distance_at;
 use super::settings::{FilterSettings, Motion, Settings};
-use super::start::{BatchStart, batch_start, wrapped};
+use super::start::{BatchStart, batch_fit, batch_start, wrapped};
+use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, Progress, StateName, Trajectory, TrajectoryKind, answers, judge_lock,
+    self, AnyFilter, EstimateError, Progress, StateName, Trajectory, TrajectoryKind, answers, follow,
+    judge_lock,
 };
 use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
+use kalmems_models::readout::PhasorDetector;
+use std::f64::consts::TAU;
 
 /// Runs the wanted filters over a segment, which `place` names in messages, and says how fast it moves.
 pub fn estimate(
@@ -75,15 +81,25 @@ impl Task<'_> {
         match self.filter.motion {
             Motion::None => Ok(vec![self.inversion()]),
             Motion::Steady { density, start } => {
-                let (mean, covariance, rest) = if let Some((mean, sd, rest)) = start {
-                    (mean, Covariance::from_standard_deviations(sd), rest)
-                } else {
-                    let batch = self.batch()?;
-                    let [a, f, phase, rest, _] = batch.mean;
-                    ([a, f, phase], widened(&batch.covariance), rest)
-                };
                 let names = std::array::from_fn(|i| STATES[i]);
-                self.follow::<_, 3>(&Steady::new(plates, rest, density), &names, mean, covariance)
+                if let Some((mean, sd, rest)) = start {
+                    let covariance = Covariance::from_standard_deviations(sd);
+                    return self.follow::<_, 3>(
+                        &Steady::new(plates, rest, density),
+                        &names,
+                        mean,
+                        covariance,
+                    );
+                }
+                let batch = self.batch()?;
+                let [a, f, phase, ..] = batch.mean;
+                let (rest, rest_sd) = self.rest(&batch);
+                let steady = Steady::new(plates, rest, density);
+                let covariance = widened(&batch.covariance);
+                let mut trajectories = self.follow::<_, 3>(&steady, &names, [a, f, phase], covariance)?;
+                let taken_up = amplitude_per_rest(&plates, [a, rest]);
+                trajectories.iter_mut().for_each(|t| with_rest(t, rest_sd, taken_up));
+                Ok(trajectories)
             }
             Motion::Drifting { density, start } => {
                 let (mean, covariance) = if let Some((mean, sd)) = start {
@@ -92,9 +108,50 @@ impl Task<'_> {
                     let batch = self.batch()?;
                     (batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0]))
                 };
-                self.follow::<_, 5>(&Drifting::new(plates, density), &STATES, mean, covariance)
+                let drifting = Drifting::new(plates, density);
+                if self.filter.basics.method == Method::SteadyState {
+                    return self.lock(&drifting, if start.is_some() { mean } else { self.settled(mean) });
+                }
+                self.follow::<_, 5>(&drifting, &STATES, mean, covariance)
             }
         }
+    }
+
+    /// The phase-locked loop from a state.
+    fn lock(&self, drifting: &Drifting, mean: [f64; 5]) -> Result<Vec<Trajectory>, EstimateError> {
+        let detector = PhasorDetector { series: self.settings.hardware.plates };
+        let process = drifting.over(self.data.interval_s);
+        let lock = PhaseLock::new(detector, &process, mean, self.data.noise_variance).map_err(|why| {
+            EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
+        })?;
+        let mut course = PhasorCourse::new(drifting, self.data);
+        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
+        let trajectory = follow(names, lock, &mut course, &STATES, self.progress);
+        Ok(vec![trajectory.ok_or(EstimateError::Interrupted)?])
+    }
+
+    /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that is not
+    /// longer than what a start looks at, or the fit does not settle.
+    fn over_settling_time(&self, from: [f64; 5]) -> Option<BatchStart> {
+        let first_s = self.data.time_s.first().copied()?;
+        let end = self.data.time_s.partition_point(|t| *t < first_s + self.settings.skip_s);
+        let window =
+            SegmentData { time_s: &self.data.time_s[..end], signal: &self.data.signal[..end], ..*self.data };
+        batch_fit(&self.settings.hardware.plates, &window, from, true).ok()
+    }
+
+    /// The rest position and its standard deviation in m, for a filter that holds it. What 20 ms leave of it a filter of three
+    /// states would keep for ever, and its innovations would not show it: all of the settling time is used.
+    fn rest(&self, batch: &BatchStart) -> (f64, f64) {
+        let of = |fit: &BatchStart| (fit.mean[3], fit.covariance.standard_deviation(3));
+        let first = of(batch);
+        let longer = self.over_settling_time(batch.mean).map_or(first, |fit| of(&fit));
+        if longer.1 < first.1 { longer } else { first }
+    }
+
+    /// Where a filter starts that forgets its start as slowly as a settled one does.
+    fn settled(&self, from: [f64; 5]) -> [f64; 5] {
+        self.over_settling_time(from).map_or(from, |fit| fit.mean)
     }
 
     /// The filtered trajectory, and the smoothed ones that are wanted.
@@ -138,6 +195,25 @@ impl Task<'_> {
             }
         }
         trajectory
+    }
+}
+
+/// Adds what the uncertainty of a held rest position makes of position, velocity and amplitude to what the filter says of
+/// them. The amplitude takes up what it can of a wrong rest position, per metre of it.
+fn with_rest(trajectory: &mut Trajectory, rest_sd: f64, taken_up: f64) {
+    let state = |name: &str| trajectory.state(name).map(|state| state.mean.clone()).unwrap_or_default();
+    let (phases, frequencies) = (state("phase"), state("frequency"));
+    for state in &mut trajectory.states {
+        for ((sd, phase), frequency) in state.sd.iter_mut().zip(&phases).zip(&frequencies) {
+            let (sine, cosine) = phase.sin_cos();
+            let per_metre = match state.name {
+                "amplitude" => taken_up,
+                "position" => 1.0 + taken_up * cosine,
+                "velocity" => -TAU * frequency * taken_up * sine,
+                _ => continue,
+            };
+            *sd = sd.hypot(per_metre * rest_sd);
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the rig takes from an experiment file, in SI.
 
+use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
@@ -26,6 +27,12 @@ pub struct Hardware {
     pub plates: Plates,
     /// The one-sided density of the capacitance's noise in F/√Hz.
     pub noise_density: f64,
+    /// The bandwidth before the sampling in Hz, where it is stated.
+    pub bandwidth_hz: Option<f64>,
+    /// Between which distances in m C(d) was fitted; without limit where the file does not say.
+    pub table_m: [f64; 2],
+    /// Mechanics and drive, where the file has them.
+    pub mechanics: Option<Mechanics>,
 }
 
 /// One filter.
@@ -81,12 +88,20 @@ impl Hardware {
         Ok(Self {
             plates: Plates { reference_distance: device.capacitance.reference_distance.si(), coefficients },
             noise_density: device.readout.noise_density.si(),
+            bandwidth_hz: device.readout.bandwidth.as_ref().map(Quantity::si),
+            table_m: [
+                device.capacitance.nearest.as_ref().map_or(0.0, Quantity::si),
+                device.capacitance.farthest.as_ref().map_or(f64::INFINITY, Quantity::si),
+            ],
+            mechanics: device.mirror.as_ref().map(Mechanics::of),
         })
     }
 
-    /// The variance of one sample in F²: the density's square times half the sampling rate.
+    /// The variance of one sample in F²: the density's square times half the sampling rate, or times the bandwidth where
+    /// that is larger, because what lies beyond half the sampling rate is folded into the samples.
     pub fn noise_variance(&self, interval_s: f64) -> f64 {
-        self.noise_density * self.noise_density / (2.0 * interval_s)
+        let half_rate = 0.5 / interval_s;
+        self.noise_density * self.noise_density * self.bandwidth_hz.map_or(half_rate, |b| b.max(half_rate))
     }
 }
 
@@ -113,11 +128,16 @@ impl FilterSettings {
         };
         let built = matches!(
             filter.method,
-            Method::Ekf | Method::Ukf | Method::IteratedEkf | Method::SquareRootEkf | Method::DirectInversion
+            Method::Ekf
+                | Method::Ukf
+                | Method::IteratedEkf
+                | Method::SquareRootEkf
+                | Method::SteadyState
+                | Method::DirectInversion
         );
         if !built {
             let why = "this method is not built for a piston mirror; write `ekf`, `ukf`, `iterated_ekf`, \
-                       `square_root_ekf` or `direct_inversion`";
+                       `square_root_ekf`, `steady_state` or `direct_inversion`";
             return refuse("method", why);
         }
         let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
@@ -129,6 +149,11 @@ impl FilterSettings {
         } else {
             motion(experiment, estimate, filter, &at)?
         };
+        if filter.method == Method::SteadyState && !matches!(motion, Motion::Drifting { .. }) {
+            let why =
+                "a phase-locked loop is built for five states; give its `process_noise` an `amplitude_rate`";
+            return refuse("method", why);
+        }
         Ok(Self { basics: FilterBasics::of(experiment, &at, filter, (&[], &[]))?, motion })
     }
 }

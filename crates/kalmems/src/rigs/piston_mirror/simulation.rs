@@ -1,8 +1,10 @@
 //! A recording of the mirror that is computed.
 
+use super::driven::noise_deviation;
 use super::phasor::{STATES, position_and_velocity};
+use super::plates::last_term_m;
 use super::settings::Hardware;
-use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Quantity, Sign};
+use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Quantity, Sign, Simulate};
 use crate::recording::Source;
 use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
 use std::f64::consts::TAU;
@@ -24,6 +26,16 @@ pub struct PhasorSimulation {
 /// The stream of the readout's noise.
 const SIGNAL_NOISE: u64 = 0;
 
+/// [A, f, φ, d₀, Ȧ] at the first sample, as the file states them.
+pub fn start_of(experiment: &Experiment, simulate: &Simulate) -> Result<[f64; 5], ConfigError> {
+    let positive = ["amplitude", "frequency", "offset"];
+    let entries = STATES.map(|(name, _, kind)| {
+        let sign = if positive.contains(&name) { Sign::Positive } else { Sign::Any };
+        Entry { name, kind, sign }
+    });
+    experiment.values("simulate.start", &simulate.start, entries)
+}
+
 impl PhasorSimulation {
     /// Reads and checks what the file says of the simulation.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
@@ -39,18 +51,13 @@ impl PhasorSimulation {
                 "a piston mirror is simulated by its motion; write `drive = { prescribed = {} }`".to_owned();
             return Err(experiment.error("simulate.drive", Fault::Value { why }));
         };
-        let positive = ["amplitude", "frequency", "offset"];
-        let entries = STATES.map(|(name, _, kind)| {
-            let sign = if positive.contains(&name) { Sign::Positive } else { Sign::Any };
-            Entry { name, kind, sign }
-        });
-        let start = experiment.values("simulate.start", &simulate.start, entries)?;
+        let start = start_of(experiment, simulate)?;
         let harmonic = [
             motion.second_harmonic.as_ref().map_or(0.0, Quantity::si),
             motion.second_harmonic_phase.as_ref().map_or(0.0, Quantity::si),
         ];
         let interval_s = simulate.sampling_rate.si().recip();
-        let noise_sd = if simulate.noise { hardware.noise_variance(interval_s).sqrt() } else { 0.0 };
+        let noise_sd = noise_deviation(experiment, simulate, &hardware, interval_s)?;
         let simulation = Self {
             hardware,
             start,
@@ -60,11 +67,21 @@ impl PhasorSimulation {
             noise_sd,
             seed: simulate.seed,
         };
-        let nearest = start[3] - start[0].max(start[0] + start[4] * simulate.duration.si()) - harmonic[0];
+        let reach = start[0].max(start[0] + start[4] * simulate.duration.si()) + harmonic[0];
+        let (nearest, farthest) = (start[3] - reach, start[3] + reach);
         if nearest <= 0.0 {
             let why = format!(
                 "the mirror would come to {nearest:.3e} m from the electrode; expected a distance above 0 all along: \
                  an `amplitude` below `offset`"
+            );
+            return Err(experiment.error("simulate.start", Fault::Value { why }));
+        }
+        let [near_end, far_end] = simulation.hardware.table_m;
+        if nearest < near_end || farthest > far_end {
+            let (outside, end) = if nearest < near_end { (nearest, near_end) } else { (farthest, far_end) };
+            let why = format!(
+                "the mirror would come to {outside:.4e} m, outside the table of its capacitance, which ends at {end:.4e} m;                  there the series may be wrong by {:.1e} m and more: take a smaller motion, or fit a longer table",
+                last_term_m(&simulation.hardware.plates, outside)
             );
             return Err(experiment.error("simulate.start", Fault::Value { why }));
         }

@@ -3,7 +3,7 @@
 use super::data::SegmentData;
 use super::plates::{Plates, distance_at};
 use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
-use crate::signal::fit_sine;
+use crate::signal::{fit_sine, fit_sine_at};
 use kalmems_core::{Covariance, Over};
 use std::f64::consts::TAU;
 
@@ -62,7 +62,8 @@ const POOR: f64 = 4.0;
 
 /// Fits a motion to the first samples of a segment, from any phase: the capacitances as distances, the largest line of
 /// their spectrum with linear least squares and Gauss–Newton steps on its frequency ([`fit_sine`]), and from
-/// there Gauss–Newton steps on the capacitances themselves, which weigh each sample as it deserves.
+/// there Gauss–Newton steps on the capacitances themselves, which weigh each sample as it deserves. Where a trigger tells
+/// the frequency, no line is looked for.
 ///
 /// Ȧ is held at 0: so short a window says nothing of it.
 pub fn batch_start(plates: &Plates, data: &SegmentData) -> Result<BatchStart, NoBatchStart> {
@@ -85,7 +86,11 @@ fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchSt
     let distances: Vec<f64> =
         window.signal.iter().map(|c| distance_at(plates, *c).unwrap_or(f64::NAN)).collect();
     let times: Vec<f64> = window.time_s.iter().map(|t| t - first_s).collect();
-    let sine = fit_sine(&times, &distances, window.interval_s).ok_or(NoBatchStart::NoSine)?;
+    let sine = match window.motion_hz {
+        Some(frequency_hz) => fit_sine_at(&times, &distances, frequency_hz),
+        None => fit_sine(&times, &distances, window.interval_s),
+    };
+    let sine = sine.ok_or(NoBatchStart::NoSine)?;
     batch_fit(plates, window, [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0], false)
         .map_err(|_| NoBatchStart::NotFitted)
         .and_then(|mut start| {

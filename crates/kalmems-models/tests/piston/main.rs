@@ -1,5 +1,8 @@
 //! The piston mirror's laws against complex arithmetic, closed forms and the paper's numbers.
 
+mod estimators;
+mod motion;
+
 use kalmems_core::{Mat, Measurement, NoiseDensity, Process, jacobian};
 use kalmems_models::capacitance::DistanceSeries;
 use kalmems_models::dynamics::{DriftingPhasor, SteadyPhasor};
