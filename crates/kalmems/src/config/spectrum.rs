@@ -127,7 +127,7 @@ pub struct SpectrumTransform {
     /// long one if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub short_path_difference: Option<Quantity<Length, Positive>>,
-    /// How many values for each one that the path difference resolves, 1 to 64; 4 if left out.
+    /// How many values for each one that the path difference resolves, 1 to 64; 8 if left out.
     #[schemars(range(min = 1, max = 64))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_filling: Option<u32>,
@@ -265,7 +265,7 @@ pub struct ReferenceSpectrum {
     /// The file, relative to the folder of the spectrum file.
     #[schemars(example = &"single_channel.csv")]
     pub file: PathBuf,
-    /// The column of the wavenumbers.
+    /// The column of the wavenumbers; its name ends with `_per_m` or `_per_cm`.
     #[schemars(example = &"wavenumber_per_m")]
     pub wavenumber: String,
     /// The column of the values.

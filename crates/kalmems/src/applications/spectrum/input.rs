@@ -48,7 +48,17 @@ impl Input<'_> {
             columns: Some(vec![of.wavenumber.clone(), of.column.clone()]),
         };
         let recording = self.read("reference.spectrum", &of.file, layout)?;
-        let wavenumber = recording.column_of(&of.wavenumber, &kind::WAVENUMBER)?.values.clone();
+        // A name's ending that is an inverse unit alone is no unit of a recording.
+        let per_m = match of.wavenumber.rsplit_once("_per_").map(|(_, unit)| unit) {
+            Some("m") => 1.0,
+            Some("cm") => 100.0,
+            _ => {
+                let why = format!("`{}` does not end with `_per_m` or `_per_cm`", of.wavenumber);
+                let key = Key::from("reference.spectrum").child("wavenumber");
+                return Err(self.file.error(key, Fault::Value { why }).into());
+            }
+        };
+        let wavenumber = recording.column(&of.wavenumber)?.values.iter().map(|nu| per_m * nu).collect();
         Ok([wavenumber, recording.column(&of.column)?.values.clone()])
     }
 

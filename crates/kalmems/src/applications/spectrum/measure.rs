@@ -269,9 +269,11 @@ fn known(asked: &SpectrumLine, found: &MeasuredLine) -> Option<KnownLine> {
     })
 }
 
-/// Forward scans have their zero path later by v·τ, backward ones earlier: half the difference over the speed there.
+/// Forward scans lie later by v·τ, backward ones earlier: half the difference over the speed, which counts where the light
+/// is by which scans are laid over each other.
 fn residual_delay(processed: &Processed) -> Option<(f64, f64)> {
-    let speeds = processed.samples.iter().map(|s| s.speed_m_per_s.abs()).fold(0.0, f64::max);
+    let energy: f64 = processed.samples.iter().map(|s| s.energy).sum();
+    let speed = processed.samples.iter().map(|s| s.energy * s.speed_m_per_s.abs()).sum::<f64>() / energy;
     let of = |direction: bool| {
         let shifts: Vec<f64> = (processed.misregistration_m.iter().zip(&processed.scans.forward))
             .filter(|(_, forward)| **forward == direction)
@@ -283,8 +285,8 @@ fn residual_delay(processed: &Processed) -> Option<(f64, f64)> {
         (shifts.len() > 1).then(|| (mean, square / (n * (n - 1.0))))
     };
     let ((forward, forward_variance), (backward, backward_variance)) = (of(true)?, of(false)?);
-    let delay = (forward - backward) / (2.0 * speeds);
-    Some((delay, (forward_variance + backward_variance).sqrt() / (2.0 * speeds)))
+    let delay = (forward - backward) / (2.0 * speed);
+    Some((delay, (forward_variance + backward_variance).sqrt() / (2.0 * speed)))
 }
 
 fn compare(

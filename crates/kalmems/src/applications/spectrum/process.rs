@@ -52,6 +52,9 @@ pub struct PathSample {
     pub speed_m_per_s: f64,
     /// Its share of the path times its apodisation.
     pub weight: f64,
+    /// What it counts for where interferograms are laid over each other: its share of the path times the square of its
+    /// apodised value.
+    pub energy: f64,
 }
 
 /// Samples that are kept for the budget, at most.
@@ -108,8 +111,26 @@ pub(super) fn of_steps(
     })
 }
 
-/// Spectra along a trajectory.
+/// Spectra along a trajectory. Where the zero path is to be searched, all is done twice: about the sample that deviates most,
+/// and, as that may be some fringes off, about the zero path that the spectrum then shows.
 pub(super) fn along(
+    columns: &[Detector],
+    track: &PositionTrack,
+    trajectory: &PathTrajectory,
+    settings: &SpectrumTransform,
+    progress: &dyn Progress,
+) -> Result<Processed, SpectrumError> {
+    let told = settings.zero_path.as_ref().map(Quantity::si);
+    let about = |zero| along_about(zero, columns, track, trajectory, settings, progress);
+    let found = about(told)?;
+    match found.zero_m {
+        Some(zero) if told.is_none() && settings.phase != PhaseCorrection::Mertz => about(Some(zero)),
+        _ => Ok(found),
+    }
+}
+
+fn along_about(
+    told: Option<f64>,
     columns: &[Detector],
     track: &PositionTrack,
     trajectory: &PathTrajectory,
@@ -120,7 +141,6 @@ pub(super) fn along(
     let short_m = settings.short_path_difference.as_ref().map_or(largest_m, Quantity::si);
     let reach = Reach { largest_m, short_m };
     let factor = trajectory.path_per_position();
-    let told = settings.zero_path.as_ref().map(Quantity::si);
     let scale =
         PathScale { path_per_position: factor, delay_s: trajectory.delay_s(), zero_m: told.unwrap_or(0.0) };
     let mut counts = ScanCounts::default();
@@ -198,12 +218,18 @@ pub(super) fn along(
     let every = (counts.used / SAMPLES).max(1);
     let samples = passes.iter().flat_map(|pass| {
         let time = &columns[pass.0].time_s[pass.1.rows.clone()];
+        let value = &columns[pass.0].value[pass.1.rows.clone()];
         let path = path_of(pass);
-        let speeds = time.windows(2).zip(path.windows(2)).step_by(every);
-        speeds.map(move |(t, x)| PathSample {
-            time_s: t[0],
-            speed_m_per_s: (x[1] - x[0]) / (t[1] - t[0]),
-            weight: (x[1] - x[0]).abs() * settings.apodisation.weight(x[0] / largest_m),
+        let mean = value.iter().sum::<f64>() / value.len() as f64;
+        let speeds = time.windows(2).zip(path.windows(2)).zip(value).step_by(every);
+        speeds.map(move |((t, x), y)| {
+            let (share, apodised) = ((x[1] - x[0]).abs(), settings.apodisation.weight(x[0] / largest_m));
+            PathSample {
+                time_s: t[0],
+                speed_m_per_s: (x[1] - x[0]) / (t[1] - t[0]),
+                weight: share * apodised,
+                energy: share * (apodised * (y - mean)).powi(2),
+            }
         })
     });
     Ok(Processed {
@@ -233,7 +259,7 @@ fn points(reach: f64, settings: &SpectrumTransform) -> usize {
 }
 
 /// Values for each resolved one, where nothing is said.
-const DEFAULT_FILLING: u32 = 4;
+const DEFAULT_FILLING: u32 = 8;
 
 fn weighted(
     path: &[f64],
@@ -307,16 +333,23 @@ fn finish(
                 turn(spectrum, grid, *shift);
             }
         }
-        if !zero_is_told {
-            let (shift, sign) = shift_to(&mean(&spectra, grid), None, grid);
+    }
+    if settings.phase != PhaseCorrection::Mertz {
+        let together = mean(&spectra, grid);
+        if zero_is_told {
+            inverted = together.iter().map(|value| value.re).sum::<f64>() < 0.0;
+        } else {
+            let (shift, sign) = shift_to(&together, None, grid);
             (common_m, inverted) = (shift, sign < 0.0);
             for spectrum in &mut spectra {
                 turn(spectrum, grid, shift);
             }
         }
     }
-    let sign = if inverted { -1.0 } else { 1.0 };
     let power = settings.phase == PhaseCorrection::Power;
+    // A magnitude has no sign.
+    let inverted = inverted && !power;
+    let sign = if inverted { -1.0 } else { 1.0 };
     let real = |value: &Complex64| if power { value.norm() } else { sign * value.re };
     let spectra = spectra.iter().map(|spectrum| spectrum.iter().map(real).collect()).collect();
     Processed {
@@ -333,19 +366,19 @@ fn finish(
     }
 }
 
-/// Where the zero path of each scan lies beyond their mean one: first against the first scan, then against the mean of
-/// those that were laid over it.
+/// Where the zero path of each scan lies beyond their mean one: first against the mean of the scans as they are, then against
+/// the mean of those that were laid over it.
 fn misregistrations(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<f64> {
-    let Some(first) = spectra.first() else { return Vec::new() };
+    let as_they_are = mean(spectra, grid);
     let mut laid = spectra.to_vec();
     for spectrum in &mut laid {
-        let (shift, _) = shift_to(spectrum, Some(first), grid);
+        let (shift, _) = shift_to(spectrum, Some(&as_they_are), grid);
         turn(spectrum, grid, shift);
     }
     let together = mean(&laid, grid);
     let shifts: Vec<f64> =
         spectra.iter().map(|spectrum| shift_to(spectrum, Some(&together), grid).0).collect();
-    let middle = shifts.iter().sum::<f64>() / shifts.len() as f64;
+    let middle = shifts.iter().sum::<f64>() / shifts.len().max(1) as f64;
     shifts.iter().map(|shift| shift - middle).collect()
 }
 

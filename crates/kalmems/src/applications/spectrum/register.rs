@@ -5,8 +5,11 @@ use kalmems_core::Scalar;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// How far to each side a shift is searched, in fringes of the strongest wavenumber.
+/// How far to each side a zero path is searched, in fringes of the mean wavenumber.
 const FRINGES: f64 = 6.0;
+/// How far to each side a shift against a reference is searched: beyond half a fringe of a narrow light the next one fits as
+/// well.
+const HALF_A_FRINGE: f64 = 0.5;
 /// Looks for each fringe.
 const LOOKS: f64 = 24.0;
 
@@ -21,8 +24,9 @@ pub fn turn(spectrum: &mut [Complex64], grid: Grid, shift_m: f64) {
 /// Where the zero path of a spectrum lies beyond that of a reference, in m: the shift that makes |Re Σ S·R*·e^{i·2π·ν·x}|
 /// largest, and the sign of that sum.
 ///
-/// That is the correlation of the two interferograms within the band. With R = 1 it is the interferogram itself, and the shift
-/// is its largest deviation.
+/// That is the correlation of the two interferograms within the band, searched up to half a fringe of the mean wavenumber to each
+/// side. Without a reference R is 1, the sum the interferogram itself, and the shift its largest deviation, searched over six
+/// fringes to each side.
 pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: Grid) -> (f64, f64) {
     let product: Vec<Complex64> = match reference {
         Some(reference) => spectrum.iter().zip(reference).map(|(s, r)| s * r.conj()).collect(),
@@ -39,11 +43,12 @@ pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: G
     }
     let fringe = total / moment;
     let correlation = |shift: f64| grid.sum_at(&product, shift);
-    let looks = 2.0 * FRINGES * LOOKS;
+    let reach = if reference.is_some() { HALF_A_FRINGE } else { FRINGES };
+    let looks = 2.0 * reach * LOOKS;
     let (mut best, mut height) = (0.0, 0.0_f64);
     let mut look = 0.0;
     while look <= looks {
-        let shift = fringe * (look / LOOKS - FRINGES);
+        let shift = fringe * (look / LOOKS - reach);
         let found = correlation(shift);
         if found.abs() > height.abs() {
             (best, height) = (shift, found);
