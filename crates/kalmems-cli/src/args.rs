@@ -33,8 +33,10 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Join the journals of a study that was run in shards, and write its results.
     Merge(MergeArguments),
-    /// Print the JSON schema of experiment, study or image files, for editors.
+    /// Print the JSON schema of experiment, study, image or spectrum files, for editors.
     Schema(SchemaArguments),
+    /// Compute a spectrum from interferograms and the positions along which they were taken.
+    Spectrum(SpectrumArguments),
     /// Run an experiment again and again, over a grid or by chance, and compare its estimators.
     Study(StudyArguments),
 }
@@ -53,6 +55,8 @@ pub enum Described {
     Experiment,
     /// An image.
     Image,
+    /// A spectrum.
+    Spectrum,
     /// A study.
     Study,
 }
@@ -173,6 +177,21 @@ pub struct SimulateArguments {
     /// Which noise, instead of the one that the file says.
     #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
+    /// Print the figures as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct SpectrumArguments {
+    /// The spectrum file, such as `examples/piston_mirror/spectrum.toml`.
+    pub spectrum: PathBuf,
+    /// The folder for the results [default: out/spectrum/<name of the spectrum>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a spectrum of another input.
+    #[arg(long)]
+    pub force: bool,
     /// Print the figures as JSON instead of text.
     #[arg(long)]
     pub json: bool,

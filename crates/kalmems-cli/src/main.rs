@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         Command::Simulate(arguments) => commands::simulate::run(arguments),
         Command::Merge(arguments) => commands::study::merge(arguments),
         Command::Schema(arguments) => commands::schema::run(arguments),
+        Command::Spectrum(arguments) => commands::spectrum::run(arguments),
         Command::Study(arguments) => commands::study::run(arguments),
     };
     let (message, code) = match ending {

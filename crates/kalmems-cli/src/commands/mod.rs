@@ -7,4 +7,5 @@ pub mod inspect;
 pub mod reproduce;
 pub mod schema;
 pub mod simulate;
+pub mod spectrum;
 pub mod study;

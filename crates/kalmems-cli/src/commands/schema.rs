@@ -2,12 +2,13 @@
 
 use crate::args::{Described, SchemaArguments};
 use crate::{Ending, print};
-use kalmems::config::{image_schema, schema};
+use kalmems::config::{image_schema, schema, spectrum_schema};
 
 pub fn run(arguments: &SchemaArguments) -> Result<(), Ending> {
     let schema = match arguments.of {
         Described::Experiment => schema(),
         Described::Image => image_schema(),
+        Described::Spectrum => spectrum_schema(),
         Described::Study => kalmems::study::schema(),
     };
     let schema = serde_json::to_string_pretty(&schema);

@@ -28,6 +28,7 @@ markers! {
     Frequency = kind::FREQUENCY;
     Time = kind::TIME;
     Length = kind::LENGTH;
+    Wavenumber = kind::WAVENUMBER;
     Area = kind::AREA;
     Mass = kind::MASS;
     Inertia = kind::INERTIA;

@@ -32,6 +32,7 @@ mod schema;
 mod sign;
 mod simulate;
 mod source;
+mod spectrum;
 #[cfg(test)]
 mod tests;
 mod values;
@@ -51,11 +52,16 @@ pub use quantity::Quantity;
 pub(crate) use reader::read_source;
 pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub(crate) use schema::schema_of;
-pub use schema::{image_schema, schema};
+pub use schema::{image_schema, schema, spectrum_schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, PrescribedMotion,
     RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive, TonesDrive,
 };
 pub(crate) use source::Source;
+pub use spectrum::{
+    Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,
+    PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
+    SpectrumReference, SpectrumTransform, TransformMethod,
+};
 pub use values::{AnyValue, Entry, Values};

@@ -1,8 +1,8 @@
-//! The JSON schemas of experiment and image files, and what those of other files are made with, from the types that read
+//! The JSON schemas of experiment, image and spectrum files, and what those of other files are made with, from the types that read
 //! them.
 
 use super::key::Step;
-use super::{Experiment, Image, Key};
+use super::{Experiment, Image, Key, SpectrumFile};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
@@ -16,6 +16,11 @@ pub fn schema() -> Value {
 /// The JSON schema of an image file.
 pub fn image_schema() -> Value {
     schema_of::<Image>("A kalmems image")
+}
+
+/// The JSON schema of a spectrum file.
+pub fn spectrum_schema() -> Value {
+    schema_of::<SpectrumFile>("A kalmems spectrum")
 }
 
 /// The JSON schema of what a type reads, under a title.

@@ -12,6 +12,7 @@ mod outlook;
 mod output;
 mod page;
 mod simulation;
+mod spectrum;
 mod summary;
 
 pub use figures::figures as estimate_figures;
@@ -27,5 +28,9 @@ pub use metrics::{
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use output::{Output, OutputError, RUN_FILE};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
+pub use spectrum::{
+    ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
+    SpectrumReferenceMetrics, spectrum_figures, write_jcamp, write_spectrum,
+};
 pub(crate) use summary::significant;
 pub use summary::{Notice, notices, summary_table};

@@ -11,7 +11,7 @@ mod sine;
 
 pub use allan::{Averaged, Deviation, octaves};
 pub use band_limited::band_limited;
-pub use cubic::{cubic_between, hermite};
+pub use cubic::{cubic_between, hermite, polynomial_between};
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};

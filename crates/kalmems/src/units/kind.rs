@@ -61,6 +61,7 @@ kinds! {
     #[strict] FREQUENCY = "a frequency", of [0, 0, -1, 0, 0, 0], "15.5 kHz";
     TIME = "a time", of [0, 0, 1, 0, 0, 0], "8 ms";
     LENGTH = "a length", of [0, 1, 0, 0, 0, 0], "19.2 um";
+    WAVENUMBER = "a wavenumber", of [0, -1, 0, 0, 0, 0], "2000 1/cm";
     AREA = "an area", of [0, 2, 0, 0, 0, 0], "1.86 mm^2";
     MASS = "a mass", of [1, 0, 0, 0, 0, 0], "3.8e-9 kg";
     INERTIA = "a moment of inertia", of [1, 2, 0, 0, 0, 0], "1.15e-14 kg m^2";

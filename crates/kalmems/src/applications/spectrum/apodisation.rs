@@ -1,12 +1,15 @@
 //! How an interferogram is brought to an end.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// The weight of an interferogram over u = |x|/L, the path difference over its largest one.
 ///
 /// A truncated interferogram has lines with feet; a weight that falls towards the end lowers these and widens the
 /// line. With a boxcar the line is sin(2π·ν·L)/(2π·ν·L).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Apodisation {
     /// 1.
     Boxcar,
@@ -21,8 +24,10 @@ pub enum Apodisation {
     /// Their strong one.
     NortonBeerStrong,
     /// 0.42323 + 0.49755·cos(π·u) + 0.07922·cos(2π·u) (Harris, Proceedings of the IEEE 66, 51, 1978).
+    #[serde(rename = "blackman_harris_3")]
     BlackmanHarris3,
     /// The same with four terms (Harris, 1978).
+    #[serde(rename = "blackman_harris_4")]
     BlackmanHarris4,
 }
 

@@ -1,6 +1,107 @@
 //! What errors of the position do to a spectrum.
 
-use std::f64::consts::PI;
+use super::coadd::MeasuredLine;
+use super::process::Processed;
+use crate::config::{PathErrors, Quantity};
+use kalmems_core::Scalar;
+use serde::Serialize;
+use std::f64::consts::{PI, TAU};
+
+/// One reason why a line is not where, or not as high as, it should be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Contribution {
+    /// What it is.
+    pub of: Reason,
+    /// By how much the line is shifted for certain, in 1/m.
+    pub shift_per_m: f64,
+    /// The standard deviation of what it may be shifted by, in 1/m.
+    pub sd_per_m: f64,
+    /// What is left of the line's height, at one standard deviation.
+    pub height: f64,
+}
+
+/// Why a line is shifted or lowered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The scans differ: noise of the detector and of the positions, as measured.
+    Scatter,
+    /// Errors of positions that are independent from sample to sample lower lines and add noise.
+    Position,
+    /// All path differences are too long by one share.
+    Scale,
+    /// The position is that of another moment. The error of the path is the speed times it: opposite in forward and backward
+    /// scans, and even in the path within each, so that lines lose height and stay in place.
+    Delay,
+    /// The same, growing with the time from the start.
+    ClockSkew,
+    /// Light that fills a cone goes α²/4 of the path less on the mean.
+    Divergence,
+}
+
+impl Reason {
+    /// For a table.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Scatter => "scatter of the scans",
+            Self::Position => "position, sample by sample",
+            Self::Scale => "scale of positions",
+            Self::Delay => "delay of the detector",
+            Self::ClockSkew => "clock skew",
+            Self::Divergence => "divergence of the beam",
+        }
+    }
+}
+
+/// The contributions to the error of a line's wavenumber that something is known about.
+pub fn budget(
+    errors: Option<&PathErrors>,
+    processed: &Processed,
+    line: Option<MeasuredLine>,
+) -> Vec<Contribution> {
+    let Some(MeasuredLine { line, standard_error }) = line else { return Vec::new() };
+    let nu = line.wavenumber_per_m;
+    let entry = |of, shift_per_m, sd_per_m, height| Contribution { of, shift_per_m, sd_per_m, height };
+    let mut found = Vec::new();
+    if let Some(error) = standard_error {
+        found.push(entry(Reason::Scatter, 0.0, error.wavenumber_per_m, 1.0));
+    }
+    let Some(errors) = errors else { return found };
+    if let Some(sd) = &errors.position_sd {
+        let of_mirror = sd.si() * processed.path_per_position / 2.0;
+        found.push(entry(Reason::Position, 0.0, 0.0, line_height(nu, of_mirror)));
+    }
+    if let Some(sd) = &errors.scale_sd {
+        found.push(entry(Reason::Scale, 0.0, line_shift(nu, sd.si()).abs(), 1.0));
+    }
+    if let Some(sd) = &errors.delay_sd {
+        found.push(entry(Reason::Delay, 0.0, 0.0, height_by_time_errors(processed, nu, |_| sd.si())));
+    }
+    if let Some(skew) = &errors.clock_skew {
+        let height = height_by_time_errors(processed, nu, |time_s| skew.si() * time_s);
+        found.push(entry(Reason::ClockSkew, 0.0, 0.0, height));
+    }
+    if let Some(angle) = errors.half_angle.as_ref().map(Quantity::si) {
+        // From the axis to the edge of the cone a path differs by x·α²/2; its mean over the cone has a sinc for contrast.
+        let contrast = PI * nu * processed.largest_m * angle.powi(2) / 2.0;
+        let height = if contrast == 0.0 { 1.0 } else { Scalar::sin(contrast) / contrast };
+        found.push(entry(Reason::Divergence, -nu * angle.powi(2) / 4.0, 0.0, height));
+    }
+    found
+}
+
+/// What is left of a line's height where each sample's position is that of another moment: |Σ w·e^{i·2π·ν·v·δt}|/Σ w over the
+/// samples, with their speeds v of the path and their weights.
+fn height_by_time_errors(processed: &Processed, wavenumber_per_m: f64, error_s: impl Fn(f64) -> f64) -> f64 {
+    let (mut cosine, mut sine, mut total) = (0.0, 0.0, 0.0);
+    for sample in &processed.samples {
+        let angle = TAU * wavenumber_per_m * sample.speed_m_per_s * error_s(sample.time_s);
+        cosine += sample.weight * Scalar::cos(angle);
+        sine += sample.weight * Scalar::sin(angle);
+        total += sample.weight;
+    }
+    if total > 0.0 { cosine.hypot(sine) / total } else { 1.0 }
+}
 
 /// The largest wavenumber in 1/m that a detector sampled at a rate in Hz can see while the mirror moves at a speed in
 /// m/s: the path changes by twice that, and a wavenumber ν makes ν times that speed in Hz.

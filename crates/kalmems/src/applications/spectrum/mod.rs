@@ -5,16 +5,37 @@
 
 mod apodisation;
 mod budget;
+mod coadd;
+mod grid;
+mod input;
+mod light;
 mod line;
+mod measure;
 mod mertz;
 mod nonuniform;
+mod process;
+mod recalibrate;
+mod register;
+mod resample;
+mod scans;
+mod track;
 mod transform;
 mod zero_path;
 
 pub use apodisation::Apodisation;
-pub use budget::{detector_limit, line_height, line_shift};
+pub use budget::{Contribution, Reason, budget, detector_limit, line_height, line_shift};
+pub use coadd::{CoaddedNoise, MeasuredLine, Scans};
+pub use grid::Grid;
+pub use light::{detect, intensity};
 pub use line::{Line, dip_between, line_near};
+pub use measure::{Comparison, Correction, SpectrumError, SpectrumOutcome, measure};
 pub use mertz::{MertzError, mertz};
 pub use nonuniform::{path_weights, spectrum_at};
+pub use process::{PathSample, Processed};
+pub use recalibrate::{KnownLine, Recalibration, recalibrate};
+pub use register::{shift_to, turn};
+pub use resample::{ResampleError, resample};
+pub use scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
+pub use track::{Position, PositionTrack, PositionTrackError};
 pub use transform::{Spectrum, TransformError, transform};
 pub use zero_path::zero_path;

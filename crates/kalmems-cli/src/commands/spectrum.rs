@@ -1,0 +1,36 @@
+//! `kalmems spectrum`.
+
+use crate::args::SpectrumArguments;
+use crate::progress::Bar;
+use crate::{Ending, print};
+use kalmems::applications::spectrum::measure;
+use kalmems::config::SpectrumFile;
+use kalmems::results::{RunInfo, SpectrumMetrics, write_spectrum};
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let file = SpectrumFile::load(&arguments.spectrum).map_err(|e| wrong(&e))?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("spectrum").join(file.name.to_string()),
+    };
+    let bar = Bar::default();
+    let outcome = measure(&file, &bar)
+        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    drop(bar);
+    let metrics = SpectrumMetrics::of(&outcome);
+    let info = RunInfo { started, took: clock.elapsed() };
+    write_spectrum(&outcome, &metrics, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
+        print(&(json + "\n"))?;
+    } else {
+        print(&metrics.to_text())?;
+    }
+    let picture = out.join("figures").join("spectrum.png");
+    eprintln!("results in {}; look at {}", out.display(), picture.display());
+    Ok(())
+}
