@@ -19,6 +19,8 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 pub enum Command {
+    /// Calibrate an instrument by a motion that is known.
+    Calibrate(CalibrateArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
     /// Identify a device's parameters from its recordings, and say what they do not tell.
@@ -33,7 +35,7 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Join the journals of a study that was run in shards, and write its results.
     Merge(MergeArguments),
-    /// Print the JSON schema of experiment, study, image or spectrum files, for editors.
+    /// Print the JSON schema of experiment, study, image, spectrum or calibration files, for editors.
     Schema(SchemaArguments),
     /// Compute a spectrum from interferograms and the positions along which they were taken.
     Spectrum(SpectrumArguments),
@@ -53,12 +55,42 @@ pub struct SchemaArguments {
 pub enum Described {
     /// A device, its recordings and filters.
     Experiment,
+    /// The calibration of a gyroscope.
+    Gyro,
     /// An image.
     Image,
     /// A spectrum.
     Spectrum,
     /// A study.
     Study,
+}
+
+#[derive(Args)]
+pub struct CalibrateArguments {
+    #[command(subcommand)]
+    pub what: Calibrated,
+}
+
+/// What can be calibrated.
+#[derive(Subcommand)]
+pub enum Calibrated {
+    /// A gyroscope: scale factor, cross-axis terms, bias, uncertainty budget; Allan deviations of a record at rest.
+    Gyro(GyroArguments),
+}
+
+#[derive(Args)]
+pub struct GyroArguments {
+    /// The calibration file, such as `examples/gyroscope/calibration.toml`.
+    pub file: PathBuf,
+    /// The folder for the results [default: out/calibrated/<name of the calibration>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a result of another input.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the figures as JSON instead of tables.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

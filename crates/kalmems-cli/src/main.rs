@@ -28,6 +28,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     interrupt::listen();
     let ending = match &arguments.command {
+        Command::Calibrate(arguments) => commands::calibrate::run(arguments),
         Command::Estimate(arguments) => commands::estimate::run(arguments),
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(arguments),

@@ -14,5 +14,6 @@ pub mod circuit;
 pub mod constants;
 pub mod control;
 pub mod dynamics;
+pub mod inertial;
 pub mod noise;
 pub mod readout;

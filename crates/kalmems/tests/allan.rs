@@ -1,6 +1,7 @@
 //! Allan's deviations against published figures and the tables of another program.
 
 use kalmems::signal::{Averaged, Deviation, octaves};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fs;
 use std::path::PathBuf;
 
@@ -145,4 +146,52 @@ fn stable32() {
         }
     }
     assert!(compared > 100, "{compared}");
+}
+
+/// The bounds that Stable32 gives with its deviations, for a probability of 0.683: degrees of freedom and χ² by its own
+/// reading of the noise; and that reading against ours.
+#[test]
+#[ignore = "needs KALMEMS_REFERENCE_DATA"]
+fn bounds_of_stable32() {
+    let folder =
+        PathBuf::from(std::env::var("KALMEMS_REFERENCE_DATA").expect("the folder of the reference data"));
+    let folder = folder.join("real/allan_reference");
+    let numbers = |name: &str| -> Vec<Vec<f64>> {
+        let text = fs::read_to_string(folder.join(name)).unwrap();
+        let rows = text.lines().filter(|line| !line.starts_with('#'));
+        rows.map(|line| line.split_whitespace().filter_map(|cell| cell.parse().ok()).collect()).collect()
+    };
+    let phase = numbers("PHASE.DAT").concat();
+    let mut oscillator = vec![0.0];
+    oscillator.extend(numbers("ocxo_frequency.txt").concat().iter().scan(0.0, |sum, f| {
+        *sum += f / 1e7 - 1.0;
+        Some(*sum)
+    }));
+    let (mut compared, mut same_noise, mut largest) = (0, 0, 0.0_f64);
+    for (name, deviation) in ALL {
+        if !matches!(name, "adev" | "oadev" | "hdev" | "ohdev") {
+            continue;
+        }
+        for (record, phase) in [("phase_dat", &phase), ("ocxo", &oscillator)] {
+            let rows = numbers(&format!("{record}_{name}_octave.txt"));
+            for row in rows.iter().filter(|row| row.len() >= 7) {
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a factor and α
+                let (factor, exponent) = (row[0] as usize, row[3] as i32);
+                let freedom = deviation.freedom(phase.len(), factor, exponent);
+                let law = ChiSquared::new(freedom).unwrap();
+                let bound = |part: f64| row[5] * (freedom / law.inverse_cdf(part)).sqrt();
+                // The half widths, which is where the degrees of freedom show.
+                for (ours, theirs) in [(bound(0.8415), row[4]), (bound(0.1585), row[6])] {
+                    let off = ((ours - row[5]) / (theirs - row[5]) - 1.0).abs();
+                    largest = largest.max(off);
+                    println!("{record} {name} {factor} {exponent} {freedom:.2} {off:.4}");
+                }
+                let found = deviation.of_phase_with_confidence(phase, 1.0, &[factor], 0.683);
+                same_noise += usize::from(found[0].exponent == exponent);
+                compared += 1;
+            }
+        }
+    }
+    println!("largest {largest}; {same_noise} of {compared} kinds of noise");
+    assert!(compared > 70 && largest < 0.03);
 }

@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+pub mod calibrate;
 pub mod estimate;
 pub mod identify;
 pub mod image;

@@ -1,4 +1,5 @@
 //! What an estimated motion is for.
 
+pub mod calibration;
 pub mod image;
 pub mod spectrum;

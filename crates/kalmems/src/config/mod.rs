@@ -19,6 +19,7 @@ mod error;
 mod estimate;
 mod experiment;
 mod filter;
+mod gyroscope;
 mod hybrid;
 mod identify;
 mod image;
@@ -42,6 +43,10 @@ pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub(crate) use gyroscope::is_per_record;
+pub use gyroscope::{
+    Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
+};
 pub use hybrid::{Applied, Threshold, Timing, Variant};
 pub use identify::Identify;
 pub use image::{Fill, Image, ImageAxis, Intensity};
@@ -52,7 +57,7 @@ pub use quantity::Quantity;
 pub(crate) use reader::read_source;
 pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
 pub(crate) use schema::schema_of;
-pub use schema::{image_schema, schema, spectrum_schema};
+pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, PrescribedMotion,

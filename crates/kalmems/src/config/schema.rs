@@ -1,8 +1,8 @@
-//! The JSON schemas of experiment, image and spectrum files, and what those of other files are made with, from the types that read
-//! them.
+//! The JSON schemas of experiment, calibration, image and spectrum files, and what those of other files are made with, from
+//! the types that read them.
 
 use super::key::Step;
-use super::{Experiment, Image, Key, SpectrumFile};
+use super::{Experiment, GyroscopeCalibration, Image, Key, SpectrumFile};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
@@ -11,6 +11,11 @@ use serde_json::Value;
 /// The JSON schema of an experiment file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {
     schema_of::<Experiment>("A kalmems experiment")
+}
+
+/// The JSON schema of the calibration file of a gyroscope.
+pub fn gyroscope_schema() -> Value {
+    schema_of::<GyroscopeCalibration>("A kalmems calibration of a gyroscope")
 }
 
 /// The JSON schema of an image file.

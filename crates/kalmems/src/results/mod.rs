@@ -3,6 +3,7 @@
 mod figures;
 mod files;
 mod grey_png;
+mod gyroscope;
 mod identification;
 mod image;
 mod inspection;
@@ -18,6 +19,7 @@ mod summary;
 pub use figures::figures as estimate_figures;
 pub use files::{RunInfo, WriteError, write_estimate};
 pub use grey_png::{PictureError, read_grey, write_grey};
+pub use gyroscope::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};

@@ -107,7 +107,7 @@ pub fn octaves(samples: usize) -> Vec<usize> {
 }
 
 /// x_0 = 0 and x_k = τ₀·Σ(rate − mean).
-fn phase(rate: &[f64], interval_s: f64) -> Vec<f64> {
+pub(super) fn phase(rate: &[f64], interval_s: f64) -> Vec<f64> {
     let mean = rate.iter().sum::<f64>() / rate.len().max(1) as f64;
     let mut sum = 0.0;
     let rest = rate.iter().map(|rate| {

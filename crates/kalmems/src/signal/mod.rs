@@ -3,6 +3,7 @@
 
 mod allan;
 mod band_limited;
+mod confidence;
 mod cubic;
 mod cycles;
 mod extremes;
@@ -11,6 +12,7 @@ mod sine;
 
 pub use allan::{Averaged, Deviation, octaves};
 pub use band_limited::band_limited;
+pub use confidence::Confident;
 pub use cubic::{cubic_between, hermite, polynomial_between};
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};

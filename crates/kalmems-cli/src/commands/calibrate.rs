@@ -1,0 +1,36 @@
+//! `kalmems calibrate`.
+
+use crate::args::{CalibrateArguments, Calibrated};
+use crate::progress::Bar;
+use crate::{Ending, print};
+use kalmems::applications::calibration::calibrate;
+use kalmems::config::GyroscopeCalibration;
+use kalmems::results::{CalibrationSummary, RunInfo, write_calibration};
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
+    let Calibrated::Gyro(arguments) = &arguments.what;
+    let (started, clock) = (SystemTime::now(), Instant::now());
+    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let file = GyroscopeCalibration::load(&arguments.file).map_err(|e| wrong(&e))?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("calibrated").join(file.name.to_string()),
+    };
+    let bar = Bar::default();
+    let found = calibrate(&file, &bar)
+        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    drop(bar);
+    let info = RunInfo { started, took: clock.elapsed() };
+    write_calibration(&found, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    let summary = CalibrationSummary::of(&found);
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
+        print(&(json + "\n"))?;
+    } else {
+        print(&summary.to_text())?;
+    }
+    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    Ok(())
+}

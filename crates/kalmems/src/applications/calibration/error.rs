@@ -1,0 +1,108 @@
+//! Why there is no calibration.
+
+use super::tone::ToneError;
+use crate::config::ConfigError;
+use crate::fit::FitError;
+use crate::recording::ReadError;
+
+/// Why there is no calibration.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationError {
+    /// The calibration file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A file that it names cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A record cannot be used.
+    #[error("{place}: {fault}")]
+    Tone {
+        /// The file and the record.
+        place: String,
+        /// What is wrong.
+        fault: ToneError,
+    },
+    /// The gyroscope saw another motion.
+    #[error(
+        "record `{record}`: the gyroscope shows {shown_hz:.2} Hz by its nominal rate and {reference} {reference_hz:.2} Hz, \
+         {off:+.3} % apart; expected within its `clock_tolerance` of {tolerance:.3} %: the records are of different motions \
+         (exchange the file or `records`), or `gyroscope.rate` is not its nominal rate, or the tolerance is too small"
+    )]
+    Frequencies {
+        /// The record.
+        record: String,
+        /// The reference.
+        reference: String,
+        /// By the gyroscope.
+        shown_hz: f64,
+        /// By the reference.
+        reference_hz: f64,
+        /// How far apart in %.
+        off: f64,
+        /// How far they may be in %.
+        tolerance: f64,
+    },
+    /// The vibration is too fast for the gyroscope's rate.
+    #[error(
+        "record `{record}`: the vibration at {frequency_hz:.1} Hz is above half of the gyroscope's rate of {rate_hz:.1} Hz, where \
+         its frequency is ambiguous; drive below that, or choose a faster output"
+    )]
+    Aliased {
+        /// The record.
+        record: String,
+        /// Of the reference.
+        frequency_hz: f64,
+        /// The nominal rate.
+        rate_hz: f64,
+    },
+    /// A record has no partner.
+    #[error("{place} has no record `{record}`; it has {}; name those that both have in `records`", known.join(", "))]
+    NoRecord {
+        /// The file.
+        place: String,
+        /// The record.
+        record: String,
+        /// Those that there are.
+        known: Vec<String>,
+    },
+    /// The equations cannot be solved.
+    #[error("condition `{condition}`, reference `{reference}`: {fault}")]
+    Fit {
+        /// The condition.
+        condition: String,
+        /// The reference.
+        reference: String,
+        /// What is wrong.
+        fault: FitError,
+    },
+    /// No axis is common to both.
+    #[error(
+        "condition `{condition}`: the gyroscope has the axes {shown} and {reference} has {known}; expected an axis that both \
+         have, and that moves most"
+    )]
+    NoCommonAxis {
+        /// The condition.
+        condition: String,
+        /// The reference.
+        reference: String,
+        /// The gyroscope's axes.
+        shown: String,
+        /// The reference's axes.
+        known: String,
+    },
+    /// The record at rest is too short.
+    #[error("{place}: found {samples} samples in a row; expected at least 64 without motion")]
+    Rest {
+        /// The file and column.
+        place: String,
+        /// How many.
+        samples: usize,
+    },
+}
+
+impl CalibrationError {
+    /// Whether it was stopped from outside.
+    pub const fn is_interruption(&self) -> bool {
+        matches!(self, Self::Read(ReadError::Interrupted { .. }))
+    }
+}

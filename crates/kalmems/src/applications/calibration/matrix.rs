@@ -1,0 +1,248 @@
+//! Scale factors and cross-axis terms from phasors.
+
+use crate::fit::{Fit, FitError, FitSettings, Regression, fit};
+use kalmems_core::{Dual, Mat, Scalar, Svd};
+use kalmems_models::inertial::Alignment;
+use realfft::num_complex::Complex64;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// A record: the rate that there was and what the gyroscope showed of it, each on a clock of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair {
+    /// The phasors of the reference's rates in rad/s; 0 where it shows no axis.
+    pub reference: [Complex64; 3],
+    /// The standard deviation of either part of them.
+    pub reference_deviation: [f64; 3],
+    /// The phasors of the gyroscope, where it has the axis.
+    pub shown: [Option<Complex64>; 3],
+    /// The standard deviation of either part of them.
+    pub shown_deviation: [f64; 3],
+}
+
+/// K of Ω_I = K·Ω, as far as the records tell it.
+#[derive(Clone, Debug)]
+pub struct Matrix {
+    fit: Fit<9>,
+    /// What makes of the fit's covariance that of the noise as it is known: below 1 where records scatter by more.
+    by_noise: f64,
+    free: [bool; 9],
+    /// By how much the phase of each record's gyroscope is ahead, in rad: its clock began when it wanted.
+    pub turn_rad: Vec<f64>,
+    /// The sum of squared residuals, each by its standard deviation.
+    pub chi_square: f64,
+    /// Residuals less parameters and less one phase for each record.
+    pub freedom: usize,
+    /// The singular values of the reference's rates over all records, in rad/s rms, largest first, and the direction of
+    /// each: what is near 0 was not excited.
+    pub excitation: Vec<(f64, [f64; 3])>,
+    /// The part of the scale factor's variance by noise that is the gyroscope's, the rest being the reference's.
+    pub shown_part: f64,
+}
+
+/// Beyond this standard deviation an entry of K is not known.
+const UNKNOWN: f64 = 0.3;
+
+impl Matrix {
+    /// Fits K to records by least squares, each record with a phase of its own, which is what the gyroscope's clock
+    /// leaves open.
+    ///
+    /// Only magnitudes and relative phases count, so that the sign of a column is open too: its diagonal entry is taken
+    /// as positive, and a gyroscope mounted upside down shows as one that is not. An error of the reference enters with
+    /// K times its standard deviation.
+    pub fn fit(pairs: &[Pair], axes_of_reference: [bool; 3]) -> Result<Self, FitError> {
+        let rows: [bool; 3] = std::array::from_fn(|i| pairs.iter().all(|pair| pair.shown[i].is_some()));
+        let free: [bool; 9] = std::array::from_fn(|k| rows[k / 3] && axes_of_reference[k % 3]);
+        let mut start = [0.0; 9];
+        for axis in (0..3).filter(|axis| free[4 * axis]) {
+            let size = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>();
+            let along =
+                size(&|pair| pair.reference[axis].norm() * pair.shown[axis].map_or(0.0, |s| s.norm()));
+            start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
+        }
+        let settings = FitSettings { free, ..FitSettings::from_start(start) };
+        // The weights hold K: twice is enough, as they hang on it weakly.
+        let mut found = fit(&Records { pairs, at: start }, &settings)?;
+        found = fit(
+            &Records { pairs, at: found.parameters },
+            &FitSettings { start: found.parameters, ..settings },
+        )?;
+        let records = Records { pairs, at: found.parameters };
+        let freedom = found.degrees_of_freedom.saturating_sub(pairs.len());
+        let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
+        Ok(Self {
+            turn_rad: pairs.iter().map(|pair| records.turn(pair, &found.parameters).arg()).collect(),
+            chi_square: found.sum_of_squares,
+            excitation: excitation(pairs),
+            shown_part: shown_part(pairs, &found.parameters),
+            by_noise: by_noise.sqrt(),
+            fit: found,
+            free,
+            freedom,
+        })
+    }
+
+    /// An entry of K with its standard deviation by noise alone; `None` where the records do not tell it.
+    pub fn entry(&self, row: usize, column: usize) -> Option<(f64, f64)> {
+        let index = 3 * row + column;
+        let found = self.fit.parameter(index);
+        let deviation = found.deviation * self.by_noise;
+        (self.free[index] && deviation < UNKNOWN).then_some((found.value, deviation))
+    }
+
+    /// Whether the records scatter by more than noise explains once in a hundred times; then by how much, as a factor on
+    /// the standard deviations.
+    pub fn scatter(&self) -> Option<f64> {
+        let limit = ChiSquared::new(self.freedom as f64).ok()?.inverse_cdf(0.99);
+        (self.chi_square > limit).then(|| (self.chi_square / self.freedom as f64).sqrt())
+    }
+
+    /// The scales, non-orthogonality and mounting, each with its standard deviation by noise; `None` where an entry that
+    /// they hang on is not known.
+    pub fn alignment(&self) -> Option<[[(f64, f64); 3]; 3]> {
+        if !(0..9).all(|k| self.entry(k / 3, k % 3).is_some()) {
+            return None;
+        }
+        let of = |pick: &dyn Fn(&Alignment<Dual<f64, 9>>) -> [Dual<f64, 9>; 3]| {
+            std::array::from_fn(|i| {
+                let derived = self.fit.derived(|k| {
+                    pick(&Alignment::of(&[[k[0], k[1], k[2]], [k[3], k[4], k[5]], [k[6], k[7], k[8]]]))[i]
+                });
+                (derived.value, derived.deviation * self.by_noise)
+            })
+        };
+        Some([of(&|a| a.scale), of(&|a| a.non_orthogonality), of(&|a| a.mounting)])
+    }
+
+    /// Of two axes with two columns: the sine of the angle by which they are closer than square, and the angle by which
+    /// their case is turned about the third, both to first order in what is not seen; with standard deviations by noise.
+    pub fn alignment_in_plane(&self, [a, b]: [usize; 2]) -> Option<[(f64, f64); 2]> {
+        if [a, b].iter().any(|i| [a, b].iter().any(|j| self.entry(*i, *j).is_none())) {
+            return None;
+        }
+        let at = |i: usize, j: usize| 3 * i + j;
+        let non_orthogonality = self.fit.derived(|k| {
+            let first = (k[at(a, a)] * k[at(a, a)] + k[at(a, b)] * k[at(a, b)]).sqrt();
+            let second = (k[at(b, a)] * k[at(b, a)] + k[at(b, b)] * k[at(b, b)]).sqrt();
+            (k[at(a, a)] * k[at(b, a)] + k[at(a, b)] * k[at(b, b)]) / (first * second)
+        });
+        let turn = self.fit.derived(|k| k[at(a, b)] / k[at(a, a)]);
+        Some([non_orthogonality, turn].map(|found| (found.value, found.deviation * self.by_noise)))
+    }
+
+    /// K with 0 where it is not known.
+    pub fn known(&self) -> [[f64; 3]; 3] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.entry(i, j).map_or(0.0, |(value, _)| value)))
+    }
+}
+
+/// Residuals of G = e^{jφ}·K·Ω, the phase φ of each record the best for the K at hand.
+struct Records<'a> {
+    pairs: &'a [Pair],
+    /// The K for the weights.
+    at: [f64; 9],
+}
+
+impl Records<'_> {
+    /// The standard deviation of one residual.
+    fn deviation(&self, pair: &Pair, row: usize) -> f64 {
+        let of_reference = (0..3).map(|j| (self.at[3 * row + j] * pair.reference_deviation[j]).powi(2));
+        let variance = pair.shown_deviation[row].powi(2) + of_reference.sum::<f64>();
+        // A record without any noise has the weight of one with the noise of rounding.
+        let rounding = 1e-15 * pair.shown[row].map_or(0.0, |shown| shown.norm());
+        variance.sqrt().max(rounding).max(f64::MIN_POSITIVE)
+    }
+
+    /// e^{jφ}.
+    fn turn(&self, pair: &Pair, k: &[f64; 9]) -> Complex64 {
+        let terms = (0..3).filter_map(|i| {
+            let weight = self.deviation(pair, i).powi(-2);
+            Some(pair.shown[i]? * product(k, i, &pair.reference).conj() * weight)
+        });
+        let sum: Complex64 = terms.sum();
+        if sum.norm() > 0.0 { sum / sum.norm() } else { Complex64::new(1.0, 0.0) }
+    }
+}
+
+/// Row i of K·Ω.
+fn product(k: &[f64; 9], row: usize, reference: &[Complex64; 3]) -> Complex64 {
+    (0..3).map(|j| reference[j] * k[3 * row + j]).sum()
+}
+
+impl Regression<9> for Records<'_> {
+    fn residuals(&self, k: &[f64; 9], each: &mut impl FnMut(f64)) {
+        for pair in self.pairs {
+            let turn = self.turn(pair, k);
+            for (i, shown) in pair.shown.iter().enumerate() {
+                let Some(shown) = shown else { continue };
+                let residual = (turn * product(k, i, &pair.reference) - shown) / self.deviation(pair, i);
+                each(residual.re);
+                each(residual.im);
+            }
+        }
+    }
+
+    /// The phase follows the parameters: of each column of the Jacobian, what it has of the phase's own is taken off
+    /// (Kaufman, BIT 15, 49, 1975).
+    fn linearize(&self, k: &[f64; 9], each: &mut impl FnMut(f64, &[f64; 9])) {
+        for pair in self.pairs {
+            let turn = self.turn(pair, k);
+            let mut rows = [(0.0, [0.0; 9]); 6];
+            let mut phase = [0.0; 6];
+            for (i, shown) in pair.shown.iter().enumerate() {
+                let Some(shown) = shown else { continue };
+                let weight = self.deviation(pair, i).recip();
+                let model = turn * product(k, i, &pair.reference);
+                let residual = (model - shown) * weight;
+                let by_phase = Complex64::i() * model * weight;
+                (rows[2 * i].0, rows[2 * i + 1].0) = (residual.re, residual.im);
+                (phase[2 * i], phase[2 * i + 1]) = (by_phase.re, by_phase.im);
+                for j in 0..3 {
+                    let by_entry = turn * pair.reference[j] * weight;
+                    (rows[2 * i].1[3 * i + j], rows[2 * i + 1].1[3 * i + j]) = (by_entry.re, by_entry.im);
+                }
+            }
+            let square: f64 = phase.iter().map(|p| p * p).sum();
+            for column in 0..9 {
+                let part = rows.iter().zip(&phase).map(|(row, p)| row.1[column] * p).sum::<f64>();
+                let part = if square > 0.0 { part / square } else { 0.0 };
+                rows.iter_mut().zip(&phase).for_each(|(row, p)| row.1[column] -= part * p);
+            }
+            for (parts, shown) in rows.chunks(2).zip(&pair.shown) {
+                if shown.is_some() {
+                    parts.iter().for_each(|(residual, gradient)| each(*residual, gradient));
+                }
+            }
+        }
+    }
+}
+
+fn excitation(pairs: &[Pair]) -> Vec<(f64, [f64; 3])> {
+    let mut gram = Mat::<f64, 3, 3>::zero();
+    for pair in pairs {
+        for i in 0..3 {
+            for j in 0..3 {
+                gram.0[i][j] +=
+                    (pair.reference[i] * pair.reference[j].conj()).re / (2.0 * pairs.len() as f64);
+            }
+        }
+    }
+    let svd = Svd::of(&gram);
+    (0..3).map(|k| (svd.values[k].sqrt(), std::array::from_fn(|i| svd.right.0[i][k]))).collect()
+}
+
+/// Weighted by what each record tells of the scale factor.
+fn shown_part(pairs: &[Pair], k: &[f64; 9]) -> f64 {
+    let (mut of_shown, mut of_all) = (0.0, 0.0);
+    for pair in pairs {
+        let axis = (0..3).max_by(|a, b| pair.reference[*a].norm().total_cmp(&pair.reference[*b].norm()));
+        let Some(axis) = axis else { continue };
+        let shown = pair.shown_deviation[axis].powi(2);
+        let all = shown + (k[4 * axis] * pair.reference_deviation[axis]).powi(2);
+        if all > 0.0 {
+            let weight = pair.reference[axis].norm_sqr() / all;
+            of_shown += weight * shown / all;
+            of_all += weight;
+        }
+    }
+    if of_all > 0.0 { of_shown / of_all } else { 1.0 }
+}
