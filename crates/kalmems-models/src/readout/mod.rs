@@ -11,7 +11,9 @@ mod feedthrough;
 mod low_pass;
 mod low_passed;
 mod phasor_capacitance;
+mod plate_current;
 mod two_axis;
+mod vibrometer;
 
 pub use angle_before::AngleBefore;
 pub use biased::BiasedComb;
@@ -24,4 +26,6 @@ pub use feedthrough::Feedthrough;
 pub use low_pass::{LowPassOutput, LowPassPair};
 pub use low_passed::LowPassedComb;
 pub use phasor_capacitance::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
+pub use plate_current::{DifferentialCurrent, PlateCurrent, PlateCurrents};
 pub use two_axis::TwoAxisComb;
+pub use vibrometer::EdgeVibrometer;
