@@ -25,6 +25,7 @@ macro_rules! markers {
 markers! {
     Ratio = kind::RATIO;
     Angle = kind::ANGLE;
+    AngularRate = kind::ANGULAR_RATE;
     Frequency = kind::FREQUENCY;
     Time = kind::TIME;
     Length = kind::LENGTH;

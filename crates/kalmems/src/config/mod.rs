@@ -42,7 +42,7 @@ pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
 pub use hybrid::{Applied, Threshold, Timing, Variant};
-pub use identify::Identify;
+pub use identify::{FeedthroughBy, Identify, Trusted};
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
 pub(crate) use key::Step;

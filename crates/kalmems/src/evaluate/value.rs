@@ -41,6 +41,12 @@ pub struct ValueErrors {
     pub largest: f64,
     /// The root mean square of the reference over that of the error, in dB; `None` where either is 0.
     pub snr_db: Option<f64>,
+    /// The slope of the line that the estimate follows over the reference, by least squares: 1 for an estimate without an
+    /// error of its scale (Chen, dissertation, 2018, equations 59 to 61, with the column of ones that they need);
+    /// `None` where the reference does not vary.
+    pub scale_factor: Option<f64>,
+    /// Where that line is at 0, in the unit; `None` likewise.
+    pub offset: Option<f64>,
     /// Samples compared.
     pub samples: usize,
     /// The share of them within three standard deviations; `None` for a model that claims none.
@@ -97,6 +103,7 @@ fn errors(
     let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples as f64;
     let square = mean(&mut series.error.iter().map(|e| e * e));
     let snr_db = 10.0 * (mean(&mut truth.iter().map(|t| t * t)) / square).log10();
+    let line = line(&truth, &series.error);
     let within = series.error.iter().zip(&series.sd).filter(|(e, s)| e.abs() <= 3.0 * **s).count();
     (samples > 0).then(|| ValueErrors {
         unit: state.unit,
@@ -104,8 +111,19 @@ fn errors(
         bias: mean(&mut series.error.iter().copied()),
         largest: series.error.iter().fold(0.0, |most, e| most.max(e.abs())),
         snr_db: snr_db.is_finite().then_some(snr_db),
+        scale_factor: line.map(|[slope, _]| 1.0 + slope),
+        offset: line.map(|[_, offset]| offset),
         samples,
         within_three_sigma: (!series.sd.is_empty()).then(|| within as f64 / samples as f64),
         error: series,
     })
+}
+
+/// Slope and height at 0 of the line through points.
+fn line(x: &[f64], y: &[f64]) -> Option<[f64; 2]> {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (x0, y0) = (mean(x), mean(y));
+    let product: f64 = x.iter().zip(y).map(|(x, y)| (x - x0) * (y - y0)).sum();
+    let slope = product / x.iter().map(|x| (x - x0).powi(2)).sum::<f64>();
+    slope.is_finite().then_some([slope, y0 - slope * x0])
 }

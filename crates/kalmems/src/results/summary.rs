@@ -54,8 +54,13 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     for value in &values {
         let (unit, _) = shown(value.unit);
         columns.push(Column::number(format!("{} RMSE", value.name), unit));
-        columns.push(Column::number("bias", unit));
-        columns.push(Column::number("SNR", "dB"));
+        if value.is_rate() {
+            columns.push(Column::number("scale factor", ""));
+            columns.push(Column::number("bias", unit));
+        } else {
+            columns.push(Column::number("bias", unit));
+            columns.push(Column::number("SNR", "dB"));
+        }
     }
     columns.extend([Column::number("mean NIS", ""), Column::text("95 % interval"), Column::text("verdict")]);
     if with_durations {
@@ -99,6 +104,13 @@ struct ValueColumn {
     unit: &'static str,
 }
 
+impl ValueColumn {
+    /// Whether it is an angular rate, which is judged by its scale factor.
+    fn is_rate(&self) -> bool {
+        self.unit == "rad_per_s"
+    }
+}
+
 /// Those that any estimator is compared in.
 fn value_columns(metrics: &Metrics) -> Vec<ValueColumn> {
     let mut columns: Vec<ValueColumn> = Vec::new();
@@ -118,6 +130,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
         "m_per_s2" => ("mg", 1e3 / STANDARD_GRAVITY),
         "m" => ("nm", 1e9),
         "m_per_s" => ("um/s", 1e6),
+        "rad_per_s" => ("rad/s", 1.0),
         other => (other, 1.0),
     }
 }
@@ -140,8 +153,14 @@ fn row(estimator: &EstimatorMetrics, motion: MotionOf, values: &[ValueColumn]) -
         let (_, factor) = shown(value.unit);
         let number = |found: Option<f64>| found.map_or_else(|| "–".to_owned(), significant);
         cells.push(number(errors.map(|e| e.rmse * factor)));
-        cells.push(number(errors.map(|e| e.bias * factor)));
-        cells.push(number(errors.and_then(|e| e.snr_db)));
+        if value.is_rate() {
+            let scale = errors.and_then(|e| e.scale_factor);
+            cells.push(scale.map_or_else(|| "–".to_owned(), |scale| format!("{scale:.6}")));
+            cells.push(number(errors.and_then(|e| e.offset).map(|offset| offset * factor)));
+        } else {
+            cells.push(number(errors.map(|e| e.bias * factor)));
+            cells.push(number(errors.and_then(|e| e.snr_db)));
+        }
     }
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
