@@ -55,7 +55,8 @@ pub use schema::{image_schema, schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, PrescribedMotion,
-    RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive, TonesDrive,
+    RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions, SweepDrive,
+    TonesDrive,
 };
 pub(crate) use source::Source;
 pub use values::{AnyValue, Entry, Values};

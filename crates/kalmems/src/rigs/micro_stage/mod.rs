@@ -9,9 +9,11 @@ mod feedthrough;
 mod filters;
 mod hardware;
 pub mod identification;
+mod outlook;
 mod records;
 mod segment;
 mod settings;
+mod simulation;
 
 use super::{Rig, SegmentEstimate};
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
@@ -28,6 +30,7 @@ pub use hardware::{ElectrodeChannel, Hardware};
 use records::{DRIVE, Records, columns, of_role, place, require_one_frequency};
 use segment::Samples;
 use settings::Settings;
+use simulation::StageSimulation;
 
 /// Electrodes that a stage has for one axis.
 pub const ELECTRODES: usize = identification::ELECTRODES;
@@ -190,13 +193,11 @@ impl Rig for MicroStageRig {
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
-        let why = "what can be said of a micro-stage before a recording is not built yet".to_owned();
-        Err(experiment.error("device", Fault::Value { why }).into())
+        outlook::outlook(experiment)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
-        let why = "a simulation of the micro-stage is not built yet".to_owned();
-        Err(experiment.error("device", Fault::Value { why }).into())
+        Ok(Box::new(StageSimulation::of(experiment)?))
     }
 
     /// Its records are judged by the rate; see [`Rig::values`].

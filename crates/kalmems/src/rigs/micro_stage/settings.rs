@@ -1,7 +1,7 @@
 //! What the rig takes from an experiment file for an estimate, in SI.
 
 use super::filters::FilterSettings;
-use super::hardware::Hardware;
+use super::hardware::{ElectrodeChannel, Hardware};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 
 /// Device and filter settings.
@@ -32,17 +32,22 @@ impl Settings {
             return Err(experiment.error(Key::from("estimate").child(name), Fault::Value { why }));
         }
         for channel in &hardware.channels {
-            if channel.noise_variance.is_none() {
-                let key = ["micro_stage", "electrodes", &channel.name, "noise_variance"];
-                let key = key.into_iter().fold(Key::from("device"), Key::child);
-                let remedy = "write it, such as `noise_variance = \"1.6e-11 V^2\"`, or let `kalmems identify` find it from \
-                              a recording with the role `zero_drive`";
-                return Err(experiment.error(key, Fault::MissingKey { remedy: remedy.to_owned() }));
-            }
+            noise_of(experiment, channel)?;
         }
         let filters =
             (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
         let filters = filters.collect::<Result<_, _>>()?;
         Ok(Self { skip_s: estimate.skip.si(), filters, hardware })
     }
+}
+
+/// The variance of a channel's noise in V², which must be known.
+pub fn noise_of(experiment: &Experiment, channel: &ElectrodeChannel) -> Result<f64, ConfigError> {
+    channel.noise_variance.ok_or_else(|| {
+        let key = ["micro_stage", "electrodes", &channel.name, "noise_variance"];
+        let key = key.into_iter().fold(Key::from("device"), Key::child);
+        let remedy = "write it, such as `noise_variance = \"1.6e-11 V^2\"`, or let `kalmems identify` find it from a \
+                      recording with the role `zero_drive`";
+        experiment.error(key, Fault::MissingKey { remedy: remedy.to_owned() })
+    })
 }
