@@ -7,7 +7,6 @@ mod beam;
 mod edge;
 mod lag;
 mod parts;
-mod position;
 mod reference;
 mod value;
 
@@ -16,6 +15,5 @@ pub use beam::BeamPosition;
 pub use edge::EdgeVelocity;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;
-pub use position::{PositionErrors, evaluate_position};
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};

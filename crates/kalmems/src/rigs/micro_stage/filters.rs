@@ -1,21 +1,15 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::hardware::Hardware;
-use crate::config::{
-    ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start, Values,
-};
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Sign, Start, Values};
+use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;
-use kalmems_core::SigmaPoints;
 
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
-    /// Its name in files.
-    pub key: String,
-    /// Its name for people.
-    pub name: String,
-    /// How it estimates.
-    pub method: Method,
+    /// What every filter has.
+    pub basics: FilterBasics,
     /// The electrodes whose signals it takes, as places in the hardware; empty for all that a recording has.
     pub electrodes: Vec<usize>,
     /// θ in rad and θ̇ in rad/s to start from; `None` starts from the signals.
@@ -24,12 +18,6 @@ pub struct FilterSettings {
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
-    /// How sigma points are spread.
-    pub points: SigmaPoints<f64>,
-    /// Whether it is smoothed over the whole record.
-    pub smooth: bool,
-    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
-    pub lag_s: Option<f64>,
 }
 
 /// The states, as tables of values name them.
@@ -58,9 +46,8 @@ impl FilterSettings {
                        `square_root_ekf` or `model`";
             return refuse("method", why.to_owned());
         }
-        let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
-        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
-            return refuse(name, "a micro-stage's filter has no such states; leave it out".to_owned());
+        if filter.demodulator {
+            return refuse("demodulator", "a micro-stage has none; leave it out".to_owned());
         }
         let mut electrodes = Vec::new();
         for name in &filter.channels {
@@ -86,11 +73,7 @@ impl FilterSettings {
         } else {
             [0.0; 2]
         };
-        let (noise_key, noise) = if filter.process_noise.is_empty() {
-            (Key::from("estimate").child("process_noise"), &estimate.process_noise)
-        } else {
-            (at.clone().child("process_noise"), &filter.process_noise)
-        };
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
         let entry =
             Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative);
         let density = if filter.method.claims() {
@@ -99,21 +82,7 @@ impl FilterSettings {
         } else {
             0.0
         };
-        Ok(Self {
-            key: filter.name.key(),
-            name: filter.name.to_string(),
-            method: filter.method,
-            electrodes,
-            start,
-            start_sd,
-            density,
-            points: SigmaPoints {
-                alpha: filter.alpha.unwrap_or(1.0),
-                beta: filter.beta.unwrap_or(2.0),
-                kappa: filter.kappa.unwrap_or(1.0),
-            },
-            smooth: filter.smooth,
-            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
-        })
+        let basics = FilterBasics::of(experiment, &at, filter, (&[], &[]))?;
+        Ok(Self { basics, electrodes, start, start_sd, density })
     }
 }

@@ -15,9 +15,9 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::{Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Motion, Progress};
+use crate::estimate::{EstimateError, Motion, Progress, SegmentEstimate};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -40,8 +40,8 @@ pub struct MicroStageRig;
 
 /// What a reference may know: the rate is what the stage is for.
 static VALUES: [ValueState; 2] = [
-    ValueState { name: "rate", kind: &kind::ANGULAR_RATE },
-    ValueState { name: "angle", kind: &kind::ANGLE },
+    ValueState { name: "rate", kind: &kind::ANGULAR_RATE, rate: None },
+    ValueState { name: "angle", kind: &kind::ANGLE, rate: Some("rate") },
 ];
 
 impl Rig for MicroStageRig {
@@ -181,11 +181,13 @@ impl Rig for MicroStageRig {
                 segment: segment.clone(),
                 drive_column: drive.to_owned(),
                 signal_column: names.first().copied().unwrap_or(DRIVE).to_owned(),
+                signal_kind: &kind::VOLTAGE,
                 drive: Some(sine),
                 motion: Motion { frequency_hz: sine.frequency_hz, is_driven: true },
                 other_axes: Vec::new(),
                 skip_s: settings.skip_s,
                 parts: 1,
+                remarks: Vec::new(),
                 trajectories,
             });
         }

@@ -6,12 +6,11 @@ use super::identification::motion_by;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, EstimateError, ITERATIONS, Lookahead, ModelAlone, Motion, Progress, StateName, Trajectory,
-    TrajectoryKind, follow, judge_lock, smooth,
+    AnyFilter, EstimateError, Motion, Progress, StateName, Trajectory, TrajectoryKind, answers, judge_lock,
 };
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
-use kalmems_core::{Covariance, Ekf, IteratedEkf, SquareRootEkf, Ukf};
+use kalmems_core::Covariance;
 use std::f64::consts::TAU;
 
 /// One record as the filters see it.
@@ -36,9 +35,6 @@ pub struct Samples<'a> {
 /// The states, as trajectories name them.
 const STATES: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
 
-/// When the iterated filter has settled, in standard deviations.
-const SETTLED: f64 = 1e-3;
-
 /// How many cycles a start from the signals looks at.
 const CYCLES: f64 = 2.0;
 
@@ -55,7 +51,7 @@ pub fn estimate(
         let (mut trajectories, signal) = one(settings, filter, samples, progress)?;
         for trajectory in &mut trajectories {
             trajectory.lock = judge_lock(trajectory, &signal, &[("angle", motion)], start_s);
-            if filter.method == Method::Model {
+            if filter.basics.method == Method::Model {
                 trajectory.kind = TrajectoryKind::ModelAlone;
                 trajectory.claim_nothing();
             } else {
@@ -88,32 +84,11 @@ fn one(
         None => start_from(&channels, samples, filter)?,
     };
     let covariance = Covariance::from_standard_deviations(filter.start_sd);
-    let start = match filter.method {
-        Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-        Method::Ukf => AnyFilter::Ukf(Ukf::new(mean, covariance, filter.points)),
-        Method::IteratedEkf => {
-            AnyFilter::IteratedEkf(IteratedEkf::<_, 2, ITERATIONS>::new(mean, covariance, SETTLED))
-        }
-        Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-        // The settings let no other method through.
-        _ => AnyFilter::Ekf(Ekf::new(mean, covariance)),
-    };
+    let start = AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance);
     let time = (samples.time_s, samples.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
-    let names = (filter.key.as_str(), filter.name.as_str());
-    let filtered = follow(names, start, &mut course, &STATES, progress).ok_or(EstimateError::Interrupted)?;
-    let mut trajectories = vec![filtered];
-    let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    // positive; beyond the record is its end
-    let lag = |lag_s: f64| (lag_s / samples.interval_s).round() as usize;
-    let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(lag(lag_s)), "lagged"));
-    for (lookahead, word) in whole.into_iter().chain(lagged) {
-        let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-        let smoothed = smooth((&key, &name), &start, &mut course, &trajectories[0], lookahead);
-        trajectories.push(smoothed);
-    }
+    let trajectories = answers(&filter.basics, &start, (&mut course, samples.interval_s), &STATES, progress)?;
     let signal = channels.into_iter().next().map(|channel| channel.signal).unwrap_or_default();
     Ok((trajectories, signal))
 }
@@ -131,7 +106,7 @@ fn channels(
         let signal =
             place.map(|place| samples.signals[place].clone()).ok_or_else(|| EstimateError::NoStart {
                 place: samples.place.to_owned(),
-                filter: filter.name.clone(),
+                filter: filter.basics.name.clone(),
                 why: format!("the recording has no channel `{}`", described.meaning()),
             })?;
         Ok(Channel {
@@ -162,7 +137,7 @@ fn start_from(
     });
     let motion = found.ok_or_else(|| EstimateError::NoStart {
         place: samples.place.to_owned(),
-        filter: filter.name.clone(),
+        filter: filter.basics.name.clone(),
         why: "no signal has samples in the first two cycles".to_owned(),
     })?;
     let rate = TAU * frequency_hz;

@@ -33,12 +33,12 @@ pub fn correction(
     let Some(delay) = found.delay.filter(|_| experiment.estimate.is_some()) else { return Ok(None) };
     let mut settings = Settings::of(experiment)?;
     settings.hardware.correction = [1.0, 0.0];
-    let Some(first) = settings.filters.iter().position(|filter| filter.method.claims()) else {
+    let Some(first) = settings.filters.iter().position(|filter| filter.basics.method.claims()) else {
         return Ok(None);
     };
     settings.filters = vec![settings.filters.swap_remove(first)];
-    settings.filters[0].smooth = false;
-    settings.filters[0].lag_s = None;
+    settings.filters[0].basics.smooth = false;
+    settings.filters[0].basics.lag_s = None;
     let (mut known, mut said) = (Vec::new(), Vec::new());
     for ((record, label), rate) in found.records.iter().zip(&found.labels).zip(&found.rates) {
         let Some(read) = on.records.iter().find(|read| read.label == *label) else { continue };
@@ -68,7 +68,7 @@ pub fn correction(
     }
     let line: Option<AffineFit> = fit_affine(&known, &said);
     Ok(line.map(|line| Line {
-        filter: settings.filters[0].name.clone(),
+        filter: settings.filters[0].basics.name.clone(),
         scale: line.slope(),
         bias: line.at(0.0),
     }))
