@@ -75,6 +75,13 @@ impl<P: Scalar> TiltingPlate<P> {
         (tangent.sq() + P::of(1.0)) * near.sq() * bracket * (self.permittivity * self.area())
     }
 
+    /// ∂C/∂D_n = −ε·b·δ/((D_n − w₁·t)·(D_n − w₂·t)) in F/m, θ in rad, about the axis Y alone.
+    pub fn by_gap<S: Over<P>>(&self, angle: S) -> S {
+        let tangent = tangent(angle);
+        let (near, far) = (tangent * -self.w1 + self.gap, tangent * -self.w2 + self.gap);
+        (near * far).recip() * -(self.permittivity * self.area())
+    }
+
     /// C(θ_X, θ_Y) in F, angles in rad.
     ///
     /// One of the two integrals is done in closed form and the other by sixteen points, the one over which the
@@ -154,7 +161,38 @@ impl<P: Scalar<Mask = bool>> TiltingPlate<P> {
             Err(Contact { about_x, about_y, clearance })
         }
     }
+
+    /// The angle about Y in rad at which this plate and another have the same capacitance, found by Newton's method;
+    /// none where the steps do not settle between the contacts.
+    ///
+    /// Of a large outer stator and a small inner one on the other side of the axis that is the threshold angle: the
+    /// difference of the two changes its sign there (Chen, dissertation, 2018, section 3.3.4).
+    pub fn balance(&self, other: &Self) -> Option<P> {
+        let mut angle = P::of(0.0);
+        for _ in 0..NEWTON {
+            let touches = |plate: &Self, at: P| !P::of(0.0).lt(plate.clearance(P::of(0.0), at));
+            let excess = self.capacitance(angle) - other.capacitance(angle);
+            let mut step = excess / (self.slope(angle) - other.slope(angle));
+            // Never through a contact.
+            let mut halvings = 0;
+            while halvings < NEWTON && (touches(self, angle - step) || touches(other, angle - step)) {
+                step = step.half();
+                halvings += 1;
+            }
+            angle = angle - step;
+            // An angle that a gap and the edges make: what small is beside.
+            let small = self.gap / (self.w1.abs() + self.w2.abs() + other.w1.abs() + other.w2.abs());
+            if step.abs().lt(small * P::of(1e-12)) {
+                // Beyond where either would touch on its way back there is no tilt of a stage.
+                return (!touches(self, -angle) && !touches(other, -angle)).then_some(angle);
+            }
+        }
+        None
+    }
 }
+
+/// Steps of Newton's method; it settles in five or six.
+const NEWTON: usize = 60;
 
 /// tan θ.
 #[inline(always)]

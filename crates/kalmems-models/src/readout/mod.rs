@@ -12,7 +12,9 @@ mod low_pass;
 mod low_passed;
 mod phasor_capacitance;
 mod phasor_detector;
+mod plate_current;
 mod two_axis;
+mod vibrometer;
 
 pub use angle_before::AngleBefore;
 pub use biased::BiasedComb;
@@ -26,4 +28,6 @@ pub use low_pass::{LowPassOutput, LowPassPair};
 pub use low_passed::LowPassedComb;
 pub use phasor_capacitance::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
 pub use phasor_detector::PhasorDetector;
+pub use plate_current::{DifferentialCurrent, PlateCurrent, PlateCurrents};
 pub use two_axis::TwoAxisComb;
+pub use vibrometer::EdgeVibrometer;

@@ -118,6 +118,12 @@ impl Experiment {
 
     /// What is built for one device alone.
     fn check_methods(&self, estimate: &Estimate) -> Result<(), ConfigError> {
+        let with_channels = estimate.filters.iter().position(|filter| !filter.channels.is_empty());
+        if let Some(index) = with_channels.filter(|_| !matches!(self.device, Device::MicroStage(_))) {
+            let key = Key::from("estimate").child("filter").index(index).child("channels");
+            let why = "only the micro-stage has several signals; leave it out".to_owned();
+            return Err(self.error(key, Fault::Value { why }));
+        }
         if matches!(self.device, Device::Accelerometer(_)) {
             return Ok(());
         }

@@ -54,6 +54,9 @@ pub struct Filter {
     /// How a filter of a threshold-sensing scanner uses the crossings; not at all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<Threshold>,
+    /// The electrodes whose signals a filter of the micro-stage takes, by name; all that the recording has if left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<String>,
     /// Whether the acceleration is a known input, from a channel of the recording, in place of a state that is
     /// estimated: what an instrument that is to measure it cannot have, for comparison with published results. False
     /// if left out.

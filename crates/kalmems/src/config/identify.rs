@@ -12,4 +12,34 @@ pub struct Identify {
     /// `{ bias = "23.76 V", feedback_resistance = "17.86 kohm" }`.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     pub ring_down: Values,
+    /// Which records of the recording with the role `bias_on`, by their labels, parameters are identified from; the others
+    /// are estimated. All of them serve for both if left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub training: Vec<String>,
+    /// How what the drive alone makes of the signals is told from the motion; `bias_off` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feedthrough: Option<FeedthroughBy>,
+    /// What of each electrode is taken from the device table where no vibrometer says how far the stage moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trusted: Option<Trusted>,
+}
+
+/// How feedthrough is told from motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FeedthroughBy {
+    /// By a recording with the role `bias_off`.
+    BiasOff,
+    /// By the harmonics: the drive makes none, so that they are the motion's alone. Less exact.
+    Harmonics,
+}
+
+/// A number of an electrode that is trusted, so that the others follow from the signal alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Trusted {
+    /// Its gain: the gap follows.
+    Gain,
+    /// Its gap: the gain follows.
+    Gap,
 }

@@ -48,7 +48,7 @@ pub use gyroscope::{
     Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
 };
 pub use hybrid::{Applied, Threshold, Timing, Variant};
-pub use identify::Identify;
+pub use identify::{FeedthroughBy, Identify, Trusted};
 pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
 pub(crate) use key::Step;
@@ -61,7 +61,8 @@ pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, PrescribedMotion,
-    RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive, TonesDrive,
+    RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions, SweepDrive,
+    TonesDrive,
 };
 pub(crate) use source::Source;
 pub use spectrum::{

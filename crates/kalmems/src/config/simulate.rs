@@ -37,8 +37,38 @@ pub struct Simulate {
     /// A converter that rounds the signal; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adc: Option<Adc>,
+    /// What a micro-stage is recorded under; ideal if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<StageConditions>,
     /// The drive: exactly one table, such as `[simulate.drive.sine]`.
     pub drive: DriveSource,
+}
+
+/// What a micro-stage is recorded under.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StageConditions {
+    /// Over how many periods the oscilloscope averages, 1 to 65536: the noise's variance is that of the electrode's table
+    /// over this number; 1 if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "averages")]
+    #[schemars(range(min = 1, max = 65536), example = &1024)]
+    pub averages: Option<u32>,
+    /// The amplitude of the tilt about the other axis, relative to that of the driven one; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.3 %")]
+    pub off_axis_ratio: Option<Quantity<Ratio, NotNegative>>,
+    /// Its phase against that of the driven one; 0 rad if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.7 rad")]
+    pub off_axis_phase: Option<Quantity<Angle>>,
+    /// By how much every gap grows over the recording as the temperature changes; not at all if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"20 nm")]
+    pub gap_drift: Option<Quantity<Length>>,
+    /// By how much every gain grows, relative to it; not at all if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"0.1 %")]
+    pub gain_drift: Option<Quantity<Ratio>>,
 }
 
 /// A converter from volts to steps.
@@ -389,6 +419,14 @@ fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
         .ok()
         .filter(|bits| (1..=32).contains(bits))
         .ok_or_else(|| D::Error::custom(format!("`{number}` is not 1 to 32; write the bits, such as `12`")))
+}
+
+fn averages<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    let count = u32::try_from(number).ok().filter(|count| (1..=65_536).contains(count));
+    count.map(Some).ok_or_else(|| {
+        D::Error::custom(format!("`{number}` is not 1 to 65536; write the number of periods, such as `1024`"))
+    })
 }
 
 fn start() -> serde_json::Value {

@@ -190,6 +190,14 @@ pub enum EstimateError {
         /// Why.
         why: String,
     },
+    /// A recording that the estimate needs beside the one it is of cannot be used.
+    #[error("{place}: {why}")]
+    Unfit {
+        /// The recording and its segment.
+        place: String,
+        /// What was found, what was expected, and what to do.
+        why: String,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

@@ -4,6 +4,7 @@
 
 mod angle;
 mod beam;
+mod edge;
 mod lag;
 mod parts;
 mod reference;
@@ -11,6 +12,7 @@ mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
+pub use edge::EdgeVelocity;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};

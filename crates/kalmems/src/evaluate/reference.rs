@@ -1,6 +1,6 @@
 //! What is known of the motion independently.
 
-use super::{BeamPosition, ValueReference, ValueState};
+use super::{BeamPosition, EdgeVelocity, ValueReference, ValueState};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
 use crate::recording::{Layout, ReadError, Recording};
@@ -42,11 +42,15 @@ struct AngleColumns {
 
 /// The channel of a reference that is a beam's position.
 const POSITION: &str = "position";
+/// The channel of a reference that is how fast a stage's edge moves.
+const EDGE: &str = "edge_velocity";
 /// A quantity that is no angle, and the column that knows it.
 #[derive(Clone, Debug)]
 struct ValueColumn {
     state: &'static ValueState,
     column: String,
+    /// What turns the column into an angular rate, where it holds the velocity of an edge.
+    edge: Option<EdgeVelocity>,
 }
 
 /// Why a reference cannot be read.
@@ -93,7 +97,8 @@ impl ReferenceRecording {
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
         let beam = BeamPosition::of(experiment);
-        let of_beam = beam.iter().map(|_| POSITION);
+        let edge = EdgeVelocity::of(experiment);
+        let of_beam = beam.iter().map(|_| POSITION).chain(edge.iter().map(|_| EDGE));
         let known = || {
             angles
                 .iter()
@@ -128,9 +133,11 @@ impl ReferenceRecording {
         let of_values = values.iter().enumerate().filter_map(|(i, state)| {
             let column = reference.channels.column(state.name).map(str::to_owned);
             if i > 0 {
-                return column.map(|column| Ok(ValueColumn { state, column }));
+                return column.map(|column| Ok(ValueColumn { state, column, edge: None }));
             }
-            Some(column.map(|column| ValueColumn { state, column }).ok_or_else(|| {
+            let of_edge = edge.filter(|_| column.is_none());
+            let column = column.or_else(|| of_edge.and(reference.channels.column(EDGE).map(str::to_owned)));
+            Some(column.map(|column| ValueColumn { state, column, edge: of_edge }).ok_or_else(|| {
                 let name = state.name;
                 let remedy = format!("name its column, such as `{name} = \"true_{name}\"`");
                 experiment.error(key().child(name), Fault::MissingKey { remedy })
@@ -179,11 +186,14 @@ impl ReferenceRecording {
             return Ok(Vec::new());
         };
         let one = |known: &ValueColumn| {
-            Ok(ValueReference {
-                state: known.state,
-                time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
-                value: self.recording.column_of(&known.column, known.state.kind)?.of(segment).to_vec(),
-            })
+            let time_s: Vec<f64> = segment.time.to_vec().iter().map(|t| t - self.delay_s).collect();
+            let kind = if known.edge.is_some() { &kind::VOLTAGE } else { known.state.kind };
+            let values = self.recording.column_of(&known.column, kind)?.of(segment);
+            let value = match (known.edge, segment.time.interval_s()) {
+                (Some(edge), Some(interval_s)) => edge.rates(&time_s, values, interval_s),
+                _ => values.to_vec(),
+            };
+            Ok(ValueReference { state: known.state, time_s, value })
         };
         self.values.iter().map(one).collect()
     }

@@ -147,10 +147,12 @@ fn details(segment: &SegmentMetrics) -> Table {
         ("peaks compared", "", 0, |e| Some(e.peaks as f64)),
         ("peaks without a partner", "", 0, |e| Some(e.peaks_without_partner as f64)),
     ];
-    let of_value: [(&str, &str, ValueDetail); 4] = [
+    let of_value: [(&str, &str, ValueDetail); 6] = [
         ("RMSE", "", |e| e.rmse),
         ("RMS of the reference over RMSE", "dB", |e| e.snr_db.unwrap_or(f64::NAN)),
         ("largest error", "", |e| e.largest),
+        ("scale factor error", "ppm", |e| 1e6 * (e.scale_factor.unwrap_or(f64::NAN) - 1.0)),
+        ("offset", "", |e| e.offset.unwrap_or(f64::NAN)),
         ("errors within ±3σ", "%", |e| 100.0 * e.within_three_sigma.unwrap_or(f64::NAN)),
     ];
     let mut known: Vec<(&str, &'static str)> = Vec::new();

@@ -41,8 +41,12 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
             let (unit, _) = shown(value.unit);
             columns.extend([
                 Column::number(format!("{} RMSE", value.name), unit),
-                Column::number("mean error", unit),
-                Column::number("largest error", unit),
+                if value.is_rate() {
+                    Column::number("scale factor", "")
+                } else {
+                    Column::number("mean error", unit)
+                },
+                Column::number(if value.is_rate() { "bias" } else { "largest error" }, unit),
                 Column::number("within ±3σ", "%"),
             ]);
         }
@@ -93,6 +97,13 @@ struct ValueColumn {
     unit: &'static str,
 }
 
+impl ValueColumn {
+    /// Whether it is an angular rate, which is judged by its scale factor and bias.
+    fn is_rate(&self) -> bool {
+        self.unit == "rad_per_s"
+    }
+}
+
 /// What the device is for, where that is no angle; what comes next, where that is not compared. What the others are,
 /// the page and `metrics.json` tell.
 fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
@@ -110,6 +121,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
         "m_per_s2" => ("mg", 1e3 / STANDARD_GRAVITY),
         "m" => ("nm", 1e9),
         "m_per_s" => ("um/s", 1e6),
+        "rad_per_s" => ("rad/s", 1.0),
         other => (other, 1.0),
     }
 }
@@ -165,10 +177,17 @@ fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 
     let errors = estimator.values.get(value.name);
     let (_, factor) = shown(value.unit);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+    let [second, third] = if value.is_rate() {
+        let scale = errors.and_then(|e| e.scale_factor);
+        let scale = scale.map_or_else(|| "–".to_owned(), |scale| format!("{scale:.6}"));
+        [scale, number(errors.and_then(|e| e.offset).map(|offset| offset * factor))]
+    } else {
+        [number(errors.map(|e| e.bias * factor)), number(errors.map(|e| e.largest * factor))]
+    };
     [
         number(errors.map(|e| e.rmse * factor)),
-        number(errors.map(|e| e.bias * factor)),
-        number(errors.map(|e| e.largest * factor)),
+        second,
+        third,
         number(errors.and_then(|e| Some(100.0 * e.within_three_sigma?))),
     ]
 }

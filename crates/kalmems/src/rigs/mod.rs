@@ -5,6 +5,7 @@
 //! To add one: a folder here, a device table in [`crate::config`], and one line in [`ALL`].
 
 pub mod accelerometer;
+pub mod micro_stage;
 pub mod piston_mirror;
 pub mod shared_scanner;
 pub mod threshold_scanner;
@@ -21,6 +22,7 @@ use crate::simulate::{SimulateError, Simulation};
 /// Every rig that is built.
 pub static ALL: &[&dyn Rig] = &[
     &accelerometer::AccelerometerRig,
+    &micro_stage::MicroStageRig,
     &piston_mirror::PistonMirrorRig,
     &shared_scanner::SharedScannerRig,
     &shared_scanner::two_axes::TwoAxesRig,

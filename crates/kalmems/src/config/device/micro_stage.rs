@@ -2,7 +2,8 @@
 
 use crate::config::Key;
 use crate::config::kinds::{
-    CurrentGain, DriveGain, Frequency, Length, RateVariance, Ratio, VoltagePerVelocity,
+    AngularRate, CurrentGain, DriveGain, Frequency, Length, LengthPerVoltage, RateVariance, Ratio, Time,
+    VoltagePerVelocity, VoltageVariance,
 };
 use crate::config::quantity::Quantity;
 use crate::config::sign::{NotNegative, NotZero, Positive};
@@ -16,8 +17,14 @@ use std::collections::BTreeMap;
 pub struct MicroStage {
     /// The stage on its springs.
     pub resonator: StageResonator,
+    /// The vertical motion that the drive excites beside the tilt; none if left out. Only a simulation has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub piston: Option<PistonMode>,
     /// The capacitors by name, such as `1A`.
     pub electrodes: BTreeMap<String, Electrode>,
+    /// What the estimated rate was found to be wrong by; nothing if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub correction: Option<RateCorrection>,
     /// The laser vibrometer, which is the reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vibrometer: Option<Vibrometer>,
@@ -38,6 +45,42 @@ pub struct StageResonator {
     pub drive_gain: Quantity<DriveGain, NotZero>,
 }
 
+/// The mode in which the stage rises and falls without tilting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PistonMode {
+    /// The frequency without damping.
+    #[schemars(example = &"1002 Hz")]
+    pub natural_frequency: Quantity<Frequency, Positive>,
+    /// The ratio of damping to critical damping.
+    pub damping_ratio: Quantity<Ratio, NotNegative>,
+    /// How far a constant volt of drive lifts the stage towards the stators.
+    #[schemars(example = &"1 nm/V")]
+    pub static_rise: Quantity<LengthPerVoltage>,
+}
+
+/// The line that the rate which a filter says was found to follow: `scale` times the true one and `bias`.
+///
+/// Estimates are corrected by it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RateCorrection {
+    /// The scale factor.
+    pub scale: Quantity<Ratio, Positive>,
+    /// The bias.
+    pub bias: Quantity<AngularRate>,
+}
+
+/// What of the drive an amplifier shows beside the motion: `gain` times the drive and `slope` times its rate of change.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DriveFeedthrough {
+    /// Volts per volt.
+    pub gain: Quantity<Ratio>,
+    /// Volts per volt per second.
+    pub slope: Quantity<Time>,
+}
+
 /// One capacitor: its rectangle under the stage, and its amplifier.
 ///
 /// Distances are from the axis of rotation (`w1`, `w2`) and along it (`w3`, `w4`).
@@ -56,6 +99,14 @@ pub struct Electrode {
     pub gap: Quantity<Length, Positive>,
     /// The output per rate of change of the capacitance: minus the bias times the feedback resistance.
     pub gain: Quantity<CurrentGain, NotZero>,
+    /// The variance of one sample's noise; an estimate needs it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1.6e-11 V^2")]
+    pub noise_variance: Option<Quantity<VoltageVariance, Positive>>,
+    /// What of the drive its amplifier shows; an estimate of a recording without its counterpart with the bias off takes
+    /// it away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feedthrough: Option<DriveFeedthrough>,
 }
 
 /// A laser vibrometer that looks at the edge of the gyroscope.

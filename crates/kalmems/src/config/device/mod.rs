@@ -14,7 +14,10 @@ pub use accelerometer::{
 pub use circuit::{
     DetectorSource, DiodeDetector, HighPassFilter, ModulatedCircuit, SquareLawDetector, SynchronousDetector,
 };
-pub use micro_stage::{Electrode, Gyroscope, MicroStage, StageResonator, Vibrometer};
+pub use micro_stage::{
+    DriveFeedthrough, Electrode, Gyroscope, MicroStage, PistonMode, RateCorrection, StageResonator,
+    Vibrometer,
+};
 pub use piston_mirror::{
     CapacitanceReadout, CarrierFrontEnd, DistanceSeries, DrivenPlate, PistonMirror, SurroundingGas,
 };

@@ -1,0 +1,113 @@
+//! The stage's way through one record.
+
+use crate::estimate::{Counts, Course};
+use kalmems_core::{Covariance, Filter, FilterError, Innovation, LinearProcess};
+use kalmems_models::dynamics::PiezoStage;
+use kalmems_models::readout::PlateCurrent;
+
+/// A channel over one record.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// How the signal depends on the state.
+    pub current: PlateCurrent<f64>,
+    /// The variance of a sample in V².
+    pub noise_variance: f64,
+    /// The signal in V without what the drive alone makes of it; not a number where it is missing.
+    pub signal: Vec<f64>,
+}
+
+/// Model, drive and signals of one record.
+pub struct StageCourse<'a> {
+    time_s: &'a [f64],
+    interval_s: f64,
+    /// The drive at each sample in V.
+    drive: &'a [f64],
+    channels: &'a [Channel],
+    stage: PiezoStage<f64>,
+    density: f64,
+    usual: LinearProcess<f64, 2, 1>,
+}
+
+/// How far an interval may be from the usual one and still be stepped as such, relative to it.
+const SAME: f64 = 1e-6;
+
+impl<'a> StageCourse<'a> {
+    /// A way through this record under white angular acceleration of this density in rad²/s³. There is at least one
+    /// channel.
+    pub fn new(
+        (time_s, interval_s): (&'a [f64], f64),
+        drive: &'a [f64],
+        channels: &'a [Channel],
+        stage: PiezoStage<f64>,
+        density: f64,
+    ) -> Self {
+        Self { time_s, interval_s, drive, channels, stage, density, usual: stage.exact(interval_s, density) }
+    }
+}
+
+impl Course<2> for StageCourse<'_> {
+    type Measurement = PlateCurrent<f64>;
+
+    fn time_s(&self) -> &[f64] {
+        self.time_s
+    }
+
+    fn signal(&self) -> &[f64] {
+        self.channels.first().map_or(&[], |channel| &channel.signal)
+    }
+
+    fn measurement(&self) -> (&PlateCurrent<f64>, f64) {
+        let channel = &self.channels[0];
+        (&channel.current, channel.noise_variance)
+    }
+
+    fn advance<F: Filter<f64, 2>>(
+        &mut self,
+        filter: &mut F,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        // The drive is a sampled sine: the mean of both ends.
+        let drive = self.drive[to - 1].midpoint(self.drive[to]);
+        let interval = self.time_s[to] - self.time_s[to - 1];
+        if (interval / self.interval_s - 1.0).abs() <= SAME {
+            return filter.predict_linked(&self.usual, &[drive]).map(drop);
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and not negative
+        let missing = (interval / self.interval_s).round().max(1.0) as usize - 1;
+        counts.bridged += missing;
+        // A step as long as a part of a cycle needs the drive in between.
+        let parts = missing + 1;
+        let process = self.stage.exact(interval / parts as f64, self.density);
+        let (from, step) = (self.drive[to - 1], (self.drive[to] - self.drive[to - 1]) / parts as f64);
+        for part in 0..parts {
+            filter.predict_linked(&process, &[from + step * (part as f64 + 0.5)])?;
+        }
+        Ok(())
+    }
+
+    /// By one channel after the other, each linearised where those before it have led.
+    ///
+    /// What is kept of the innovations is the first channel's: it alone is foretold by the past and nothing else, so that
+    /// its sequence is white and its NIS 1 on average for a filter that is right, whatever the number of channels. A
+    /// wrong gap or gain of another one moves the state, and shows there.
+    fn correct<F: Filter<f64, 2>>(
+        &mut self,
+        filter: &mut F,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let mut first = None;
+        for (i, channel) in self.channels.iter().enumerate() {
+            let y = channel.signal[k];
+            if y.is_finite() {
+                let noise = Covariance::from_variances([channel.noise_variance]);
+                let innovation = filter.update(&channel.current, &[y], &noise)?;
+                if i == 0 {
+                    first = Some(innovation);
+                }
+            }
+        }
+        Ok(first)
+    }
+}

@@ -1,0 +1,88 @@
+//! What the rig takes from the tables of filters, in SI.
+
+use super::hardware::Hardware;
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Sign, Start, Values};
+use crate::estimate::{FilterBasics, process_noise};
+use crate::units::kind;
+
+/// One filter.
+#[derive(Clone, Debug)]
+pub struct FilterSettings {
+    /// What every filter has.
+    pub basics: FilterBasics,
+    /// The electrodes whose signals it takes, as places in the hardware; empty for all that a recording has.
+    pub electrodes: Vec<usize>,
+    /// θ in rad and θ̇ in rad/s to start from; `None` starts from the signals.
+    pub start: Option<[f64; 2]>,
+    /// Their standard deviations; 0 for what claims none.
+    pub start_sd: [f64; 2],
+    /// The density of the angular acceleration in rad²/s³.
+    pub density: f64,
+}
+
+/// The states, as tables of values name them.
+pub const fn states(sign: Sign) -> [Entry; 2] {
+    [Entry::new("angle", &kind::ANGLE, sign), Entry::new("rate", &kind::ANGULAR_RATE, sign)]
+}
+
+impl FilterSettings {
+    /// Reads and checks the filter at this place of the file.
+    pub fn of(
+        experiment: &Experiment,
+        estimate: &Estimate,
+        hardware: &Hardware,
+        index: usize,
+    ) -> Result<Self, ConfigError> {
+        let filter = &estimate.filters[index];
+        let at = Key::from("estimate").child("filter").index(index);
+        let refuse =
+            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        let built = matches!(
+            filter.method,
+            Method::Model | Method::Ekf | Method::Ukf | Method::IteratedEkf | Method::SquareRootEkf
+        );
+        if !built {
+            let why = "this method is not built for a micro-stage; write `ekf`, `ukf`, `iterated_ekf`, \
+                       `square_root_ekf` or `model`";
+            return refuse("method", why.to_owned());
+        }
+        if filter.demodulator {
+            return refuse("demodulator", "a micro-stage has none; leave it out".to_owned());
+        }
+        let mut electrodes = Vec::new();
+        for name in &filter.channels {
+            let place = hardware.channels.iter().position(|channel| channel.name == *name);
+            let Some(place) = place else {
+                let known = hardware.channels.iter().map(|channel| channel.name.as_str());
+                return Err(experiment.error(at.child("channels"), Fault::unknown_word(name, known)));
+            };
+            if electrodes.contains(&place) {
+                return refuse("channels", format!("`{name}` is named twice; a signal counts once"));
+            }
+            electrodes.push(place);
+        }
+        let read = |name: &str, values: &Values, sign| {
+            experiment.values(at.clone().child(name), values, states(sign))
+        };
+        let start = match &filter.start {
+            Some(Start::Values(values)) => Some(read("start", values, Sign::Any)?),
+            _ => None,
+        };
+        let start_sd = if filter.method.claims() {
+            read("start_sd", &filter.start_sd, Sign::NotNegative)?
+        } else {
+            [0.0; 2]
+        };
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let entry =
+            Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative);
+        let density = if filter.method.claims() {
+            let [density] = experiment.values(noise_key, noise, [entry])?;
+            density
+        } else {
+            0.0
+        };
+        let basics = FilterBasics::of(experiment, &at, filter, (&[], &[]))?;
+        Ok(Self { basics, electrodes, start, start_sd, density })
+    }
+}

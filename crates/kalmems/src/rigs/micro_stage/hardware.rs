@@ -1,0 +1,109 @@
+//! What the rig takes from the device table, in SI.
+
+use crate::config::{ConfigError, Device, Electrode, Experiment, Fault, MicroStage, Quantity};
+use crate::evaluate::EdgeVelocity;
+use kalmems_models::capacitance::TiltingPlate;
+use kalmems_models::constants::VACUUM_PERMITTIVITY;
+use kalmems_models::dynamics::{MirrorResonator, PiezoStage};
+use kalmems_models::readout::PlateCurrent;
+use std::f64::consts::TAU;
+
+/// The device alone.
+#[derive(Clone, Debug)]
+pub struct Hardware {
+    /// How it tilts.
+    pub stage: PiezoStage<f64>,
+    /// How it rises and falls under the same drive, where the file says so.
+    pub piston: Option<PiezoStage<f64>>,
+    /// What is recorded of it, in the order of their names.
+    pub channels: Vec<ElectrodeChannel>,
+    /// The reference, where the file describes one.
+    pub vibrometer: Option<EdgeVelocity>,
+    /// Scale factor and bias in rad/s that the estimated rate was found to have.
+    pub correction: [f64; 2],
+}
+
+/// One electrode with its amplifier.
+#[derive(Clone, Debug)]
+pub struct ElectrodeChannel {
+    /// Its name, such as `1A`.
+    pub name: String,
+    /// What it reads.
+    pub current: PlateCurrent<f64>,
+    /// The variance of one sample's noise in V², where it is known.
+    pub noise_variance: Option<f64>,
+    /// g and g′ of what it shows of the drive, in V/V and s, where the file says so.
+    pub feedthrough: Option<[f64; 2]>,
+}
+
+impl ElectrodeChannel {
+    /// The meaning of its column in a recording.
+    pub fn meaning(&self) -> String {
+        format!("signal_{}", self.name)
+    }
+
+    fn of(name: &str, electrode: &Electrode) -> Self {
+        let plate = TiltingPlate {
+            w1: electrode.w1.si(),
+            w2: electrode.w2.si(),
+            w3: electrode.w3.si(),
+            w4: electrode.w4.si(),
+            gap: electrode.gap.si(),
+            permittivity: VACUUM_PERMITTIVITY,
+        };
+        Self {
+            name: name.to_owned(),
+            current: PlateCurrent { plate, gain: electrode.gain.si() },
+            noise_variance: electrode.noise_variance.as_ref().map(Quantity::si),
+            feedthrough: electrode.feedthrough.as_ref().map(|f| [f.gain.si(), f.slope.si()]),
+        }
+    }
+}
+
+impl Hardware {
+    /// Reads what the file says of the device.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let Device::MicroStage(device) = &experiment.device else {
+            let why = "this rig is for a `[device.micro_stage]`".to_owned();
+            return Err(experiment.error("device", Fault::Value { why }));
+        };
+        let electrodes = device.electrodes.len();
+        if electrodes > super::ELECTRODES {
+            let why = format!(
+                "found {electrodes} electrodes; an axis has at most {}: describe those of the axis that is driven",
+                super::ELECTRODES
+            );
+            return Err(experiment.error("device.micro_stage.electrodes", Fault::Value { why }));
+        }
+        Ok(Self::from_table(device))
+    }
+
+    fn from_table(device: &MicroStage) -> Self {
+        let resonator = &device.resonator;
+        let piston = device.piston.as_ref().map(|piston| {
+            let natural_rate = TAU * piston.natural_frequency.si();
+            PiezoStage {
+                resonator: MirrorResonator { natural_rate, damping_ratio: piston.damping_ratio.si() },
+                drive_gain: piston.static_rise.si() * natural_rate * natural_rate,
+            }
+        });
+        Self {
+            stage: PiezoStage {
+                resonator: MirrorResonator {
+                    natural_rate: TAU * resonator.natural_frequency.si(),
+                    damping_ratio: resonator.damping_ratio.si(),
+                },
+                drive_gain: resonator.drive_gain.si(),
+            },
+            piston,
+            channels: device.electrodes.iter().map(|(name, e)| ElectrodeChannel::of(name, e)).collect(),
+            vibrometer: device.vibrometer.as_ref().map(EdgeVelocity::from),
+            correction: device.correction.as_ref().map_or([1.0, 0.0], |c| [c.scale.si(), c.bias.si()]),
+        }
+    }
+
+    /// The frequency of the free tilt in Hz.
+    pub fn natural_hz(&self) -> f64 {
+        self.stage.resonator.natural_rate / TAU
+    }
+}

@@ -1,0 +1,234 @@
+//! The stage's parameters from its recordings.
+//!
+//! | role | channels | what it says |
+//! |---|---|---|
+//! | `sweep` | `drive`; one record per frequency, and a vibrometer | f_n, ζ, b_c, the vibrometer's delay |
+//! | `bias_on`, `bias_off` | `drive`, `signal_<electrode>`; one record per drive amplitude | gaps, gains, delay, feedthrough |
+//! | `zero_drive` | `bias_on_<electrode>` or `signal_<electrode>` | the noise of each channel |
+
+mod crests;
+mod figures;
+mod gaps;
+mod noise;
+mod sweep;
+mod trained;
+mod waveform;
+mod words;
+
+pub use crests::{ByCrests, Crests, by_crests, crests, expected};
+pub use gaps::{GapFit, InSitu, in_situ};
+pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
+pub use waveform::{
+    ELECTRODES, Indeterminate, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate, motion_by,
+    unknown,
+};
+
+pub(super) use gaps::off_of;
+
+use super::hardware::Hardware;
+use super::records::{self, Records, of_role};
+use crate::config::kinds::KindOf;
+use crate::config::{Device, Experiment, Fault, Key, MicroStage, Quantity, Role, SignOf};
+use crate::estimate::Progress;
+use crate::fit::FitError;
+use crate::identify::{Identification, IdentifyError};
+use std::f64::consts::TAU;
+
+/// Identifies what the recordings' roles allow.
+pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
+    let mut hardware = Hardware::of(experiment)?;
+    let mut found = Identification {
+        rig: "micro_stage",
+        parameters: Vec::new(),
+        undetermined: Vec::new(),
+        worst_pairs: Vec::new(),
+        warnings: Vec::new(),
+        notes: Vec::new(),
+        figures: Vec::new(),
+        experiment: experiment.clone(),
+        materials: Vec::new(),
+    };
+    let index = |role| only(experiment, role);
+    let (sweep, on, off, still) =
+        (index(Role::Sweep)?, index(Role::BiasOn)?, index(Role::BiasOff)?, index(Role::ZeroDrive)?);
+    if sweep.is_none() && on.is_none() && still.is_none() {
+        let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those";
+        return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+    }
+    let mut device = device_of(experiment)?.clone();
+    if let Some(index) = still {
+        noise::identify(experiment, &mut hardware, &mut device, index, &mut found, progress)?;
+        stop(progress)?;
+    }
+    if let Some(index) = sweep {
+        let records = records::read(experiment, &hardware, index, progress)?;
+        let (points, fitted) = sweep_of(&records)?;
+        words::sweep(&mut found, &records, &fitted);
+        found.figures.push(figures::sweep(&points, &fitted));
+        let resonator = &mut device.resonator;
+        set(experiment, &mut resonator.natural_frequency, fitted.natural_frequency_hz().value, "Hz")?;
+        set(experiment, &mut resonator.damping_ratio, 100.0 * fitted.damping_ratio().value, "%")?;
+        set(experiment, &mut resonator.drive_gain, fitted.drive_gain().value, "rad/s^2/V")?;
+        hardware.stage.resonator.natural_rate = TAU * fitted.natural_frequency_hz().value;
+        hardware.stage.resonator.damping_ratio = fitted.damping_ratio().value;
+        hardware.stage.drive_gain = fitted.drive_gain().value;
+        set_delay(&mut found.experiment, index, records.delay_s + fitted.delay_s().value)?;
+        found.materials.push(records.material);
+        stop(progress)?;
+    }
+    found.experiment.device = Device::MicroStage(device.clone());
+    if let Some(index) = on {
+        let records = records::read(experiment, &hardware, index, progress)?;
+        let off = match off {
+            Some(off) => Some(records::read(experiment, &hardware, off, progress)?),
+            None => None,
+        };
+        let fitted = gaps::identify(experiment, &hardware, &records, off.as_ref())?;
+        words::gaps(&mut found, &hardware, &records, &fitted);
+        found.figures.extend(figures::gaps(&hardware, &fitted));
+        for (electrode, by) in &fitted.electrodes {
+            let name = &hardware.channels[*electrode].name;
+            let Some(table) = device.electrodes.get_mut(name) else { continue };
+            set(experiment, &mut table.gap, by.gap.value, "m")?;
+            set(experiment, &mut table.gain, by.gain.value, "V ohm")?;
+            if let Some(feedthrough) = by.feedthrough {
+                let of_drive = crate::config::DriveFeedthrough {
+                    gain: quantity(experiment, feedthrough[0], "")?,
+                    slope: quantity(experiment, feedthrough[1], "s")?,
+                };
+                table.feedthrough = Some(of_drive);
+            }
+        }
+        if let Some(delay) = fitted.delay {
+            set_delay(&mut found.experiment, index, delay.value)?;
+        }
+        found.experiment.device = Device::MicroStage(device.clone());
+        stop(progress)?;
+        if let Some(line) = trained::correction(&found.experiment, &records, &fitted, progress)? {
+            words::correction(&mut found, &records, &line);
+            let correction = crate::config::RateCorrection {
+                scale: quantity(experiment, line.scale.value, "")?,
+                bias: quantity(experiment, line.bias.value, "rad/s")?,
+            };
+            device.correction = Some(correction);
+            found.experiment.device = Device::MicroStage(device);
+        }
+        found.materials.push(records.material);
+        found.materials.extend(off.map(|off| off.material));
+    }
+    for material in &found.materials {
+        found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));
+    }
+    Ok(found)
+}
+
+/// The one recording of a role.
+fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyError> {
+    match of_role(experiment, role)[..] {
+        [first, second, ..] => {
+            let key = Key::from("recording").index(second).child("role");
+            let why = format!(
+                "this is the second recording of its role, after `{}`; an identification takes one: put its records into \
+                 one file with a `segments` column, or into another experiment",
+                Key::from("recording").index(first)
+            );
+            Err(experiment.error(key, Fault::Value { why }).into())
+        }
+        [index] => Ok(Some(index)),
+        [] => Ok(None),
+    }
+}
+
+/// The steps of a sweep, and the fit.
+fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyError> {
+    let mut points = Vec::new();
+    for record in &records.records {
+        let Some(rate) = record.rate else {
+            let why = "it has no reference; what the drive makes of the stage is not known without one: name the \
+                       vibrometer's column under `[recording.reference]`";
+            return Err(IdentifyError::Unfit { recording: record.place.clone(), why: why.to_owned() });
+        };
+        let frequency_hz = stepped_frequency(record)?;
+        // As if the reference were as late as is stated: what is left of its delay is found.
+        let turned = rate.phase_rad - record.drive.phase_rad + TAU * frequency_hz * records.delay_s;
+        let (sine, cosine) = turned.sin_cos();
+        let size = rate.amplitude / record.drive.amplitude;
+        let samples = record.time_s.len() as f64;
+        let relative =
+            (rate.residual_rms / rate.amplitude).hypot(record.drive.residual_rms / record.drive.amplitude);
+        let deviation = size * relative * (2.0 / samples).sqrt();
+        points.push(SweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
+    }
+    points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    let fitted = fit_sweep(&points).map_err(|error| match error {
+        SweepError::Fit(source) => fit_error(&records.name, source),
+        error => IdentifyError::Unfit { recording: records.name.clone(), why: error.to_string() },
+    })?;
+    Ok((points, fitted))
+}
+
+/// How far a record's label may be from what its drive shows, in Hz: a few standard errors of four cycles.
+const LABEL_HZ: f64 = 0.5;
+
+/// The frequency of a step: its label where that is a number, which is what the generator was set to; else what the
+/// drive shows.
+fn stepped_frequency(record: &records::Record) -> Result<f64, IdentifyError> {
+    match record.label.parse::<f64>() {
+        Ok(stated) if (stated - record.drive.frequency_hz).abs() <= LABEL_HZ => Ok(stated),
+        Ok(stated) => {
+            let why = format!(
+                "its label says {stated} Hz and its drive has {:.3} Hz; correct the label, or the clock of the recording",
+                record.drive.frequency_hz
+            );
+            Err(IdentifyError::Unfit { recording: record.place.clone(), why })
+        }
+        Err(_) => Ok(record.drive.frequency_hz),
+    }
+}
+
+fn fit_error(recording: &str, source: FitError) -> IdentifyError {
+    IdentifyError::Fit { recording: recording.to_owned(), source }
+}
+
+fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
+    if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
+}
+
+fn device_of(experiment: &Experiment) -> Result<&MicroStage, IdentifyError> {
+    if let Device::MicroStage(device) = &experiment.device {
+        return Ok(device);
+    }
+    Err(value_error(experiment, "this rig is for a `[device.micro_stage]`".to_owned()))
+}
+
+fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
+    experiment.error("device.micro_stage", Fault::Value { why }).into()
+}
+
+/// Puts an identified value into the experiment.
+fn set<K: KindOf, S: SignOf>(
+    experiment: &Experiment,
+    place: &mut Quantity<K, S>,
+    value: f64,
+    unit: &str,
+) -> Result<(), IdentifyError> {
+    *place = quantity(experiment, value, unit)?;
+    Ok(())
+}
+
+fn quantity<K: KindOf, S: SignOf>(
+    experiment: &Experiment,
+    value: f64,
+    unit: &str,
+) -> Result<Quantity<K, S>, IdentifyError> {
+    Quantity::of(value, unit).map_err(|why| value_error(experiment, why))
+}
+
+/// Puts the delay of a recording's reference into the experiment.
+fn set_delay(experiment: &mut Experiment, index: usize, delay_s: f64) -> Result<(), IdentifyError> {
+    let delay = quantity(experiment, delay_s, "s")?;
+    if let Some(reference) = experiment.recordings.get_mut(index).and_then(|r| r.reference.as_mut()) {
+        reference.set_delay(delay);
+    }
+    Ok(())
+}

@@ -1,0 +1,159 @@
+//! The stage's resonance from a stepped sweep of the drive's frequency.
+
+use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
+use crate::identify::{Circle, ResonantResponse, ResponseModel, ResponsePoint, fit_circle, fit_response};
+use kalmems_core::{Over, Scalar};
+use std::f64::consts::TAU;
+
+/// One step of the sweep: the angular rate over the drive, as the instruments show them, in rad/s/V.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SweepPoint {
+    /// The drive's frequency in Hz.
+    pub frequency_hz: f64,
+    /// The real part.
+    pub re: f64,
+    /// The imaginary part.
+    pub im: f64,
+    /// The standard deviation of either part.
+    pub deviation: f64,
+}
+
+/// The stage's parameters, by two ways.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepFit {
+    /// By least squares on the response, with the delay of the vibrometer and modes outside of the band.
+    pub response: ResonantResponse,
+    /// The circle that the rate's response is in the complex plane.
+    pub circle: Circle,
+    /// How it is passed: [phase at resonance in rad, f_n in Hz, ζ].
+    pub along: Fit<3>,
+}
+
+/// Why a sweep says nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SweepError {
+    /// Too few steps, or none beyond the resonance.
+    #[error(
+        "the sweep has {points} steps, {below} of them below the largest response and {above} above; expected at least \
+         6, with 2 on either side: step the drive's frequency through the resonance"
+    )]
+    NotThrough {
+        /// Steps.
+        points: usize,
+        /// Those below the peak.
+        below: usize,
+        /// Those above.
+        above: usize,
+    },
+    /// A fit failed.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+/// Fits a resonance to the steps of a sweep.
+///
+/// The response of the angle is that of the rate over 2πjf. Where the phase of the rate is 0 is no resonance: a
+/// vibrometer that is 6.9 µs late moves that by 0.6 Hz.
+pub fn fit_sweep(points: &[SweepPoint]) -> Result<SweepFit, SweepError> {
+    let size = |p: &SweepPoint| p.re.hypot(p.im);
+    let peak = points.iter().max_by(|a, b| size(a).total_cmp(&size(b))).map_or(0.0, |p| p.frequency_hz);
+    let below = points.iter().filter(|p| p.frequency_hz < peak).count();
+    let above = points.iter().filter(|p| p.frequency_hz > peak).count();
+    if points.len() < 6 || below < 2 || above < 2 {
+        return Err(SweepError::NotThrough { points: points.len(), below, above });
+    }
+    let angles: Vec<ResponsePoint> = points
+        .iter()
+        .map(|p| {
+            let rate = TAU * p.frequency_hz;
+            ResponsePoint {
+                frequency_hz: p.frequency_hz,
+                re: p.im / rate,
+                im: -p.re / rate,
+                deviation: p.deviation / rate,
+            }
+        })
+        .collect();
+    let response = fit_response(&angles, ResponseModel::WithResidualModes)?;
+    let plane: Vec<[f64; 2]> = points.iter().map(|p| [p.re, p.im]).collect();
+    let circle = fit_circle(&plane)?;
+    let along = along(points, &circle, &response)?;
+    Ok(SweepFit { response, circle, along })
+}
+
+/// The angles at which the circle is passed: ψ(f) = ψ₀ − 2·atan((f/f_n − f_n/f)/(2ζ)).
+fn along(points: &[SweepPoint], circle: &Circle, near: &ResonantResponse) -> Result<Fit<3>, FitError> {
+    let [x, y] = circle.centre();
+    let natural = near.natural_frequency_hz().value;
+    let nearest = points
+        .iter()
+        .min_by(|a, b| (a.frequency_hz - natural).abs().total_cmp(&(b.frequency_hz - natural).abs()));
+    let start = nearest.map_or(0.0, |p| (p.im - y).atan2(p.re - x));
+    let angles: Vec<[f64; 3]> = points
+        .iter()
+        .map(|p| [p.frequency_hz, (p.im - y).atan2(p.re - x), p.deviation / circle.radius()])
+        .collect();
+    let settings = FitSettings::from_start([start, natural, near.damping_ratio().value]);
+    fit(&ByDual(Passage(&angles)), &settings)
+}
+
+struct Passage<'a>(&'a [[f64; 3]]);
+
+impl Law<3> for Passage<'_> {
+    fn residuals<S: Over<f64>>(&self, p: &[S; 3], each: &mut impl FnMut(S)) {
+        for [frequency, angle, deviation] in self.0 {
+            let ratio = S::lift(*frequency) / p[1];
+            let detuning = (ratio - ratio.recip()) / p[2].twice();
+            // The direction from the centre at −2·atan of that, and how far beside it the step lies.
+            let half = (detuning.sq() + 1.0).recip().twice();
+            let (cosine, sine) = (half - 1.0, -(half * detuning));
+            let turned = p[0] - *angle;
+            each((turned.sin() * cosine + turned.cos() * sine) * (1.0 / deviation));
+        }
+    }
+}
+
+impl SweepFit {
+    /// f_n in Hz.
+    pub fn natural_frequency_hz(&self) -> Derived {
+        self.response.natural_frequency_hz()
+    }
+
+    /// ζ.
+    pub fn damping_ratio(&self) -> Derived {
+        self.response.damping_ratio()
+    }
+
+    /// b_c in rad/s²/V: ω_n² times the static angle per volt.
+    pub fn drive_gain(&self) -> Derived {
+        self.response.fit.derived(|p| p[0] * (p[1] * TAU).sq())
+    }
+
+    /// The delay of the vibrometer in s.
+    pub fn delay_s(&self) -> Derived {
+        self.response.delay_s()
+    }
+
+    /// f_n in Hz by the circle.
+    pub fn circle_frequency_hz(&self) -> Derived {
+        self.along.parameter(1)
+    }
+
+    /// ζ by the circle.
+    pub fn circle_damping_ratio(&self) -> Derived {
+        self.along.parameter(2)
+    }
+
+    /// b_c in rad/s²/V by the circle: its diameter is b_c/(2ζω_n).
+    pub fn circle_drive_gain(&self) -> Derived {
+        let radius = self.circle.fit.parameter(2);
+        let gain = self.along.derived(|p| p[1] * p[2] * (4.0 * TAU * radius.value));
+        let relative = (gain.deviation / gain.value).hypot(radius.deviation / radius.value);
+        Derived { value: gain.value, deviation: gain.value.abs() * relative }
+    }
+
+    /// The phase of the rate at resonance in rad: 0 but for the delay of the vibrometer.
+    pub fn phase_at_resonance(&self) -> Derived {
+        self.along.parameter(0)
+    }
+}

@@ -1,0 +1,268 @@
+//! The micro-stage: a piezoelectric stage that shakes a gyroscope, and says by capacitors underneath how fast it turns.
+//!
+//! Chen, On-chip sensing and motion estimation for MEMS, dissertation, 2018, chapter 3. Up to four electrodes under the
+//! stage give a voltage η·C′(θ)·θ̇ each; what the drive alone makes of them is known from the same record without bias. A
+//! vibrometer at the stage's edge is what gaps and gains are identified with, and what estimates are judged by.
+
+mod course;
+mod feedthrough;
+mod filters;
+mod hardware;
+pub mod identification;
+mod outlook;
+mod records;
+mod segment;
+mod settings;
+mod simulation;
+
+use super::Rig;
+use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::estimate::{EstimateError, Motion, Progress, SegmentEstimate};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::identify::{Identification, IdentifyError};
+use crate::outlook::Outlook;
+use crate::recording::{Layout, Recording};
+use crate::signal::{Sine, fit_sine};
+use crate::simulate::{SimulateError, Simulation};
+use crate::units::kind;
+pub use feedthrough::{BiasOff, without_drive};
+pub use hardware::{ElectrodeChannel, Hardware};
+use records::{DRIVE, Records, columns, of_role, place, require_one_frequency};
+use segment::Samples;
+use settings::Settings;
+use simulation::StageSimulation;
+
+/// Electrodes that a stage has for one axis.
+pub const ELECTRODES: usize = identification::ELECTRODES;
+
+/// The rig.
+pub struct MicroStageRig;
+
+/// What a reference may know: the rate is what the stage is for.
+static VALUES: [ValueState; 2] = [
+    ValueState { name: "rate", kind: &kind::ANGULAR_RATE, rate: None },
+    ValueState { name: "angle", kind: &kind::ANGLE, rate: Some("rate") },
+];
+
+impl Rig for MicroStageRig {
+    fn name(&self) -> &'static str {
+        "micro_stage"
+    }
+
+    fn takes(&self, device: &Device) -> bool {
+        matches!(device, Device::MicroStage(_))
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        let settings = Settings::of(experiment)?;
+        let all = 0..experiment.recordings.len();
+        let is_wanted = |role| matches!(role, Role::Test | Role::BiasOn);
+        let wanted: Vec<usize> = all.filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
+        if wanted.is_empty() {
+            let why = "no recording has the role `test` or `bias_on`; those are estimated".to_owned();
+            return Err(experiment.error("recording", Fault::Value { why }));
+        }
+        for index in &wanted {
+            let (_, signals) = columns(experiment, &settings.hardware, *index)?;
+            if signals.is_empty() {
+                let key = Key::from("recording").index(*index).child("channels");
+                let meaning = settings.hardware.channels.first().map(ElectrodeChannel::meaning);
+                let meaning = meaning.unwrap_or_default();
+                let remedy =
+                    format!("name the column of at least one electrode, such as `{meaning} = \"cap_V\"`");
+                return Err(experiment.error(key.child(&meaning), Fault::MissingKey { remedy }));
+            }
+            if experiment.recordings[*index].role == Role::BiasOn {
+                bias_off_index(experiment)?;
+            }
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        let hardware = Hardware::of(experiment)?;
+        let (drive, signals) = columns(experiment, &hardware, index)?;
+        let names: Vec<&str> =
+            [drive].into_iter().chain(signals.into_iter().map(|(_, column)| column)).collect();
+        Ok(experiment.recording(index)?.layout(&names))
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[]
+    }
+
+    fn values(&self) -> &'static [ValueState] {
+        &VALUES
+    }
+
+    fn estimate(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let hardware = &settings.hardware;
+        let (drive, signals) = columns(experiment, hardware, index)?;
+        let described = experiment.recording(index)?;
+        let name =
+            described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+        let bias_off = match described.role {
+            Role::BiasOn => Some(bias_off(experiment, hardware, progress)?),
+            _ => None,
+        };
+        let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
+        let signal_columns = signals.iter().map(|(_, column)| recording.column_of(column, &kind::VOLTAGE));
+        let signal_columns = signal_columns.collect::<Result<Vec<_>, _>>()?;
+        let electrodes: Vec<usize> = signals.iter().map(|(electrode, _)| *electrode).collect();
+        let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
+        let mut estimates = Vec::new();
+        for segment in recording.segments() {
+            if described.role == Role::BiasOn && is_training(experiment, &segment.label) {
+                continue;
+            }
+            let place = place(&name, segment);
+            let time_s = segment.time.to_vec();
+            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+            let too_short =
+                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
+            let interval_s =
+                segment.time.interval_s().filter(|_| span > settings.skip_s).ok_or_else(too_short)?;
+            if let Some((column, count)) = records::clipped(recording, segment, &names) {
+                return Err(EstimateError::Clipped { place, column, count });
+            }
+            let volts = drive_column.of(segment);
+            let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
+            if let Some(first) = unknown.first() {
+                let (column, count, first_s) = (drive.to_owned(), unknown.len(), time_s[*first]);
+                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
+            }
+            let sine = fit_sine(&time_s, volts, interval_s).filter(Sine::is_steady).ok_or_else(|| {
+                EstimateError::NoSteadyDrive { place: place.clone(), filter: "the rig".to_owned() }
+            })?;
+            let off = match &bias_off {
+                Some(records) => Some(off_of(records, &segment.label, &place, &sine)?),
+                None => None,
+            };
+            let mut cleaned = Vec::new();
+            for ((electrode, column), values) in signals.iter().zip(&signal_columns) {
+                let values = values.of(segment);
+                if !values.iter().any(|y| y.is_finite()) {
+                    return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
+                }
+                let feedthrough = hardware.channels[*electrode].feedthrough;
+                cleaned.push(match (&off, feedthrough) {
+                    (Some((off, order)), _) => {
+                        let at = order.iter().position(|e| e == electrode).ok_or_else(|| EstimateError::Unfit {
+                            place: place.clone(),
+                            why: format!(
+                                "the recording with the bias off has no channel `{}`; name its column there too",
+                                hardware.channels[*electrode].meaning()
+                            ),
+                        })?;
+                        off.cancel(at, &time_s, &sine, values)
+                    }
+                    (None, Some(known)) => without_drive(&time_s, &sine, values, known),
+                    (None, None) => values.to_vec(),
+                });
+            }
+            let samples = Samples {
+                place: &place,
+                time_s: &time_s,
+                interval_s,
+                drive: volts,
+                drive_sine: sine,
+                electrodes: &electrodes,
+                signals: cleaned,
+            };
+            let trajectories = segment::estimate(&settings, &samples, progress)?;
+            estimates.push(SegmentEstimate {
+                segment: segment.clone(),
+                drive_column: drive.to_owned(),
+                signal_column: names.first().copied().unwrap_or(DRIVE).to_owned(),
+                signal_kind: &kind::VOLTAGE,
+                drive: Some(sine),
+                motion: Motion { frequency_hz: sine.frequency_hz, is_driven: true },
+                other_axes: Vec::new(),
+                skip_s: settings.skip_s,
+                parts: 1,
+                remarks: Vec::new(),
+                trajectories,
+            });
+        }
+        Ok(estimates)
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook::outlook(experiment)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        Ok(Box::new(StageSimulation::of(experiment)?))
+    }
+
+    /// Its records are judged by the rate; see [`Rig::values`].
+    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+        estimate.trajectories.iter().map(|_| None).collect()
+    }
+
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment, progress)
+    }
+}
+
+/// Whether a record serves the identification alone.
+fn is_training(experiment: &Experiment, label: &str) -> bool {
+    experiment.identify.as_ref().is_some_and(|identify| identify.training.iter().any(|name| name == label))
+}
+
+/// The recording without bias that one with bias needs.
+fn bias_off_index(experiment: &Experiment) -> Result<usize, ConfigError> {
+    of_role(experiment, Role::BiasOff).first().copied().ok_or_else(|| {
+        let why = "a recording has the role `bias_on` and none has `bias_off`: what of the signals is the drive's and not \
+                   the motion's is not known. Record the same drives with the sensing bias off and add them as a \
+                   `[[recording]]` with `role = \"bias_off\"` and the same labels; or, where the electrodes state their \
+                   `feedthrough`, give the recording the role `test`"
+            .to_owned();
+        experiment.error("recording", Fault::Value { why })
+    })
+}
+
+fn bias_off(
+    experiment: &Experiment,
+    hardware: &Hardware,
+    progress: &dyn Progress,
+) -> Result<Records, EstimateError> {
+    let index = bias_off_index(experiment)?;
+    records::read(experiment, hardware, index, progress).map_err(as_estimate_error)
+}
+
+fn as_estimate_error(error: IdentifyError) -> EstimateError {
+    match error {
+        IdentifyError::Config(error) => error.into(),
+        IdentifyError::Read(error) => error.into(),
+        IdentifyError::Interrupted => EstimateError::Interrupted,
+        IdentifyError::Unfit { recording, why } => EstimateError::Unfit { place: recording, why },
+        other => EstimateError::Unfit {
+            place: "the recording with the bias off".to_owned(),
+            why: other.to_string(),
+        },
+    }
+}
+
+/// The record without bias that belongs to one with bias, and the electrodes that its signals are of.
+fn off_of<'a>(
+    records: &'a Records,
+    label: &str,
+    place: &str,
+    drive: &Sine,
+) -> Result<(BiasOff, &'a [usize]), EstimateError> {
+    let (off, electrodes) = identification::off_of(records, label, place).map_err(as_estimate_error)?;
+    require_one_frequency([(place, drive), (off.label.as_str(), &off.drive)]).map_err(as_estimate_error)?;
+    Ok((off, electrodes))
+}

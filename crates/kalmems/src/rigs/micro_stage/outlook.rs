@@ -1,0 +1,116 @@
+//! What can be said of the stage before anything is recorded.
+
+use super::hardware::Hardware;
+use crate::config::{DriveSource, Experiment};
+use crate::outlook::{Outlook, Topic};
+use crate::simulate::SimulateError;
+use std::f64::consts::TAU;
+
+/// The resonance, what each electrode says of a motion, and the angles at which an outer and an inner one balance.
+pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+    let hardware = Hardware::of(experiment)?;
+    let mut topics = vec![resonance(&hardware)];
+    if let Some(DriveSource::Sine(sine)) = experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
+        topics.push(driven(&hardware, sine.amplitude.si(), sine.frequency.si()));
+    }
+    topics.push(electrodes(&hardware));
+    topics.push(thresholds(&hardware));
+    Ok(Outlook {
+        experiment: experiment.name.to_string(),
+        device: "micro_stage",
+        topics,
+        response: None,
+        start: None,
+        information: Vec::new(),
+        frequencies: Vec::new(),
+    })
+}
+
+fn resonance(hardware: &Hardware) -> Topic {
+    let resonator = &hardware.stage.resonator;
+    let hz = hardware.natural_hz();
+    let quality = 0.5 / resonator.damping_ratio;
+    let (re, im) = hardware.stage.response(resonator.natural_rate);
+    let peak = resonator.natural_rate * re.hypot(im);
+    Topic::new("Resonance").with(
+        "resonance_hz_quality_rad_per_s_per_v",
+        [hz, quality, peak],
+        format!(
+            "The stage tilts at {hz:.2} Hz with Q = {quality:.1}; there a volt of drive turns it by {peak:.2} rad/s at its \
+             fastest."
+        ),
+    )
+}
+
+/// The clearance over the gap from which on a motion is said to come near contact.
+const NEAR: f64 = 0.2;
+
+fn driven(hardware: &Hardware, volts: f64, frequency_hz: f64) -> Topic {
+    let rate = TAU * frequency_hz;
+    let (re, im) = hardware.stage.response(rate);
+    let angle = volts * re.hypot(im);
+    let mut topic = Topic::new("Under the drive").with(
+        "motion_rad_and_rad_per_s",
+        [angle, angle * rate],
+        format!(
+            "{volts} V at {frequency_hz} Hz tilt it by {:.4} mrad, and turn it by {:.2} rad/s at its fastest.",
+            1e3 * angle,
+            angle * rate
+        ),
+    );
+    for channel in &hardware.channels {
+        let plate = channel.current.plate;
+        let clearance = plate.clearance(0.0, angle).min(plate.clearance(0.0, -angle)) / plate.gap;
+        if clearance < NEAR {
+            let words = if clearance > 0.0 {
+                format!("Electrode {} comes to {:.0} % of its gap.", channel.name, 100.0 * clearance)
+            } else {
+                format!("Electrode {} is touched: lower the drive.", channel.name)
+            };
+            topic = topic.with("clearance_of_gap", [clearance], words);
+        }
+    }
+    topic
+}
+
+fn electrodes(hardware: &Hardware) -> Topic {
+    let mut topic = Topic::new("What the electrodes say");
+    for channel in &hardware.channels {
+        let per_rate = channel.current.gain * channel.current.plate.slope(0.0);
+        let mut words = format!("{}: {:.2} uV per rad/s at a small angle", channel.name, 1e6 * per_rate);
+        let mut numbers = vec![per_rate];
+        if let Some(variance) = channel.noise_variance {
+            let noise = variance.sqrt() / per_rate.abs();
+            numbers.push(noise);
+            words += &format!("; a sample's noise is {noise:.3} rad/s");
+        }
+        topic = topic.with("sensitivity_v_s_per_rad", numbers, words + ".");
+    }
+    topic
+}
+
+/// The angles at which the capacitances of electrodes on different sides of the axis are equal.
+fn thresholds(hardware: &Hardware) -> Topic {
+    let mut topic = Topic::new("Threshold angles");
+    for (i, one) in hardware.channels.iter().enumerate() {
+        for other in &hardware.channels[i + 1..] {
+            let (a, b) = (&one.current.plate, &other.current.plate);
+            if (a.slope(0.0) > 0.0) == (b.slope(0.0) > 0.0) {
+                continue;
+            }
+            if let Some(angle) = a.balance(b) {
+                topic = topic.with(
+                    "threshold_rad",
+                    [angle],
+                    format!(
+                        "{} and {} have the same capacitance at {:+.4} mrad.",
+                        one.name,
+                        other.name,
+                        1e3 * angle
+                    ),
+                );
+            }
+        }
+    }
+    topic
+}

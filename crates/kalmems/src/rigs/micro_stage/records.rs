@@ -1,0 +1,272 @@
+//! The recordings of a stage: one record per drive amplitude or frequency, each of steady motion.
+
+use super::hardware::Hardware;
+use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
+use crate::estimate::Progress;
+use crate::identify::{IdentifyError, Material};
+use crate::recording::{FindingKind, Layout, ReadError, Recording, Segment};
+use crate::signal::{Sine, fit_sine, fit_sine_at};
+use crate::units::kind;
+
+/// One record.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// The recording and the record's label, for messages.
+    pub place: String,
+    /// Its label.
+    pub label: String,
+    /// When, in s.
+    pub time_s: Vec<f64>,
+    /// The usual interval in s.
+    pub interval_s: f64,
+    /// The drive.
+    pub drive: Sine,
+    /// The signals of the electrodes that the recording has, in V.
+    pub signals: Vec<Vec<f64>>,
+    /// The angular rate in rad/s, as late and with the offset that the reference shows it; `None` where there is none.
+    pub rate: Option<Sine>,
+}
+
+/// All records of one recording.
+#[derive(Clone, Debug)]
+pub struct Records {
+    /// The recording's name.
+    pub name: String,
+    /// Which electrodes its signals are of: places in the hardware.
+    pub electrodes: Vec<usize>,
+    /// In the order of the file.
+    pub records: Vec<Record>,
+    /// How late the experiment says that the reference is, in s.
+    pub delay_s: f64,
+    /// What an identification tells of it.
+    pub material: Material,
+}
+
+/// The meaning of the drive's column.
+pub const DRIVE: &str = "drive";
+
+/// The reference's channel.
+pub const EDGE: &str = "edge_velocity";
+
+/// The recordings of a role, as places in the experiment.
+pub fn of_role(experiment: &Experiment, role: Role) -> Vec<usize> {
+    (0..experiment.recordings.len()).filter(|i| experiment.recordings[*i].role == role).collect()
+}
+
+/// The columns of drive and signals of a recording, and the electrodes that the signals are of.
+pub fn columns<'a>(
+    experiment: &'a Experiment,
+    hardware: &Hardware,
+    index: usize,
+) -> Result<(&'a str, Vec<(usize, &'a str)>), ConfigError> {
+    let channels = &experiment.recording(index)?.channels;
+    let key = || Key::from("recording").index(index).child("channels");
+    let meanings: Vec<String> =
+        hardware.channels.iter().map(super::hardware::ElectrodeChannel::meaning).collect();
+    for (name, _) in channels.iter() {
+        if name != DRIVE && !meanings.iter().any(|meaning| meaning == name) {
+            let known: Vec<&str> = [DRIVE].into_iter().chain(meanings.iter().map(String::as_str)).collect();
+            return Err(experiment.error(key().child(name), Fault::unknown_key(name, known)));
+        }
+    }
+    let drive = channels.column(DRIVE).ok_or_else(|| {
+        let remedy = "name the column of the drive, such as `drive = \"drive_V\"`".to_owned();
+        experiment.error(key().child(DRIVE), Fault::MissingKey { remedy })
+    })?;
+    let signals =
+        meanings.iter().enumerate().filter_map(|(i, meaning)| Some((i, channels.column(meaning)?))).collect();
+    Ok((drive, signals))
+}
+
+/// Reads a recording of driven motion.
+pub fn read(
+    experiment: &Experiment,
+    hardware: &Hardware,
+    index: usize,
+    progress: &dyn Progress,
+) -> Result<Records, IdentifyError> {
+    let described = experiment.recording(index)?;
+    let (drive, signals) = columns(experiment, hardware, index)?;
+    let wanted: Vec<&str> = [drive].into_iter().chain(signals.iter().map(|(_, column)| *column)).collect();
+    let recording = read_file(experiment, described, &described.layout(&wanted), progress)?;
+    let reference = Shown::read(experiment, hardware, index, progress)?;
+    let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+    let unfit = |place: &str, why: String| IdentifyError::Unfit { recording: place.to_owned(), why };
+    let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
+    let mut records = Vec::new();
+    for segment in recording.segments() {
+        let place = place(&name, segment);
+        if let Some((column, count)) = clipped(&recording, segment, &wanted) {
+            let why = format!(
+                "the column `{column}` is clipped in {count} samples; what it was there is not known, and its waveform is \
+                 what gap and gain come from: lower the drive or the amplifier's gain, and record again"
+            );
+            return Err(unfit(&place, why));
+        }
+        let time_s = segment.time.to_vec();
+        let interval_s = segment.time.interval_s().ok_or_else(|| {
+            unfit(&place, "it holds one sample; expected at least three cycles of the drive".to_owned())
+        })?;
+        let volts = drive_column.of(segment);
+        let sine = fit_sine(&time_s, volts, interval_s).filter(Sine::is_steady).ok_or_else(|| {
+            unfit(
+                &place,
+                format!("the drive `{drive}` is not a steady sine; expected at least three cycles of one frequency"),
+            )
+        })?;
+        let columns = signals.iter().map(|(_, column)| recording.column_of(column, &kind::VOLTAGE));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let rate = match &reference {
+            Some(reference) => Some(reference.rate(&segment.label, sine.frequency_hz).ok_or_else(|| {
+                unfit(
+                    &place,
+                    "its reference has no record of this label, or too few samples in it".to_owned(),
+                )
+            })?),
+            None => None,
+        };
+        records.push(Record {
+            place,
+            label: segment.label.clone(),
+            time_s,
+            interval_s,
+            drive: sine,
+            signals: columns.iter().map(|column| column.of(segment).to_vec()).collect(),
+            rate,
+        });
+    }
+    let mut sources = vec![recording.source().clone()];
+    sources.extend(reference.iter().map(|r| r.recording.source().clone()));
+    sources.dedup();
+    Ok(Records {
+        electrodes: signals.iter().map(|(electrode, _)| *electrode).collect(),
+        records,
+        delay_s: described.reference.as_ref().map_or(0.0, config::Reference::delay_s),
+        material: Material {
+            name: name.clone(),
+            role: described.role,
+            time_s: Vec::new(),
+            interval_s: 0.0,
+            signal: Vec::new(),
+            angle: Vec::new(),
+            sources,
+            diagnosis: recording.diagnosis().to_vec(),
+        },
+        name,
+    })
+}
+
+/// The reference of a recording.
+struct Shown {
+    recording: Recording,
+    column: String,
+    /// rad/s of one unit of the column.
+    scale: f64,
+}
+
+impl Shown {
+    fn read(
+        experiment: &Experiment,
+        hardware: &Hardware,
+        index: usize,
+        progress: &dyn Progress,
+    ) -> Result<Option<Self>, IdentifyError> {
+        let described = experiment.recording(index)?;
+        let Some(reference) = &described.reference else { return Ok(None) };
+        let key = || Key::from("recording").index(index).child("reference").child("channels");
+        let (column, scale, kind) = match (reference.channels.column(EDGE), &hardware.vibrometer) {
+            (Some(column), Some(vibrometer)) => (column, vibrometer.rate_per_volt(), &kind::VOLTAGE),
+            (Some(_), None) => {
+                let remedy =
+                    "write `[device.micro_stage.vibrometer]` with `gain` and `target_width`".to_owned();
+                let key = Key::from("device").child("micro_stage").child("vibrometer");
+                return Err(experiment.error(key, Fault::MissingKey { remedy }).into());
+            }
+            (None, _) => {
+                let column = reference.channels.column("rate").ok_or_else(|| {
+                    let remedy = format!("name the vibrometer's column, such as `{EDGE} = \"ldv_V\"`");
+                    experiment.error(key().child(EDGE), Fault::MissingKey { remedy })
+                })?;
+                (column, 1.0, &kind::ANGULAR_RATE)
+            }
+        };
+        let path = experiment.resolve(reference.file(described));
+        let layout = described.reference_layout(reference, &[column]);
+        let recording = Recording::read_with(&path, &layout, &mut |done, _| progress.reached(done))?;
+        recording.column_of(column, kind)?;
+        Ok(Some(Self { column: column.to_owned(), scale, recording }))
+    }
+
+    /// The sine of this frequency in the record with this label, in rad/s.
+    fn rate(&self, label: &str, frequency_hz: f64) -> Option<Sine> {
+        let segment = self.recording.segments().iter().find(|segment| segment.label == label)?;
+        let values = self.recording.column(&self.column).ok()?.of(segment);
+        let sine = fit_sine_at(&segment.time.to_vec(), values, frequency_hz)?;
+        Some(Sine {
+            offset: sine.offset * self.scale,
+            amplitude: sine.amplitude * self.scale.abs(),
+            phase_rad: sine.phase_rad + if self.scale < 0.0 { std::f64::consts::PI } else { 0.0 },
+            residual_rms: sine.residual_rms * self.scale.abs(),
+            ..sine
+        })
+    }
+}
+
+/// Reads a file and says how far it has come.
+pub fn read_file(
+    experiment: &Experiment,
+    described: &config::Recording,
+    layout: &Layout,
+    progress: &dyn Progress,
+) -> Result<Recording, ReadError> {
+    let mut started = false;
+    Recording::read_with(&experiment.resolve(&described.file), layout, &mut |done, total| {
+        if !started {
+            progress.begin("reading", total);
+            started = true;
+        }
+        progress.reached(done)
+    })
+}
+
+/// A record for messages.
+pub fn place(name: &str, segment: &Segment) -> String {
+    match segment.label.as_str() {
+        "" => name.to_owned(),
+        label => format!("{name}, record `{label}`"),
+    }
+}
+
+/// The first of these columns that is clipped in a record, and in how many samples.
+pub fn clipped(recording: &Recording, segment: &Segment, columns: &[&str]) -> Option<(String, usize)> {
+    recording.diagnosis().iter().find_map(|finding| {
+        let column = finding.column.as_deref().filter(|column| columns.contains(column))?;
+        let here = finding.segment.as_ref().is_none_or(|label| *label == segment.label);
+        (finding.kind == FindingKind::Saturation && here).then(|| (column.to_owned(), finding.count))
+    })
+}
+
+/// The largest part by which the drive's frequencies of records that belong together may differ.
+const SAME_FREQUENCY: f64 = 1e-4;
+
+/// Refuses records whose drives differ in frequency.
+///
+/// Feedthrough and delays depend on it, and the motion near a resonance depends on it strongly.
+pub fn require_one_frequency<'a>(
+    records: impl IntoIterator<Item = (&'a str, &'a Sine)>,
+) -> Result<(), IdentifyError> {
+    let mut first: Option<(&str, f64)> = None;
+    for (place, drive) in records {
+        let (other, frequency_hz) = *first.get_or_insert((place, drive.frequency_hz));
+        if (drive.frequency_hz / frequency_hz - 1.0).abs() > SAME_FREQUENCY {
+            let why = format!(
+                "its drive has {:.3} Hz, where {other} has {frequency_hz:.3} Hz; records that are used together need one \
+                 frequency, or what the drive alone makes of the signal does not cancel: record them with the same \
+                 generator settings",
+                drive.frequency_hz
+            );
+            return Err(IdentifyError::Unfit { recording: place.to_owned(), why });
+        }
+    }
+    Ok(())
+}

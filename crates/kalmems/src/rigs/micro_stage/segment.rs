@@ -1,0 +1,146 @@
+//! The estimates of one record.
+
+use super::course::{Channel, StageCourse};
+use super::filters::FilterSettings;
+use super::identification::motion_by;
+use super::settings::Settings;
+use crate::config::Method;
+use crate::estimate::{
+    AnyFilter, EstimateError, Motion, Progress, StateName, Trajectory, TrajectoryKind, answers, judge_lock,
+};
+use crate::signal::{Sine, fit_sine_at};
+use crate::units::kind;
+use kalmems_core::Covariance;
+use std::f64::consts::TAU;
+
+/// One record as the filters see it.
+#[derive(Clone, Debug)]
+pub struct Samples<'a> {
+    /// The record, for messages.
+    pub place: &'a str,
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// The usual interval in s.
+    pub interval_s: f64,
+    /// The drive at each sample in V.
+    pub drive: &'a [f64],
+    /// The sine that it follows.
+    pub drive_sine: Sine,
+    /// Which electrodes there are signals of, as places in the hardware.
+    pub electrodes: &'a [usize],
+    /// The signals of these in V, without what the drive alone makes of them.
+    pub signals: Vec<Vec<f64>>,
+}
+
+/// The states, as trajectories name them.
+const STATES: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
+
+/// How many cycles a start from the signals looks at.
+const CYCLES: f64 = 2.0;
+
+/// Runs the wanted filters over a record.
+pub fn estimate(
+    settings: &Settings,
+    samples: &Samples,
+    progress: &dyn Progress,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    let motion = Motion { frequency_hz: samples.drive_sine.frequency_hz, is_driven: true };
+    let start_s = samples.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
+    let mut all = Vec::new();
+    for filter in &settings.filters {
+        let (mut trajectories, signal) = one(settings, filter, samples, progress)?;
+        for trajectory in &mut trajectories {
+            trajectory.lock = judge_lock(trajectory, &signal, &[("angle", motion)], start_s);
+            if filter.basics.method == Method::Model {
+                trajectory.kind = TrajectoryKind::ModelAlone;
+                trajectory.claim_nothing();
+            } else {
+                correct(trajectory, settings.hardware.correction);
+            }
+        }
+        all.append(&mut trajectories);
+    }
+    Ok(all)
+}
+
+/// The rate without the scale factor and bias that it was found to have.
+fn correct(trajectory: &mut Trajectory, [scale, bias]: [f64; 2]) {
+    for state in trajectory.states.iter_mut().filter(|state| state.name == "rate") {
+        state.mean.iter_mut().for_each(|rate| *rate = (*rate - bias) / scale);
+        state.sd.iter_mut().for_each(|sd| *sd /= scale);
+    }
+}
+
+/// One filter, smoothed where that is wanted, and the signal that its innovations are of.
+fn one(
+    settings: &Settings,
+    filter: &FilterSettings,
+    samples: &Samples,
+    progress: &dyn Progress,
+) -> Result<(Vec<Trajectory>, Vec<f64>), EstimateError> {
+    let channels = channels(settings, filter, samples)?;
+    let mean = match filter.start {
+        Some(start) => start,
+        None => start_from(&channels, samples, filter)?,
+    };
+    let covariance = Covariance::from_standard_deviations(filter.start_sd);
+    let start = AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance);
+    let time = (samples.time_s, samples.interval_s);
+    let stage = settings.hardware.stage;
+    let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
+    let trajectories = answers(&filter.basics, &start, (&mut course, samples.interval_s), &STATES, progress)?;
+    let signal = channels.into_iter().next().map(|channel| channel.signal).unwrap_or_default();
+    Ok((trajectories, signal))
+}
+
+/// The channels that a filter takes, in the order of its file or of the recording.
+fn channels(
+    settings: &Settings,
+    filter: &FilterSettings,
+    samples: &Samples,
+) -> Result<Vec<Channel>, EstimateError> {
+    let wanted = if filter.electrodes.is_empty() { samples.electrodes } else { &filter.electrodes };
+    let one = |electrode: &usize| {
+        let described = &settings.hardware.channels[*electrode];
+        let place = samples.electrodes.iter().position(|e| e == electrode);
+        let signal =
+            place.map(|place| samples.signals[place].clone()).ok_or_else(|| EstimateError::NoStart {
+                place: samples.place.to_owned(),
+                filter: filter.basics.name.clone(),
+                why: format!("the recording has no channel `{}`", described.meaning()),
+            })?;
+        Ok(Channel {
+            current: described.current,
+            // The settings were refused where it is not known.
+            noise_variance: described.noise_variance.unwrap_or(1.0),
+            signal,
+        })
+    };
+    wanted.iter().map(one).collect()
+}
+
+/// Where the first cycles of the first signal say that the motion starts.
+///
+/// Its fundamental over what a small angle makes of it: a few percent off at the largest motion, which the filter mends
+/// within a cycle.
+fn start_from(
+    channels: &[Channel],
+    samples: &Samples,
+    filter: &FilterSettings,
+) -> Result<[f64; 2], EstimateError> {
+    let frequency_hz = samples.drive_sine.frequency_hz;
+    let first = samples.time_s.first().copied().unwrap_or(0.0);
+    let end = samples.time_s.partition_point(|t| *t <= first + CYCLES / frequency_hz);
+    let found = channels.iter().find_map(|channel| {
+        let sine = fit_sine_at(&samples.time_s[..end], &channel.signal[..end], frequency_hz)?;
+        Some(motion_by(&channel.current.plate, channel.current.gain, &sine))
+    });
+    let motion = found.ok_or_else(|| EstimateError::NoStart {
+        place: samples.place.to_owned(),
+        filter: filter.basics.name.clone(),
+        why: "no signal has samples in the first two cycles".to_owned(),
+    })?;
+    let rate = TAU * frequency_hz;
+    let (sine, cosine) = (rate * first + motion.phase_rad).sin_cos();
+    Ok([motion.amplitude * cosine, -motion.amplitude * rate * sine])
+}
