@@ -60,22 +60,18 @@ pub struct Tuning {
     /// By how much Q and R are off.
     pub factors: [f64; 2],
     pub snr_db: f64,
-    pub largest_m: f64,
-    pub sd_m: f64,
+    /// The largest error of the displacement, in pm.
+    pub largest_pm: f64,
+    /// Its standard deviation, in pm.
+    pub sd_pm: f64,
 }
 
 /// Table IV; ">40 dB" stands as 40.
 pub const TUNINGS: [Tuning; 6] = [
-    Tuning { words: "exact Q, R", factors: [1.0, 1.0], snr_db: 12.0, largest_m: 4e-10, sd_m: 2.8023e-11 },
-    Tuning { words: "Q × 10", factors: [10.0, 1.0], snr_db: 10.0, largest_m: 2e-10, sd_m: 5.1756e-11 },
-    Tuning { words: "Q / 10", factors: [0.1, 1.0], snr_db: 24.0, largest_m: 4.5e-11, sd_m: 1.1336e-11 },
-    Tuning { words: "R × 10", factors: [1.0, 10.0], snr_db: 24.0, largest_m: 1.5e-11, sd_m: 1.1943e-11 },
-    Tuning { words: "R / 10", factors: [1.0, 0.1], snr_db: 10.0, largest_m: 5e-10, sd_m: 5.2502e-11 },
-    Tuning {
-        words: "R × 10, Q / 10",
-        factors: [0.1, 10.0],
-        snr_db: 40.0,
-        largest_m: 1e-11,
-        sd_m: 2.7512e-12,
-    },
+    Tuning { words: "exact Q, R", factors: [1.0, 1.0], snr_db: 12.0, largest_pm: 400.0, sd_pm: 28.023 },
+    Tuning { words: "Q × 10", factors: [10.0, 1.0], snr_db: 10.0, largest_pm: 200.0, sd_pm: 51.756 },
+    Tuning { words: "Q / 10", factors: [0.1, 1.0], snr_db: 24.0, largest_pm: 45.0, sd_pm: 11.336 },
+    Tuning { words: "R × 10", factors: [1.0, 10.0], snr_db: 24.0, largest_pm: 15.0, sd_pm: 11.943 },
+    Tuning { words: "R / 10", factors: [1.0, 0.1], snr_db: 10.0, largest_pm: 500.0, sd_pm: 52.502 },
+    Tuning { words: "R × 10, Q / 10", factors: [0.1, 10.0], snr_db: 40.0, largest_pm: 10.0, sd_pm: 2.7512 },
 ];

@@ -256,12 +256,16 @@ fn figures(bench: &Bench, seed: u64) -> Item {
                 Series::line(label, role, points.step_by(40).collect::<Vec<_>>())
             };
             let axis = Axis::new(format!("output at {amplitude_g} g"), "V");
-            let mut panel =
-                Panel::new(Axis::new("time", "s"), axis).with(line("output", Role::Measured, &record.output));
+            let name = |name: &'static str| if place == 0 { name } else { "" };
+            let mut panel = Panel::new(Axis::new("time", "s"), axis).with(line(
+                name("output"),
+                Role::Measured,
+                &record.output,
+            ));
             if structure == Structure::Told {
-                panel = panel.with(line("estimated output", Role::Estimate, &record.seen));
+                panel = panel.with(line(name("estimated output"), Role::Estimate, &record.seen));
             }
-            panel = panel.with(line("without noise", Role::Bound, &clean));
+            panel = panel.with(line(name("without noise"), Role::Bound, &clean));
             figure = figure.with(if place == 0 { panel } else { panel.sharing_x() });
             if place == 0 {
                 let (from, signal) = (record.from(), rms(clean[record.from()..].iter().copied()));

@@ -155,19 +155,14 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
     );
     for (place, row) in TUNINGS.iter().enumerate() {
         let sd = spread(place, &|f| 1e12 * f.sd_m);
-        item = item.check(Check::value(
-            format!("standard deviation, {}", row.words),
-            "pm",
-            1e12 * row.sd_m,
-            sd,
-            0.2,
-        ));
+        item =
+            item.check(Check::value(format!("standard deviation, {}", row.words), "pm", row.sd_pm, sd, 0.2));
         let exceeds = if row.snr_db >= 40.0 { ">" } else { "" };
         rows.push([
             row.words.to_owned(),
-            significant(1e12 * row.sd_m),
+            significant(row.sd_pm),
             sd.to_text(),
-            significant(1e12 * row.largest_m),
+            significant(row.largest_pm),
             spread(place, &|f| 1e12 * f.largest_m).to_text(),
             format!("{exceeds}{}", row.snr_db),
             spread(place, &|f| f.snr_db).to_text(),
@@ -209,12 +204,14 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
     .remark(format!(
         "Why it falls: told the acceleration, and with nothing else to push the mass, the model alone is right, and every \
          look at the noisy output makes it worse. The printed trend says that the filter was given the answer, not that it \
-         is tuned better. With the acceleration as a state the error is {} pm at best and depends little on this Q.",
-        significant(honest)
+         is tuned better. With the acceleration as a state the error is {} pm at best, at {} decades, where the molecules that are not there \
+         count for little.",
+        significant(honest),
+        signed(lowest(Knows::ThatThereIsOne))
     ))
     .remark(
         "Run without the molecules' push, which alone gives the printed standard deviations; on the linear device of equation \
-         5-1, in which the plates take nothing from the spring; at 1 MHz (0.7 MHz would fit the first row exactly). The \
+         5-1, in which the plates take nothing from the spring; at 1 MHz (1.5 MHz would fit better). The \
          table's SNR fits the amplitude of the displacement over its error better than the usual definition, used for ours. \
          A factor 10 of Q is the same filter as one of 1/R, so that the printed rows that should agree show the chance in \
          the others.",
@@ -241,13 +238,14 @@ fn figure(spread: Spreads) -> Figure {
             DECADES.map(|decades| (10_f64.powi(decades), spread(place(knows, decades), &|f| f.sd_m).median));
         panel = panel.with(Series::line(label, role, points.collect::<Vec<_>>()));
     }
-    let printed = TUNINGS.iter().map(|row| (row.factors[0] / row.factors[1], row.sd_m)).collect::<Vec<_>>();
+    let printed =
+        TUNINGS.iter().map(|row| (row.factors[0] / row.factors[1], 1e-12 * row.sd_pm)).collect::<Vec<_>>();
     panel = panel.with(Series::points("thesis, Table IV", Role::Reference, printed));
     Figure::new(
         "table-iv_trend",
         "Table IV, and its reversal",
         "With the true acceleration as an input the error falls as Q/R does. The same filter without it has its least error \
-         elsewhere and loses the signal as Q/R falls; with the acceleration as a state there is little to tune.",
+         elsewhere and loses the signal as Q/R falls; with the acceleration as a state there is a wide minimum.",
     )
     .with(panel)
 }
@@ -255,24 +253,19 @@ fn figure(spread: Spreads) -> Figure {
 fn figures(bench: &Bench, record: &Record) -> Item {
     let mut figure = Figure::new(
         "figures-27-31_outputs",
-        "Figures 27 to 31: output and its estimate",
-        "Told the acceleration, and other Q and R than the stated.",
+        "Figures 27 to 31: error of the estimated output",
+        "Told the acceleration, and other Q and R than the stated. A sample of the output itself has an error of 221 µV rms.",
     );
     let mut left = Vec::new();
     for (place, row) in TUNINGS.iter().enumerate().skip(1) {
         let Some(trajectory) = estimate(bench, record, Knows::Acceleration, row.factors) else { continue };
         let Some(displacement) = trajectory.state("displacement") else { continue };
         let readout = bench.closed.readout;
-        let points = |values: &mut dyn Iterator<Item = f64>| -> Vec<(f64, f64)> {
-            record.time_s.iter().copied().zip(values).step_by(40).collect()
-        };
-        let output = points(&mut record.output.iter().copied());
-        let estimated = points(&mut displacement.mean.iter().map(|x| readout.voltage(*x)));
-        let clean = points(&mut record.displacement.iter().map(|x| readout.voltage(*x)));
-        let panel = Panel::new(Axis::new("time", "s"), Axis::new(row.words, "V"))
-            .with(Series::line(if place == 1 { "output" } else { "" }, Role::Measured, output))
-            .with(Series::line(if place == 1 { "estimated" } else { "" }, Role::Estimate, estimated))
-            .with(Series::line(if place == 1 { "without noise" } else { "" }, Role::Bound, clean));
+        let errors = displacement.mean.iter().zip(&record.displacement);
+        let volts = errors.map(|(estimated, x)| readout.voltage(*estimated) - readout.voltage(*x));
+        let points: Vec<(f64, f64)> = record.time_s.iter().copied().zip(volts).step_by(20).collect();
+        let panel = Panel::new(Axis::new("time", "s"), Axis::new(row.words, "V").between(-2e-4, 2e-4))
+            .with(Series::line("", Role::Estimate, points));
         figure = figure.with(if place == 1 { panel } else { panel.sharing_x() });
         left.push(rms(differences(&displacement.mean, &record.displacement, record.from())));
     }
