@@ -220,8 +220,8 @@ fn what_cannot_be_is_refused() {
     }
 }
 
-/// What a filter claims of the position along the true motion, rms in nm after the settling time: its covariance is that of
-/// the bound's recursion, since its Jacobians are taken at the truth.
+/// What a filter claims of the position along the true motion, rms in nm after the settling time: its covariance is
+/// that of the bound's recursion, since its Jacobians are taken at the truth.
 fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
     let text = case.experiment("0.5 s", filters).to_toml().unwrap();
     let text = text.replace("[simulate]", "[simulate]\nnoise = false").replace("noise = true\n", "");
@@ -239,8 +239,8 @@ fn run(real: &Experiment, told: &Experiment) -> workflow::Outcome {
     workflow::estimate_unwritten(told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the true
-/// motion, without noise in the signal.
+/// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the
+/// true motion, without noise in the signal.
 #[test]
 #[ignore = "20 simulations of 3 s at 194 kHz for each noise"]
 fn slow_a_drifting_amplitude_is_followed_without_lag() {
@@ -376,8 +376,8 @@ start = "from_signal"
 process_noise = { amplitude = "3e-16 m^2/s", frequency = "1e-8 Hz^2/s" }
 "#;
 
-/// The rest position that three states hold is as uncertain as 0.3 s leave it, and they say so: the error over the claim is
-/// about 1 over 8 seeds, and none is beyond three deviations for long.
+/// The rest position that three states hold is as uncertain as 0.3 s leave it, and they say so: the error over the
+/// claim is about 1 over 8 seeds, and none is beyond three deviations for long.
 #[test]
 fn three_states_know_how_well_they_know_the_rest_position() {
     let (mut errors, mut claims) = (Vec::new(), Vec::new());
@@ -418,8 +418,8 @@ fn with_samples(
     (estimate.remarks.clone(), estimate)
 }
 
-/// Three samples that no distance makes: left out, counted, named, with what they would do. Taken as they are they move the
-/// position by micrometres.
+/// Three samples that no distance makes: left out, counted, named, with what they would do. Taken as they are they
+/// move the position by micrometres.
 #[test]
 fn samples_beyond_the_device_are_left_out_and_named() {
     let case = Case { duration_s: 0.4, ..CASE };
@@ -464,8 +464,8 @@ fn samples_beyond_the_device_are_left_out_and_named() {
     );
 }
 
-/// A bandwidth of twice half the sampling rate folds as much noise again: told, the filter is consistent and the report says what
-/// it costs; not told, it is overconfident.
+/// A bandwidth of twice half the sampling rate folds as much noise again: told, the filter is consistent and the
+/// report says what it costs; not told, it is overconfident.
 #[test]
 fn a_bandwidth_beyond_half_the_sampling_rate_is_named() {
     let case = Case { duration_s: 0.8, ..CASE };
@@ -519,7 +519,7 @@ fn the_outlook_says_what_the_signal_can_tell() {
     println!("{}", outlook.to_text());
     let values = |name: &str| outlook.fact(name).unwrap_or_else(|| panic!("{name}")).values.clone();
     let near = |found: f64, expected: f64, by: f64| {
-        assert!((found / expected - 1.0).abs() < by, "{found} {expected}")
+        assert!((found / expected - 1.0).abs() < by, "{found} {expected}");
     };
     near(values("front_end_af_per_root_hz")[0], 0.393, 2e-3);
     // S·d²/(C·d_r) at 1 mm, and the sample's √(f_s/2) of it.

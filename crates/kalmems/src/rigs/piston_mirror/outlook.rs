@@ -131,8 +131,8 @@ fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> T
             "front_end_af_per_root_hz",
             [computed * ATTO, peak * ATTO, slope, hardware.noise_density / computed],
             format!(
-                "The carrier circuit gives {slope:.3e} V/F at rest, so that its {:.3} nV/√Hz are {:.3} aF/√Hz, or {:.3} if its \
-                 voltage is an amplitude; the file states {:.2} times that.",
+                "The carrier circuit gives {slope:.3e} V/F at rest, so that its {:.3} nV/√Hz are {:.3} aF/√Hz, or \
+                 {:.3} if its voltage is an amplitude; the file states {:.2} times that.",
                 circuit.voltage_noise.si() * 1e9,
                 computed * ATTO,
                 peak * ATTO,
@@ -142,7 +142,10 @@ fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> T
         .with(
             "straight_line_nm",
             [straight * NM],
-            format!("A straight line in place of its law would be wrong by up to {:.0} nm over the stroke.", straight * NM),
+            format!(
+                "A straight line in place of its law would be wrong by up to {:.0} nm over the stroke.",
+                straight * NM
+            ),
         )
 }
 
@@ -170,7 +173,8 @@ fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<Topic, Simul
             "resonance_hz_and_quality",
             [resonance, quality],
             format!(
-                "At {:.3} Pa it swings freely at {resonance:.4} Hz with Q {quality:.0}: a motion falls to 1/e in {:.3} s.",
+                "At {:.3} Pa it swings freely at {resonance:.4} Hz with Q {quality:.0}: a motion falls to 1/e in \
+                 {:.3} s.",
                 mechanics.pressure,
                 quality / (TAU * 0.5 * resonance)
             ),
@@ -228,7 +232,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
         "one_sample_nm",
         one,
         format!(
-            "One sample at {:.1} kHz{of} by itself tells the distance to {:.0} nm nearest, {:.0} at rest and {:.0} farthest.",
+            "One sample at {:.1} kHz{of} by itself tells the distance to {:.0} nm nearest, {:.0} at rest and {:.0} \
+             farthest.",
             rate_hz / 1e3,
             one[0],
             one[1],
@@ -239,8 +244,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
         "motion",
         stated.motion,
         format!(
-            "Least standard deviations for a motion of ±{:.1} um at {frequency:.1} Hz, amplitude, its rate, frequency, phase and \
-             rest position all unknown and constant:",
+            "Least standard deviations for a motion of ±{:.1} um at {frequency:.1} Hz, amplitude, its rate, \
+             frequency, phase and rest position all unknown and constant:",
             amplitude * 1e6
         ),
     );
@@ -256,7 +261,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
                 "bounds",
                 [seconds, sd(0), sd(1), sd(2), sd(3), sd(4), bound.position_rms_m],
                 format!(
-                    "of {name}: position {:.2} nm, amplitude {:.2} nm, rest {:.2} nm, phase {:.1e} rad, frequency {:.1e} Hz",
+                    "of {name}: position {:.2} nm, amplitude {:.2} nm, rest {:.2} nm, phase {:.1e} rad, frequency \
+                     {:.1e} Hz",
                     bound.position_rms_m * NM,
                     sd(0) * NM,
                     sd(3) * NM,
@@ -299,8 +305,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                             "settled_position_nm",
                             [position * NM, natural_hz],
                             format!(
-                                "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise (`steady_state`); \
-                                 the loop's natural frequency is {natural_hz:.2} Hz.",
+                                "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise \
+                                 (`steady_state`); the loop's natural frequency is {natural_hz:.2} Hz.",
                                 filter.basics.name,
                                 position * NM
                             ),
@@ -320,7 +326,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                     "lag_nm",
                     [lag * NM, one_second],
                     format!(
-                        "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean NIS does not show.",
+                        "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean \
+                         NIS does not show.",
                         filter.basics.name,
                         lag * NM
                     ),
@@ -331,7 +338,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
     topic
 }
 
-/// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in F²/Hz.
+/// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in
+/// F²/Hz.
 fn amplitude_information(hardware: &Hardware, &[amplitude, _, _, rest, _]: &[f64; 5], density: f64) -> f64 {
     const POINTS: u32 = 256;
     let square = |k: u32| {
@@ -365,8 +373,8 @@ fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
         let first = format!("{name} makes {:.1} nm rms", per * unseen.position_rms_m * NM);
         if seen.is_finite() {
             format!(
-                "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} times that \
-                 as a state.",
+                "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} \
+                 times that as a state.",
                 seen / per,
                 unseen.told_to(variance, updates) / per
             )
@@ -390,8 +398,8 @@ fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
         .with(
             "sign",
             [],
-            "Amplitude and phase have one sign each in all that is said: (A, φ) and (−A, φ + π) are one motion, and so are \
-             (f, φ) and (−f, −φ).",
+            "Amplitude and phase have one sign each in all that is said: (A, φ) and (−A, φ + π) are one motion, and \
+             so are (f, φ) and (−f, −φ).",
         )
 }
 
@@ -418,8 +426,8 @@ fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
             "bandwidth_hz_noise_and_lag_nm",
             [bandwidth, near, at_rest, far, lag(bandwidth) * NM],
             format!(
-                "{:>6.1} kHz: noise of {near:.0} nm nearest, {at_rest:.0} at rest, {far:.0} farthest; a first-order filter of that \
-                 corner is {:.0} nm off the motion",
+                "{:>6.1} kHz: noise of {near:.0} nm nearest, {at_rest:.0} at rest, {far:.0} farthest; a first-order \
+                 filter of that corner is {:.0} nm off the motion",
                 bandwidth / 1e3,
                 lag(bandwidth) * NM
             ),
@@ -430,8 +438,8 @@ fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
         "bandwidth_for_50_nm_hz",
         [allowed, lag(allowed)],
         format!(
-            "50 nm all along allow {allowed:.0} Hz of noise, and such a filter would be {:.1} um off the motion: a sample by itself \
-             will not do.",
+            "50 nm all along allow {allowed:.0} Hz of noise, and such a filter would be {:.1} um off the motion: a \
+             sample by itself will not do.",
             lag(allowed) * 1e6
         ),
     )
