@@ -79,8 +79,8 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
 fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: Option<&Followed>) -> String {
     let range = capacitance_range(&hardware.plates, hardware.table_m).map(|c| significant(c * 1e15));
     let first = format!(
-        "{} samples hold a capacitance that the device has at no distance, the first {:.4e} F at {} s; it has {} to \
-         {} fF. They were left out, predicted and not corrected",
+        "{} samples hold a capacitance that the device has at no distance of its table, the first {:.4e} F at {} s; \
+         it has {} to {} fF. They were left out, predicted and not corrected",
         beyond.count, data.signal[beyond.first], data.time_s[beyond.first], range[0], range[1]
     );
     let Some(followed) = followed else { return first };
