@@ -220,8 +220,8 @@ fn what_cannot_be_is_refused() {
     }
 }
 
-/// What a filter claims of the position along the true motion, rms in nm after the settling time: its covariance is that of
-/// the bound's recursion, since its Jacobians are taken at the truth.
+/// What a filter claims of the position along the true motion, rms in nm after the settling time: its covariance is
+/// that of the bound's recursion, since its Jacobians are taken at the truth.
 fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
     let text = case.experiment("0.5 s", filters).to_toml().unwrap();
     let text = text.replace("[simulate]", "[simulate]\nnoise = false").replace("noise = true\n", "");
@@ -239,8 +239,8 @@ fn run(real: &Experiment, told: &Experiment) -> workflow::Outcome {
     workflow::estimate_unwritten(told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the true
-/// motion, without noise in the signal.
+/// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the
+/// true motion, without noise in the signal.
 #[test]
 #[ignore = "20 simulations of 3 s at 194 kHz for each noise"]
 fn slow_a_drifting_amplitude_is_followed_without_lag() {
@@ -301,10 +301,6 @@ fn the_example_reaches_nanometres() {
 fn driven(changes: &[(&str, &str)]) -> Experiment {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror");
     let mut text = std::fs::read_to_string(folder.join("driven.toml")).unwrap();
-    for (from, to) in changes {
-        assert!(text.contains(from), "{from}");
-        text = text.replace(from, to);
-    }
     text += r#"
 [[recording]]
 role = "test"
@@ -315,57 +311,101 @@ channels = { signal = "cap_F", trigger = "trigger_V" }
 file = "reference.csv"
 channels = { position = "position_m", velocity = "velocity_m_per_s" }
 "#;
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
     Experiment::parse(&text, &folder.join("driven.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// Pulses at twice its frequency keep the mirror going, at half of theirs and as far as harmonic balance says; an independent
+/// integration of the same equation settles at 465 µm with a third harmonic of 30 nm, which no sinusoid follows.
 #[test]
-fn exploring_the_driven_mirror() {
-    for to in ["1000.16 Hz", "1000.2 Hz", "1000.24 Hz", "1000.4 Hz", "1000.8 Hz"] {
-        let experiment = driven(&[("frequency = \"1000.24 Hz\"", &format!("frequency = \"{to}\""))]);
-        let rig = rigs::of(&experiment).unwrap();
-        let text = rig.outlook(&experiment).unwrap().to_text();
-        if to == "1000.24 Hz" {
-            println!("{text}");
-        }
-        println!("{to} {:?}", text.lines().filter(|l| l.contains("Driven")).collect::<Vec<_>>());
-        let outcome = run(&experiment, &experiment);
-        let metrics = Metrics::of(&outcome);
-        let five = metrics.estimators().next().unwrap();
-        println!("{:?} {:?}", five.values["position"], five.consistency);
-        let t = trajectory(&outcome, "five_states");
-        for name in ["amplitude", "frequency", "phase", "offset", "amplitude_rate"] {
-            let m = &t.state(name).unwrap().mean;
-            println!("{name} {} {} {}", m[2000], m[10000], m.last().unwrap());
-        }
-        println!("{:#?}", metrics.recordings[0].segments[0].remarks);
-    }
+fn a_driven_mirror_moves_at_half_the_rate_of_its_trigger() {
+    let experiment = driven(&[]);
+    let outlook = rigs::of(&experiment).unwrap().outlook(&experiment).unwrap();
+    println!("{}", outlook.to_text());
+    let balanced = outlook.fact("driven_amplitude_m").unwrap().values[0];
+    assert!((balanced / 465e-6 - 1.0).abs() < 0.02, "{balanced}");
+    let third = outlook.fact("third_harmonic_m").unwrap().values[0];
+    assert!((third / 30e-9 - 1.0).abs() < 0.2, "{third}");
+    let outcome = run(&experiment, &experiment);
+    let metrics = Metrics::of(&outcome);
+    let five = metrics.estimators().next().unwrap();
+    let errors = &five.values["position"];
+    println!("{:.3e} {:?} {:?} {:?}", errors.rmse, errors.within_three_sigma, five.consistency, five.verdict);
+    let trajectory = trajectory(&outcome, "five_states");
+    let last = |name: &str| *trajectory.state(name).unwrap().mean.last().unwrap();
+    println!("{} {} {}", last("frequency"), last("amplitude"), last("offset"));
+    assert!((last("frequency") - 500.1).abs() < 1e-2);
+    assert!((last("amplitude") / 465e-6 - 1.0).abs() < 0.01);
+    // The filter is content and wrong by the harmonic.
+    assert!(
+        (15e-9..35e-9).contains(&errors.rmse) && five.verdict == Verdict::Consistent,
+        "{:e}",
+        errors.rmse
+    );
 }
 
+/// Where a line of the spectrum starts the fit, a trigger starts it at the same motion.
 #[test]
-fn exploring_loud_noise() {
-    for noise in ["2", "5", "10", "20"] {
-        for with in [true, false] {
-            let mut changes = vec![
-                ("0.393 aF".to_owned(), format!("{noise} aF")),
-                ("duration = \"1.5 s\"".to_owned(), "duration = \"0.7 s\"".to_owned()),
-            ];
-            if !with {
-                changes.push((", trigger = \"trigger_V\"".to_owned(), String::new()));
-            }
-            let changes: Vec<(&str, &str)> = changes.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
+fn a_trigger_gives_the_start_that_the_spectrum_gives() {
+    let told = driven(&[("0.393 aF", "20 aF"), ("1.5 s", "0.7 s")]);
+    let not_told = driven(&[("0.393 aF", "20 aF"), ("1.5 s", "0.7 s"), (", trigger = \"trigger_V\"", "")]);
+    let last = |told: &Experiment| {
+        let outcome = run(told, told);
+        let position = &trajectory(&outcome, "five_states").state("position").unwrap().mean;
+        *position.last().unwrap()
+    };
+    let (a, b) = (last(&told), last(&not_told));
+    assert!((a - b).abs() < 1e-12, "{a} {b}");
+    for noise in ["200 aF", "500 aF", "1000 aF", "2000 aF"] {
+        for changes in [
+            vec![("0.393 aF", noise), ("1.5 s", "0.7 s")],
+            vec![("0.393 aF", noise), ("1.5 s", "0.7 s"), (", trigger = \"trigger_V\"", "")],
+        ] {
             let experiment = driven(&changes);
             let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
             let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
             match workflow::estimate_unwritten(&experiment, &simulated, &Silent) {
-                Err(why) => println!("{noise} {with} {why}"),
+                Err(why) => println!("{noise} {} {why}", changes.len()),
                 Ok(outcome) => {
                     let metrics = Metrics::of(&outcome);
                     let five = metrics.estimators().next().unwrap();
-                    println!("{noise} {with} {:?} {:?}", five.values["position"].rmse, five.verdict);
+                    println!(
+                        "{noise} {} {:e} {:?}",
+                        changes.len(),
+                        five.values["position"].rmse,
+                        five.verdict
+                    );
                 }
             }
         }
     }
+}
+
+/// The loop with constant gains beside the filter that it stands for, over three seeds: about as good, and consistent.
+#[test]
+fn a_phase_locked_loop_is_about_as_good_as_its_filter() {
+    let lock = FIVE.replace("five", "lock").replace("\"ekf\"", "\"steady_state\"");
+    let (mut filters, mut locks) = (Vec::new(), Vec::new());
+    for seed in 1..=3 {
+        let case = Case { seed, duration_s: 1.5, ..CASE };
+        let (_, metrics) = case.run("0.5 s", &format!("{FIVE}{lock}"));
+        let of = |key: &str| metrics.estimators().find(|e| e.key == key).unwrap();
+        filters.push(of("five").values["position"].rmse * 1e9);
+        locks.push(of("lock").values["position"].rmse * 1e9);
+        assert_eq!(of("lock").verdict, Verdict::Consistent);
+        assert!(of("lock").values["position"].within_three_sigma.unwrap() > 0.97);
+    }
+    println!("filter {filters:.2?} nm, loop {locks:.2?} nm");
+    assert!(rms(locks.into_iter()) < 1.25 * rms(filters.into_iter()));
+    let steady = lock
+        .replace(", amplitude_rate = \"1e-14 m^2/s^3\"", "")
+        .replace("offset = \"1e-19", "amplitude = \"1e-15");
+    let experiment = CASE.experiment("0.1 s", &steady);
+    let why = rigs::of(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string();
+    assert!(why.contains("built for five states"), "{why}");
 }
 
 const THREE: &str = r#"
@@ -376,8 +416,8 @@ start = "from_signal"
 process_noise = { amplitude = "3e-16 m^2/s", frequency = "1e-8 Hz^2/s" }
 "#;
 
-/// The rest position that three states hold is as uncertain as 0.3 s leave it, and they say so: the error over the claim is
-/// about 1 over 8 seeds, and none is beyond three deviations for long.
+/// The rest position that three states hold is as uncertain as 0.3 s leave it, and they say so: the error over the
+/// claim is about 1 over 8 seeds, and none is beyond three deviations for long.
 #[test]
 fn three_states_know_how_well_they_know_the_rest_position() {
     let (mut errors, mut claims) = (Vec::new(), Vec::new());
@@ -418,8 +458,8 @@ fn with_samples(
     (estimate.remarks.clone(), estimate)
 }
 
-/// Three samples that no distance makes: left out, counted, named, with what they would do. Taken as they are they move the
-/// position by micrometres.
+/// Three samples that no distance makes: left out, counted, named, with what they would do. Taken as they are they
+/// move the position by micrometres.
 #[test]
 fn samples_beyond_the_device_are_left_out_and_named() {
     let case = Case { duration_s: 0.4, ..CASE };
@@ -456,7 +496,7 @@ fn samples_beyond_the_device_are_left_out_and_named() {
     let narrow = bounded.replace("0.45 mm", "0.55 mm");
     let why = rigs::of(&parse(&narrow)).unwrap().simulate(&parse(&narrow)).map(drop).unwrap_err().to_string();
     assert!(why.contains("outside the table") && why.contains("5.0000e-4 m"), "{why}");
-    let outcome = run(&parse(&bounded), &parse(&narrow.replace("0.55 mm", "0.5001 mm")));
+    let outcome = run(&parse(&bounded), &parse(&narrow.replace("0.55 mm", "0.505 mm")));
     let remarks = &outcome.recordings[0].segments[0].estimate.remarks;
     assert!(
         remarks.iter().any(|r| r.contains("outside the table") && r.contains("nm of the distance")),
@@ -464,8 +504,8 @@ fn samples_beyond_the_device_are_left_out_and_named() {
     );
 }
 
-/// A bandwidth of twice half the sampling rate folds as much noise again: told, the filter is consistent and the report says what
-/// it costs; not told, it is overconfident.
+/// A bandwidth of twice half the sampling rate folds as much noise again: told, the filter is consistent and the
+/// report says what it costs; not told, it is overconfident.
 #[test]
 fn a_bandwidth_beyond_half_the_sampling_rate_is_named() {
     let case = Case { duration_s: 0.8, ..CASE };
@@ -519,7 +559,7 @@ fn the_outlook_says_what_the_signal_can_tell() {
     println!("{}", outlook.to_text());
     let values = |name: &str| outlook.fact(name).unwrap_or_else(|| panic!("{name}")).values.clone();
     let near = |found: f64, expected: f64, by: f64| {
-        assert!((found / expected - 1.0).abs() < by, "{found} {expected}")
+        assert!((found / expected - 1.0).abs() < by, "{found} {expected}");
     };
     near(values("front_end_af_per_root_hz")[0], 0.393, 2e-3);
     // S·d²/(C·d_r) at 1 mm, and the sample's √(f_s/2) of it.

@@ -269,7 +269,8 @@ fn the_noise_of_the_piston_mirrors_front_end_does_not_reproduce() {
     assert!((ours[0].1 / 0.393 - 1.0).abs() < 2e-3 && (ours[1].1 / 0.58 - 1.0).abs() < 0.02, "{ours:?}");
 }
 
-/// C′ of 109.3 fF·mm/d² at 0.5 mm is 437 pF/m, and 6.75 aF behind 2 kHz are 15.4 nm of the amplitude and as much of the offset.
+/// C′ of 109.3 fF·mm/d² at 0.5 mm is 437 pF/m, and 6.75 aF behind 2 kHz are 15.4 nm of the amplitude and as much of
+/// the offset.
 #[test]
 fn table_i_of_the_piston_mirror_holds_in_two_entries_of_four() {
     let found = piston(Some("Table I"), 1);
@@ -282,8 +283,8 @@ fn table_i_of_the_piston_mirror_holds_in_two_entries_of_four() {
     assert_eq!(piston(Some("Section II-A"), 1).items[0].verdict(), Verdict::Reproduced);
 }
 
-/// An independent prototype found 3.7 nm rms with five states and 1.6 nm smoothed; the lag is proportional to the drift, and the
-/// sampling rate does not matter.
+/// An independent prototype found 3.7 nm rms with five states and 1.6 nm smoothed; the lag is proportional to the
+/// drift, and the sampling rate does not matter.
 #[test]
 #[ignore = "takes half a minute; run with -- --ignored slow_"]
 fn slow_the_piston_mirrors_figures() {

@@ -5,7 +5,7 @@ use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, AnyValue, Entry, Values};
 use super::{
-    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Name,
+    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Method, Name,
     Quantity, Recording, Reference, Segments, Sign, Simulate,
 };
 use crate::recording::{self, Layout};
@@ -129,7 +129,10 @@ impl Experiment {
         }
         for (index, filter) in estimate.filters.iter().enumerate() {
             let key = Key::from("estimate").child("filter").index(index);
-            if filter.method.is_for_nearly_linear() {
+            // Of a phasor a settled gain is a phase-locked loop.
+            let is_lock =
+                filter.method == Method::SteadyState && matches!(self.device, Device::PistonMirror(_));
+            if filter.method.is_for_nearly_linear() && !is_lock {
                 let word = filter.method.word();
                 let why = format!("the method `{word}` is for the accelerometer alone; use `ekf`");
                 return Err(self.error(key.child("method"), Fault::Value { why }));

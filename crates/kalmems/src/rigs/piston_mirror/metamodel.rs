@@ -8,6 +8,8 @@ use crate::fit::{FitError, FitSettings, Regression, fit};
 pub struct Metamodel {
     /// C(d) = Σ c_k·(d_r/d)^k; coefficients behind its degree are 0.
     pub plates: Plates,
+    /// The fit of the degree beside the chosen one: what the two differ by outside the table tells how wrong they are.
+    pub beside: Plates,
     /// The degree that was chosen: the smallest one whose cross-validated error is within a tenth of the least.
     pub degree: usize,
     /// The largest error over the table, as the error of a distance, in m.
@@ -64,14 +66,16 @@ pub enum MetamodelError {
 /// A distance for which a metamodel has no table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{distance_m} m is outside the table, which goes from {} m to {} m; there the series may be wrong by any amount: \
-     extend the table", range_m[0], range_m[1]
+    "{distance_m} m is outside the table, which goes from {} m to {} m; there a series of one degree more or less differs by \
+     {error_m:.1e} m of the distance, and both may be wrong: extend the table", range_m[0], range_m[1]
 )]
 pub struct OutsideTable {
     /// The distance.
     pub distance_m: f64,
     /// The range of the table.
     pub range_m: [f64; 2],
+    /// By how much the series of the next degree differs there, as an error of the distance in m.
+    pub error_m: f64,
 }
 
 /// The fewest rows: two more than coefficients in each part of the cross-validation.
@@ -129,11 +133,14 @@ pub fn fit_table(
     }
     let least = tried.iter().map(|(_, error)| error.cross_validated_m).fold(f64::INFINITY, f64::min);
     let degrees = tried.iter().map(|(_, error)| *error).collect();
-    let chosen = tried.into_iter().find(|(_, error)| error.cross_validated_m <= AS_GOOD * least);
+    let chosen = tried.iter().position(|(_, error)| error.cross_validated_m <= AS_GOOD * least);
     // The least is one of them, unless none is a number.
-    let (plates, chosen) = chosen.ok_or(MetamodelError::TooFew { found: rows.len() })?;
+    let index = chosen.ok_or(MetamodelError::TooFew { found: rows.len() })?;
+    let (plates, chosen) = tried[index];
+    let (beside, _) = tried[if index == 0 { 1 } else { index - 1 }];
     Ok(Metamodel {
         plates,
+        beside,
         degree: chosen.degree,
         worst_m: chosen.worst_m,
         range_m: [rows[0].0, rows[rows.len() - 1].0],
@@ -148,7 +155,9 @@ impl Metamodel {
         if (near..=far).contains(&distance_m) {
             Ok(self.plates.capacitance(distance_m))
         } else {
-            Err(OutsideTable { distance_m, range_m: self.range_m })
+            let other = self.beside.capacitance(distance_m);
+            let error_m = error_m(&self.plates, &(distance_m, other)).abs();
+            Err(OutsideTable { distance_m, range_m: self.range_m, error_m })
         }
     }
 }

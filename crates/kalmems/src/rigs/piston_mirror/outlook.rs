@@ -7,8 +7,9 @@ use super::phasor::{Drifting, Phasor, position_and_velocity};
 use super::settings::{FilterSettings, Hardware, Motion, Settings};
 use crate::config::{CarrierFrontEnd, Clock, Device, DriveSource, Experiment};
 use crate::outlook::{Outlook, Topic};
-use crate::simulate::{Balance, SimulateError, Stability, drive_of};
+use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
 use kalmems_core::{Covariance, FixedGain};
+use kalmems_models::dynamics::ParametricScanner;
 use kalmems_models::readout::{CarrierDivider, PhasorDetector};
 use std::f64::consts::TAU;
 
@@ -131,8 +132,8 @@ fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> T
             "front_end_af_per_root_hz",
             [computed * ATTO, peak * ATTO, slope, hardware.noise_density / computed],
             format!(
-                "The carrier circuit gives {slope:.3e} V/F at rest, so that its {:.3} nV/√Hz are {:.3} aF/√Hz, or {:.3} if its \
-                 voltage is an amplitude; the file states {:.2} times that.",
+                "The carrier circuit gives {slope:.3e} V/F at rest, so that its {:.3} nV/√Hz are {:.3} aF/√Hz, or \
+                 {:.3} if its voltage is an amplitude; the file states {:.2} times that.",
                 circuit.voltage_noise.si() * 1e9,
                 computed * ATTO,
                 peak * ATTO,
@@ -142,7 +143,10 @@ fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> T
         .with(
             "straight_line_nm",
             [straight * NM],
-            format!("A straight line in place of its law would be wrong by up to {:.0} nm over the stroke.", straight * NM),
+            format!(
+                "A straight line in place of its law would be wrong by up to {:.0} nm over the stroke.",
+                straight * NM
+            ),
         )
 }
 
@@ -170,7 +174,8 @@ fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<Topic, Simul
             "resonance_hz_and_quality",
             [resonance, quality],
             format!(
-                "At {:.3} Pa it swings freely at {resonance:.4} Hz with Q {quality:.0}: a motion falls to 1/e in {:.3} s.",
+                "At {:.3} Pa it swings freely at {resonance:.4} Hz with Q {quality:.0}: a motion falls to 1/e in \
+                 {:.3} s.",
                 mechanics.pressure,
                 quality / (TAU * 0.5 * resonance)
             ),
@@ -204,19 +209,49 @@ fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<Topic, Simul
         return Ok(topic);
     };
     let motions = balance.motions_at(1.0 / period);
-    let stable = motions.iter().filter(|m| m.is_stable).map(|m| m.amplitude).reduce(f64::max);
-    Ok(match stable {
-        Some(amplitude) => topic.with(
+    let stable = motions.iter().filter(|motion| motion.is_stable);
+    let Some(motion) = stable.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)) else {
+        return Ok(topic.with("driven_amplitude_m", [], "The drive keeps no motion going at its frequency."));
+    };
+    let third = third_harmonic(&device, &drive, motion);
+    Ok(topic
+        .with(
             "driven_amplitude_m",
-            [amplitude, 0.5 / period],
+            [motion.amplitude, 0.5 / period],
             format!(
                 "Driven, it can move by ±{:.1} um at {:.4} Hz, half of the drive's frequency.",
-                amplitude * 1e6,
+                motion.amplitude * 1e6,
                 0.5 / period
             ),
-        ),
-        None => topic.with("driven_amplitude_m", [], "The drive keeps no motion going at its frequency."),
-    })
+        )
+        .with(
+            "third_harmonic_m",
+            [third],
+            format!(
+                "The pulses also move it by {:.1} nm at three times that, which no filter here follows and no mean \
+                 NIS shows.",
+                third * NM
+            ),
+        ))
+}
+
+/// The amplitude in m of the third harmonic that the electrodes make of a motion: their force along it, on a mass
+/// that is far above its resonance there.
+fn third_harmonic(device: &ParametricScanner<f64>, drive: &Drive, motion: &SteadyMotion) -> f64 {
+    const POINTS: u32 = 1440;
+    let rate = 0.5 * TAU * motion.drive_hz;
+    let (mut cosine, mut sine) = (0.0, 0.0);
+    for point in 0..POINTS {
+        // The middle of a part, so that none lies on a jump.
+        let angle = TAU * (f64::from(point) + 0.5) / f64::from(POINTS);
+        let displacement = motion.amplitude * (angle - motion.phase).cos();
+        let force = 0.5 * device.comb.slope(displacement) * drive.at(angle / rate).powi(2);
+        let (s, c) = (3.0 * angle).sin_cos();
+        cosine += 2.0 / f64::from(POINTS) * force * c;
+        sine += 2.0 / f64::from(POINTS) * force * s;
+    }
+    let stiffness = 9.0 * device.resonator.inertia * rate * rate - device.resonator.stiffness;
+    cosine.hypot(sine) / stiffness
 }
 
 fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)) -> Topic {
@@ -228,7 +263,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
         "one_sample_nm",
         one,
         format!(
-            "One sample at {:.1} kHz{of} by itself tells the distance to {:.0} nm nearest, {:.0} at rest and {:.0} farthest.",
+            "One sample at {:.1} kHz{of} by itself tells the distance to {:.0} nm nearest, {:.0} at rest and {:.0} \
+             farthest.",
             rate_hz / 1e3,
             one[0],
             one[1],
@@ -239,8 +275,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
         "motion",
         stated.motion,
         format!(
-            "Least standard deviations for a motion of ±{:.1} um at {frequency:.1} Hz, amplitude, its rate, frequency, phase and \
-             rest position all unknown and constant:",
+            "Least standard deviations for a motion of ±{:.1} um at {frequency:.1} Hz, amplitude, its rate, \
+             frequency, phase and rest position all unknown and constant:",
             amplitude * 1e6
         ),
     );
@@ -256,7 +292,8 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
                 "bounds",
                 [seconds, sd(0), sd(1), sd(2), sd(3), sd(4), bound.position_rms_m],
                 format!(
-                    "of {name}: position {:.2} nm, amplitude {:.2} nm, rest {:.2} nm, phase {:.1e} rad, frequency {:.1e} Hz",
+                    "of {name}: position {:.2} nm, amplitude {:.2} nm, rest {:.2} nm, phase {:.1e} rad, frequency \
+                     {:.1e} Hz",
                     bound.position_rms_m * NM,
                     sd(0) * NM,
                     sd(3) * NM,
@@ -299,8 +336,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                             "settled_position_nm",
                             [position * NM, natural_hz],
                             format!(
-                                "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise (`steady_state`); \
-                                 the loop's natural frequency is {natural_hz:.2} Hz.",
+                                "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise \
+                                 (`steady_state`); the loop's natural frequency is {natural_hz:.2} Hz.",
                                 filter.basics.name,
                                 position * NM
                             ),
@@ -320,7 +357,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                     "lag_nm",
                     [lag * NM, one_second],
                     format!(
-                        "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean NIS does not show.",
+                        "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean \
+                         NIS does not show.",
                         filter.basics.name,
                         lag * NM
                     ),
@@ -331,7 +369,8 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
     topic
 }
 
-/// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in F²/Hz.
+/// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in
+/// F²/Hz.
 fn amplitude_information(hardware: &Hardware, &[amplitude, _, _, rest, _]: &[f64; 5], density: f64) -> f64 {
     const POINTS: u32 = 256;
     let square = |k: u32| {
@@ -365,8 +404,8 @@ fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
         let first = format!("{name} makes {:.1} nm rms", per * unseen.position_rms_m * NM);
         if seen.is_finite() {
             format!(
-                "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} times that \
-                 as a state.",
+                "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} \
+                 times that as a state.",
                 seen / per,
                 unseen.told_to(variance, updates) / per
             )
@@ -390,8 +429,8 @@ fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
         .with(
             "sign",
             [],
-            "Amplitude and phase have one sign each in all that is said: (A, φ) and (−A, φ + π) are one motion, and so are \
-             (f, φ) and (−f, −φ).",
+            "Amplitude and phase have one sign each in all that is said: (A, φ) and (−A, φ + π) are one motion, and \
+             so are (f, φ) and (−f, −φ).",
         )
 }
 
@@ -418,8 +457,8 @@ fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
             "bandwidth_hz_noise_and_lag_nm",
             [bandwidth, near, at_rest, far, lag(bandwidth) * NM],
             format!(
-                "{:>6.1} kHz: noise of {near:.0} nm nearest, {at_rest:.0} at rest, {far:.0} farthest; a first-order filter of that \
-                 corner is {:.0} nm off the motion",
+                "{:>6.1} kHz: noise of {near:.0} nm nearest, {at_rest:.0} at rest, {far:.0} farthest; a first-order \
+                 filter of that corner is {:.0} nm off the motion",
                 bandwidth / 1e3,
                 lag(bandwidth) * NM
             ),
@@ -430,8 +469,8 @@ fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
         "bandwidth_for_50_nm_hz",
         [allowed, lag(allowed)],
         format!(
-            "50 nm all along allow {allowed:.0} Hz of noise, and such a filter would be {:.1} um off the motion: a sample by itself \
-             will not do.",
+            "50 nm all along allow {allowed:.0} Hz of noise, and such a filter would be {:.1} um off the motion: a \
+             sample by itself will not do.",
             lag(allowed) * 1e6
         ),
     )

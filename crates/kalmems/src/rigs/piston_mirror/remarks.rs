@@ -20,7 +20,7 @@ pub fn remarks(
     beyond: Option<Beyond>,
     trajectories: &[Trajectory],
 ) -> Vec<String> {
-    let followed = trajectories.iter().find_map(|t| Followed::of(t));
+    let followed = trajectories.iter().find_map(Followed::of);
     let mut said = Vec::new();
     if let Some(followed) = &followed {
         said.extend(of_gain(hardware, data, followed));
@@ -55,7 +55,8 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
     let effect = significant(GAIN * unseen.position_rms_m * NM);
     let seen = unseen.seen_from(data.noise_variance, followed.updates);
     let first = format!(
-        "a gain of the readout, or a reference distance, that is wrong by {GAIN:e} makes the position wrong by {effect} nm rms"
+        "a gain of the readout, or a reference distance, that is wrong by {GAIN:e} makes the position wrong by \
+         {effect} nm rms"
     );
     if !unseen.position_rms_m.is_finite() {
         return None;
@@ -68,8 +69,9 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
         )
     } else {
         format!(
-            "{first}, and no mean NIS shows it, however long the recording: for a parallel plate gain, amplitude and rest \
-             position are one. Calibrate it by a known distance, or by a line of a spectrum whose place is known"
+            "{first}, and no mean NIS shows it, however long the recording: for a parallel plate gain, amplitude \
+             and rest position are one. Calibrate it by a known distance, or by a line of a spectrum whose place is \
+             known"
         )
     })
 }
@@ -77,8 +79,8 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
 fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: Option<&Followed>) -> String {
     let range = capacitance_range(&hardware.plates, hardware.table_m).map(|c| significant(c * 1e15));
     let first = format!(
-        "{} samples hold a capacitance that the device has at no distance, the first {:.4e} F at {} s; it has {} to {} fF. \
-         They were left out, predicted and not corrected",
+        "{} samples hold a capacitance that the device has at no distance of its table, the first {:.4e} F at {} s; \
+         it has {} to {} fF. They were left out, predicted and not corrected",
         beyond.count, data.signal[beyond.first], data.time_s[beyond.first], range[0], range[1]
     );
     let Some(followed) = followed else { return first };
@@ -102,8 +104,9 @@ fn outside_table(hardware: &Hardware, trajectory: &Trajectory) -> Option<String>
     let (worst, end) = if near < nearest { (near, nearest) } else { (far, farthest) };
     (count > 0).then(|| {
         format!(
-            "{}: {count} samples lie outside the table of the capacitance, from {} to {} mm, the farthest at {:.4} mm. There the \
-             series is extrapolated: its last term alone is worth {} nm of the distance, against {} nm at the table's end",
+            "{}: {count} samples lie outside the table of the capacitance, from {} to {} mm, the farthest at {:.4} \
+             mm. There the series is extrapolated: its last term alone is worth {} nm of the distance, against {} \
+             nm at the table's end",
             trajectory.name,
             significant(nearest * 1e3),
             significant(farthest * 1e3),
@@ -127,17 +130,18 @@ fn of_bandwidth(hardware: &Hardware, data: &SegmentData, followed: Option<&Follo
     let (now, without) = (significant(sample * NM), significant(sample / factor * NM));
     Some(if factor > 1.0 {
         format!(
-            "sampled at {rate_hz:.0} Hz, below twice the bandwidth of {bandwidth_hz:.0} Hz: noise is folded, and a sample is \
-             uncertain by {now} nm instead of {without} nm at {:.3} mm; at {:.0} Hz, or behind a filter of {:.0} Hz, the \
-             position would be about {factor:.1} times as well known",
+            "sampled at {rate_hz:.0} Hz, below twice the bandwidth of {bandwidth_hz:.0} Hz: noise is folded, and a \
+             sample is uncertain by {now} nm instead of {without} nm at {:.3} mm; at {:.0} Hz, or behind a filter \
+             of {:.0} Hz, the position would be about {factor:.1} times as well known",
             rest * 1e3,
             2.0 * bandwidth_hz,
             0.5 * rate_hz
         )
     } else {
         format!(
-            "sampled at {rate_hz:.0} Hz, above twice the bandwidth of {bandwidth_hz:.0} Hz: the noise of neighbours is alike, \
-             and the filter takes it for white of the same density. The mean NIS is {:.2} for a filter that is right",
+            "sampled at {rate_hz:.0} Hz, above twice the bandwidth of {bandwidth_hz:.0} Hz: the noise of neighbours \
+             is alike, and the filter takes it for white of the same density. The mean NIS is {:.2} for a filter \
+             that is right",
             factor * factor
         )
     })

@@ -98,7 +98,9 @@ impl Task<'_> {
                 let covariance = widened(&batch.covariance);
                 let mut trajectories = self.follow::<_, 3>(&steady, &names, [a, f, phase], covariance)?;
                 let taken_up = amplitude_per_rest(&plates, [a, rest]);
-                trajectories.iter_mut().for_each(|t| with_rest(t, rest_sd, taken_up));
+                for trajectory in &mut trajectories {
+                    with_rest(trajectory, rest_sd, taken_up);
+                }
                 Ok(trajectories)
             }
             Motion::Drifting { density, start } => {
@@ -130,8 +132,8 @@ impl Task<'_> {
         Ok(vec![trajectory.ok_or(EstimateError::Interrupted)?])
     }
 
-    /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that is not
-    /// longer than what a start looks at, or the fit does not settle.
+    /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that
+    /// is not longer than what a start looks at, or the fit does not settle.
     fn over_settling_time(&self, from: [f64; 5]) -> Option<BatchStart> {
         let first_s = self.data.time_s.first().copied()?;
         let end = self.data.time_s.partition_point(|t| *t < first_s + self.settings.skip_s);
@@ -140,8 +142,9 @@ impl Task<'_> {
         batch_fit(&self.settings.hardware.plates, &window, from, true).ok()
     }
 
-    /// The rest position and its standard deviation in m, for a filter that holds it. What 20 ms leave of it a filter of three
-    /// states would keep for ever, and its innovations would not show it: all of the settling time is used.
+    /// The rest position and its standard deviation in m, for a filter that holds it. What 20 ms leave of it a
+    /// filter of three states would keep for ever, and its innovations would not show it: all of the settling time
+    /// is used.
     fn rest(&self, batch: &BatchStart) -> (f64, f64) {
         let of = |fit: &BatchStart| (fit.mean[3], fit.covariance.standard_deviation(3));
         let first = of(batch);
@@ -198,8 +201,8 @@ impl Task<'_> {
     }
 }
 
-/// Adds what the uncertainty of a held rest position makes of position, velocity and amplitude to what the filter says of
-/// them. The amplitude takes up what it can of a wrong rest position, per metre of it.
+/// Adds what the uncertainty of a held rest position makes of position, velocity and amplitude to what the filter
+/// says of them. The amplitude takes up what it can of a wrong rest position, per metre of it.
 fn with_rest(trajectory: &mut Trajectory, rest_sd: f64, taken_up: f64) {
     let state = |name: &str| trajectory.state(name).map(|state| state.mean.clone()).unwrap_or_default();
     let (phases, frequencies) = (state("phase"), state("frequency"));

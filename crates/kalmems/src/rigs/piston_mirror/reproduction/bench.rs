@@ -144,7 +144,7 @@ impl Run {
             let late = |k: usize| amplitude + rate(self.drift) * time_s[k] - state.mean[k];
             let lag = scored.clone().map(late).sum::<f64>() / scored.len() as f64;
             let claim = state.sd.last().copied()?;
-            Some(Judged { errors, lag, claim, trajectory })
+            Some(Judged { trajectory, errors, lag, claim })
         });
         Some(judged.collect())
     }

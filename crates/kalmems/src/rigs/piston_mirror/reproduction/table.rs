@@ -106,24 +106,29 @@ fn table() -> Item {
         let ours = seconds.map(|second| format!("{:.3e}", second[i] * unit));
         bounds.push([name.to_owned(), format!("{paper}"), ours[0].clone(), ours[1].clone()]);
     }
+    let against = |quantity, unit, paper, ours, tolerance| {
+        Check::value(quantity, unit, paper, Spread::exact(ours), tolerance)
+    };
+    let single_nm = printed[0] * 1e9;
     Item::new(&HEAD)
-        .check(Check::value("amplitude, one sample at 2 kHz", "nm", table_i::AMPLITUDE_NM, Spread::exact(printed[0] * 1e9), 0.2))
-        .check(Check::value("phase, one sample at 2 kHz", "rad", table_i::PHASE, Spread::exact(printed[1]), 0.4))
-        .check(Check::value("offset, one sample at 2 kHz", "nm", table_i::OFFSET_NM, Spread::exact(printed[0] * 1e9), 0.2))
-        .check(Check::value("frequency, over one second", "Hz", table_i::FREQUENCY_HZ, Spread::exact(seconds[0][3]), 0.2))
+        .check(against("amplitude, one sample at 2 kHz", "nm", table_i::AMPLITUDE_NM, single_nm, 0.2))
+        .check(against("phase, one sample at 2 kHz", "rad", table_i::PHASE, printed[1], 0.4))
+        .check(against("offset, one sample at 2 kHz", "nm", table_i::OFFSET_NM, single_nm, 0.2))
+        .check(against("frequency, over one second", "Hz", table_i::FREQUENCY_HZ, seconds[0][3], 0.2))
         .remark(
-            "Amplitude and phase are those of equation 11 for a single sample at the phase that tells most of each, up to what \
-             the paper's series for C(d) does to a parallel plate: they are no bound of what a recording tells.",
+            "Amplitude and phase are those of equation 11 for a single sample at the phase that tells most of each, \
+             up to what the paper's series for C(d) does to a parallel plate: they are no bound of what a recording \
+             tells.",
         )
         .remark(format!(
-            "The offset cannot be right: where the amplitude is told best, at the nearest turning point, ∂C/∂d₀ and ∂C/∂A are \
-             equal but for the sign, so that its entry would have to be that of the amplitude. It is {:.0} times \
-             smaller.",
+            "The offset cannot be right: where the amplitude is told best, at the nearest turning point, ∂C/∂d₀ and \
+             ∂C/∂A are equal but for the sign, so that its entry would have to be that of the amplitude. It is \
+             {:.0} times smaller.",
             table_i::AMPLITUDE_NM / table_i::OFFSET_NM
         ))
         .remark(format!(
-            "Nor can the frequency: ∂C/∂f = ∂C/∂φ·2πt grows with time, and a single sample says so little only {:.1} us after \
-             the phase was 0. Over one second the frequency is known to {:.1e} Hz.",
+            "Nor can the frequency: ∂C/∂f = ∂C/∂φ·2πt grows with time, and a single sample says so little only \
+             {:.1} us after the phase was 0. Over one second the frequency is known to {:.1e} Hz.",
             when * 1e6,
             seconds[0][3]
         ))
@@ -144,7 +149,7 @@ fn wanted() -> Item {
             kept > 0.95,
         ))
         .remark(
-            "White errors of the position cost height and do not shift a line. What shifts lines is an amplitude that is \
-             wrong: 0.33 %, the drift of one second at 20 %/min, moves a line at 2000 1/cm by 6.7 1/cm.",
+            "White errors of the position cost height and do not shift a line. What shifts lines is an amplitude \
+             that is wrong: 0.33 %, the drift of one second at 20 %/min, moves a line at 2000 1/cm by 6.7 1/cm.",
         )
 }
