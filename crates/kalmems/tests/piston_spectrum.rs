@@ -176,7 +176,7 @@ fn a_known_line_removes_a_gain_error_that_the_filter_does_not_see() {
             let outcome = workflow::estimate_unwritten(told, &simulated, &Silent).unwrap();
             let metrics = Metrics::of(&outcome);
             let five = metrics.estimators().next().unwrap();
-            (outcome, five.verdict, five.position.as_ref().unwrap().rms_nm)
+            (outcome, five.verdict, five.values["position"].rmse * 1e9)
         };
         let (outcome, verdict, before) = estimate(&told);
         assert_eq!(verdict, Verdict::Consistent);
