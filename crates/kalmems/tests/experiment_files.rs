@@ -1,6 +1,6 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
-use kalmems::config::{Clock, Experiment, Recording, image_schema, schema};
+use kalmems::config::{Clock, Experiment, Recording, image_schema, schema, spectrum_schema};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -182,6 +182,30 @@ fn the_schemas_of_studies_and_images_accept_the_examples_and_refuse_what_is_brok
 }
 
 #[test]
+fn the_schema_of_spectra_accepts_the_example_and_refuses_what_is_broken() {
+    let text = fs::read_to_string("../../examples/piston_mirror/two_lines_spectrum.toml").unwrap();
+    let schema = spectrum_schema();
+    assert!(accepts(&schema, &as_json(&text)));
+    let recorded = "name = \"a\"\ninterferogram = { file = \"a.csv\", columns = [\"detector_1\"] }\n\
+                    path = { laser = { wavenumber = \"15798 1/cm\", samples_per_fringe = 2 } }\n\
+                    transform = { apodisation = \"blackman_harris_3\", phase = \"power\" }\n";
+    assert!(accepts(&schema, &as_json(recorded)));
+    for (text, from, to) in [
+        (text.as_str(), "norton_beer_medium", "norton_beer"),
+        (&text, "phase = \"none\"", "phase = \"left\""),
+        (&text, "[light]", "[interferogram]"),
+        (&text, "[path.trajectory]", "[path.positions]"),
+        (&text, "apodisation", "apodization"),
+        (recorded, "[\"detector_1\"]", "[]"),
+        (recorded, "phase = \"power\"", "phase = \"power\", zero_filling = 65"),
+        (recorded, "interferogram =", "interferograms ="),
+    ] {
+        assert!(text.contains(from), "{from}");
+        assert!(!accepts(&schema, &as_json(&text.replacen(from, to, 1))), "{to} passes the schema");
+    }
+}
+
+#[test]
 fn every_example_experiment_passes_the_schema() {
     let schema = schema();
     let folder = fs::read_dir("../../examples/shared_scanner").unwrap();
@@ -206,7 +230,9 @@ fn every_example_in_a_schema_is_accepted_by_it() {
             _ => {}
         }
     }
-    for (whole, least) in [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4)] {
+    for (whole, least) in
+        [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4), (spectrum_schema(), 4)]
+    {
         let mut count = 0;
         visit(&whole, &mut |part| {
             let Some(examples) = part.get("examples").and_then(|e| e.as_array()) else { return };

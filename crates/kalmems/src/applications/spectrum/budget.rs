@@ -33,7 +33,7 @@ pub enum Reason {
     /// The position is that of another moment. The error of the path is the speed times it: opposite in forward and backward
     /// scans, and even in the path within each, so that lines lose height and stay in place.
     Delay,
-    /// The same, growing with the time from the start.
+    /// The same, growing with the time from the start. Within a scan it grows as the path does: a scale as well.
     ClockSkew,
     /// Light that fills a cone goes α²/4 of the path less on the mean.
     Divergence,
@@ -79,7 +79,7 @@ pub fn budget(
     }
     if let Some(skew) = &errors.clock_skew {
         let height = height_by_time_errors(processed, nu, |time_s| skew.si() * time_s);
-        found.push(entry(Reason::ClockSkew, 0.0, 0.0, height));
+        found.push(entry(Reason::ClockSkew, 0.0, line_shift(nu, skew.si()).abs(), height));
     }
     if let Some(angle) = errors.half_angle.as_ref().map(Quantity::si) {
         // From the axis to the edge of the cone a path differs by x·α²/2; its mean over the cone has a sinc for contrast.

@@ -201,10 +201,13 @@ pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumO
         }
         None => None,
     };
-    let half_angle = file.errors.as_ref().and_then(|e| e.half_angle.as_ref()).map_or(0.0, Quantity::si);
+    let errors = file.errors.as_ref();
+    let half_angle = errors.and_then(|e| e.half_angle.as_ref()).map_or(0.0, Quantity::si);
+    let scale_sd = errors.and_then(|e| e.scale_sd.as_ref()).map_or(0.0, Quantity::si);
+    let skew = errors.and_then(|e| e.clock_skew.as_ref()).map_or(0.0, Quantity::si);
     let known = file.lines.iter().zip(&lines).filter_map(|(asked, found)| known(asked, found.as_ref()?));
     let Input { sources, findings, .. } = input;
-    let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle);
+    let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle, scale_sd.hypot(skew));
     let correction = match recalibration {
         Some(recalibration) => correction(file, recalibration)?,
         None => None,
@@ -212,7 +215,7 @@ pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumO
     Ok(SpectrumOutcome {
         recalibration,
         correction,
-        budgets: lines.iter().map(|line| budget(file.errors.as_ref(), &processed, *line)).collect(),
+        budgets: lines.iter().map(|line| budget(errors, &processed, *line)).collect(),
         residual_delay_s: residual_delay(&processed),
         standard_error: processed.scans.standard_error(),
         noise: processed.scans.noise(),

@@ -33,8 +33,9 @@ pub struct Recalibration {
 /// ν/(1 + ε), so that s = ν_found/ν. Lines count by their errors, and alike where those are not known.
 ///
 /// Light that fills a cone with a half-angle of `half_angle_rad` goes a path shorter by α²/4 on the mean, which is taken off
-/// first. From lines alone the two cannot be told apart: both move every line by the same share. `None` without lines.
-pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64) -> Option<Recalibration> {
+/// first. From lines alone the two cannot be told apart: both move every line by the same share. What the scale of the positions
+/// may be off by in these scans, `scale_sd`, is common to all lines and does not average out. `None` without lines.
+pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64, scale_sd: f64) -> Option<Recalibration> {
     let cone = 1.0 - half_angle_rad.powi(2) / 4.0;
     let each: Vec<(f64, Option<f64>)> = lines
         .iter()
@@ -56,7 +57,7 @@ pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64) -> Option<Recalibra
     let square: f64 = each.iter().map(|(found, sd)| (found - scale).powi(2) * weight(*sd)).sum();
     Some(Recalibration {
         scale,
-        scale_sd: known.then(|| total.sqrt().recip()),
+        scale_sd: known.then(|| total.sqrt().recip().hypot(scale * scale_sd)),
         lines: each.len(),
         disagreement: (known && each.len() > 1).then_some(square),
     })
@@ -74,15 +75,16 @@ mod tests {
             known_per_m: known,
             known_sd_per_m: 0.0,
         };
-        let found = recalibrate(&[line(2e5, 3e-3, 1e-6), line(1e5, 3.4e-3, 2e-6)], 0.0).unwrap();
+        let found = recalibrate(&[line(2e5, 3e-3, 1e-6), line(1e5, 3.4e-3, 2e-6)], 0.0, 0.0).unwrap();
         // Weights 4 : 1.
         assert!((found.scale - 1.00308).abs() < 1e-8, "{found:?}");
         assert!((found.scale_sd.unwrap() / 0.897e-6 - 1.0).abs() < 1e-2);
         assert!(found.disagreement.unwrap() > 1e4);
-        let cone = recalibrate(&[line(2e5, -1e-4, 1e-6)], 0.02).unwrap();
+        let cone = recalibrate(&[line(2e5, -1e-4, 1e-6)], 0.02, 3e-6).unwrap();
         assert!((cone.scale - 1.0).abs() < 1e-7 && cone.disagreement.is_none());
+        assert!((cone.scale_sd.unwrap() / 10_f64.sqrt() * 1e6 - 1.0).abs() < 1e-3);
         let unsure = KnownLine { found_sd_per_m: None, ..line(2e5, 3e-3, 0.0) };
-        assert_eq!(recalibrate(&[unsure], 0.0).unwrap().scale_sd, None);
-        assert_eq!(recalibrate(&[], 0.0), None);
+        assert_eq!(recalibrate(&[unsure], 0.0, 0.0).unwrap().scale_sd, None);
+        assert_eq!(recalibrate(&[], 0.0, 0.0), None);
     }
 }

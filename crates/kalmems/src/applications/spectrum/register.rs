@@ -21,11 +21,11 @@ pub fn turn(spectrum: &mut [Complex64], grid: Grid, shift_m: f64) {
     }
 }
 
-/// Where the zero path of a spectrum lies beyond that of a reference, in m: the shift that makes |Re Σ S·R*·e^{i·2π·ν·x}|
+/// Where the zero path of a spectrum lies beyond that of a reference, in m: the shift that makes Re Σ S·R*·e^{i·2π·ν·x}
 /// largest, and the sign of that sum.
 ///
 /// That is the correlation of the two interferograms within the band, searched up to half a fringe of the mean wavenumber to each
-/// side. Without a reference R is 1, the sum the interferogram itself, and the shift its largest deviation, searched over six
+/// side. Without a reference R is 1, the sum the interferogram itself, and the shift its largest deviation of either sign, searched over six
 /// fringes to each side.
 pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: Grid) -> (f64, f64) {
     let product: Vec<Complex64> = match reference {
@@ -42,22 +42,24 @@ pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: G
         return (0.0, 1.0);
     }
     let fringe = total / moment;
+    // A light may lower the detector's value, but no scan has another sign than the others.
+    let size = |sum: f64| if reference.is_some() { sum } else { sum.abs() };
     let correlation = |shift: f64| grid.sum_at(&product, shift);
     let reach = if reference.is_some() { HALF_A_FRINGE } else { FRINGES };
     let looks = 2.0 * reach * LOOKS;
-    let (mut best, mut height) = (0.0, 0.0_f64);
+    let (mut best, mut height) = (0.0, correlation(0.0));
     let mut look = 0.0;
     while look <= looks {
         let shift = fringe * (look / LOOKS - reach);
         let found = correlation(shift);
-        if found.abs() > height.abs() {
+        if size(found) > size(height) {
             (best, height) = (shift, found);
         }
         look += 1.0;
     }
     let mut width = fringe / LOOKS;
     for _ in 0..6 {
-        let [before, at, after] = [-1.0, 0.0, 1.0].map(|side| correlation(best + side * width).abs());
+        let [before, at, after] = [-1.0, 0.0, 1.0].map(|side| size(correlation(best + side * width)));
         let curvature = before - 2.0 * at + after;
         if curvature < 0.0 {
             best += (0.5 * (before - after) / curvature).clamp(-1.0, 1.0) * width;
