@@ -375,12 +375,11 @@ impl Task<'_> {
         let waveforms = alone(&plates, &gains, &noise, &records, self.by_harmonics);
         match indeterminate(&waveforms) {
             Ok(found) => {
-                let [motion, gap, gain] = found.parts;
                 let why = format!(
                     "it has no vibrometer, and the harmonics of the signals alone do not determine the absolute size of the \
-                     motion: they say Θ/D_n and η/D_n. The direction {motion:+.2} ln Θ {gap:+.2} ln D_n {gain:+.2} ln η, in \
-                     which motion, gaps and gains grow together, has the singular value {:.1e} of the largest, which leaves \
-                     a standard error of {:.0} % on all of them. Name the vibrometer's column under \
+                     motion: they say Θ/D_n and η/D_n. The direction in which ln Θ, ln D_n and \
+                     ln η grow together has the singular value {:.1e} of the largest, which leaves a standard error of \
+                     {:.0} % on all of them. Name the vibrometer's column under \
                      `[recording.reference]`; or trust one of the two numbers of each electrode and write `[identify]` with \
                      `trusted = \"gain\"` or `trusted = \"gap\"`",
                     found.singular_value,
