@@ -8,7 +8,7 @@ use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
-    SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
+    Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
 };
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
@@ -172,8 +172,7 @@ fn waveforms<'a>(plates: &'a [TiltingPlate<f64>], records: &'a [WaveRecord]) -> 
         records,
         delay_s: 0.0,
         scale_known: true,
-        gaps: true,
-        gains_free: true,
+        sought: Sought::Both,
         feedthrough: false,
     }
 }
