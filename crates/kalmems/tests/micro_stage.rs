@@ -6,6 +6,7 @@ use kalmems::config::{Device, Experiment};
 use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
+use kalmems::reproduce::{Check, Effort, Settings, reproduce};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
@@ -489,4 +490,36 @@ fn described(experiment: &Experiment) -> Experiment {
                   reference = { file = \"reference.csv\", channels = { rate = \"rate_rad_per_s\", angle = \"angle_rad\" } }\n";
     let text = experiment.to_toml().unwrap() + tables;
     Experiment::parse(&text, experiment.path()).unwrap()
+}
+
+/// Every item is there; what the chapter's model must give, and what it cannot.
+#[test]
+fn the_chapter_is_set_beside_ours() {
+    let rig = rigs::ALL.iter().find(|rig| rig.name() == "micro_stage").unwrap();
+    let settings = Settings { only: None, effort: Effort::Quick, seed: 1, threads: 2 };
+    let found = reproduce("micro_stage", rig.reproduction().unwrap(), settings, &Silent).unwrap();
+    for item in &found.items {
+        println!("{}: {:?}: {}", item.head.key, item.verdict(), item.why());
+        for check in &item.checks {
+            println!(
+                "    {}: paper {}, ours {}, {}",
+                check.subject(),
+                check.paper(),
+                check.ours(),
+                check.comparison()
+            );
+        }
+    }
+    let holds = |key: &str| -> Vec<bool> {
+        let item = found.items.iter().find(|item| item.head.key == key).unwrap();
+        item.checks.iter().map(Check::holds).collect()
+    };
+    // The motion at 1.0 V is not that of a linear stage; 1.3 V and the top of the sweep are.
+    assert_eq!(holds("table-3-2")[2..], [false, true]);
+    assert!(holds("figure-3-11").iter().all(|h| *h) && holds("table-3-3").iter().all(|h| *h));
+    assert!(holds("figure-3-12").iter().all(|h| *h));
+    // 99.998, 99.98 and 99.9 %.
+    assert_eq!(holds("table-3-4"), [true; 3]);
+    // An error without hardware's is not the printed one.
+    assert_eq!(holds("table-3-5"), [false, true, true]);
 }
