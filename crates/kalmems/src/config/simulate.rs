@@ -1,6 +1,6 @@
 //! What an experiment file says about the simulation that is wanted.
 
-use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage};
+use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
 use super::recording::Clock;
 use super::sign::{NotNegative, Positive};
@@ -48,8 +48,12 @@ pub struct Simulate {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StageConditions {
-    /// Over how many periods the oscilloscope averages, 1 to 65536: the noise's variance is that of the electrode's table
-    /// over this number; 1 if left out.
+    /// The variance of one sample's noise before the oscilloscope averages; if left out, what is recorded has the noise
+    /// of the electrode's table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1.6e-8 V^2")]
+    pub single_shot_noise: Option<Quantity<VoltageVariance, Positive>>,
+    /// Over how many periods the oscilloscope averages, 1 to 65536; 1 if left out. It goes with `single_shot_noise`.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "averages")]
     #[schemars(range(min = 1, max = 65536), example = &1024)]
     pub averages: Option<u32>,
@@ -387,6 +391,11 @@ impl Simulate {
         {
             let why = format!("`{}` is not above `low`, `{}`", adc.high.text(), adc.low.text());
             return at("adc.high", why);
+        }
+        if let Some(StageConditions { averages: Some(_), single_shot_noise: None, .. }) = &self.stage {
+            let why =
+                "averaging needs the noise that is averaged; write `single_shot_noise = \"1.6e-8 V^2\"` too";
+            return at("stage.averages", why.to_owned());
         }
         if let DriveSource::Square(square) = &self.drive
             && square.duty_cycle.si() >= 1.0

@@ -11,6 +11,7 @@ mod hardware;
 pub mod identification;
 mod outlook;
 mod records;
+mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
@@ -22,6 +23,7 @@ use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
+use crate::reproduce::Program;
 use crate::signal::{Sine, fit_sine};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -213,6 +215,10 @@ impl Rig for MicroStageRig {
         progress: &dyn Progress,
     ) -> Result<Identification, IdentifyError> {
         identification::identify(experiment, progress)
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
     }
 }
 

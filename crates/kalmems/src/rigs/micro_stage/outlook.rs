@@ -89,6 +89,9 @@ fn electrodes(hardware: &Hardware) -> Topic {
     topic
 }
 
+/// An angle in rad that is none: thousands of times less than the stage moves.
+const AT_REST: f64 = 1e-7;
+
 /// The angles at which the capacitances of electrodes on different sides of the axis are equal.
 fn thresholds(hardware: &Hardware) -> Topic {
     let mut topic = Topic::new("Threshold angles");
@@ -98,7 +101,8 @@ fn thresholds(hardware: &Hardware) -> Topic {
             if (a.slope(0.0) > 0.0) == (b.slope(0.0) > 0.0) {
                 continue;
             }
-            if let Some(angle) = a.balance(b) {
+            // A pair that balances at rest, as equal ones do, has no angle of its own.
+            if let Some(angle) = a.balance(b).filter(|angle| angle.abs() > AT_REST) {
                 topic = topic.with(
                     "threshold_rad",
                     [angle],

@@ -35,7 +35,7 @@ pub struct Records {
     /// Which electrodes its signals are of: places in the hardware.
     pub electrodes: Vec<usize>,
     /// In the order of the file.
-    pub records: Vec<Record>,
+    pub all: Vec<Record>,
     /// How late the experiment says that the reference is, in s.
     pub delay_s: f64,
     /// What an identification tells of it.
@@ -53,12 +53,15 @@ pub fn of_role(experiment: &Experiment, role: Role) -> Vec<usize> {
     (0..experiment.recordings.len()).filter(|i| experiment.recordings[*i].role == role).collect()
 }
 
+/// Columns of signals with the electrodes that they are of, as places in the hardware.
+pub type Signals<'a> = Vec<(usize, &'a str)>;
+
 /// The columns of drive and signals of a recording, and the electrodes that the signals are of.
 pub fn columns<'a>(
     experiment: &'a Experiment,
     hardware: &Hardware,
     index: usize,
-) -> Result<(&'a str, Vec<(usize, &'a str)>), ConfigError> {
+) -> Result<(&'a str, Signals<'a>), ConfigError> {
     let channels = &experiment.recording(index)?.channels;
     let key = || Key::from("recording").index(index).child("channels");
     let meanings: Vec<String> =
@@ -140,7 +143,7 @@ pub fn read(
     sources.dedup();
     Ok(Records {
         electrodes: signals.iter().map(|(electrode, _)| *electrode).collect(),
-        records,
+        all: records,
         delay_s: described.reference.as_ref().map_or(0.0, config::Reference::delay_s),
         material: Material {
             name: name.clone(),
@@ -260,7 +263,7 @@ pub fn require_one_frequency<'a>(
         let (other, frequency_hz) = *first.get_or_insert((place, drive.frequency_hz));
         if (drive.frequency_hz / frequency_hz - 1.0).abs() > SAME_FREQUENCY {
             let why = format!(
-                "its drive has {:.3} Hz, where {other} has {frequency_hz:.3} Hz; records that are used together need one \
+                "its drive has {:.2} Hz, where {other} has {frequency_hz:.2} Hz; records that are used together need one \
                  frequency, or what the drive alone makes of the signal does not cancel: record them with the same \
                  generator settings",
                 drive.frequency_hz

@@ -27,7 +27,8 @@ pub struct StageSimulation {
 /// What the records are taken under.
 #[derive(Clone, Copy, Debug)]
 struct Conditions {
-    averages: f64,
+    /// The variance of a recorded sample's noise in V², where it is not that of the device table.
+    noise_variance: Option<f64>,
     /// Ratio and phase in rad of the tilt about the other axis.
     off_axis: [f64; 2],
     /// By how much the gap in m and the gain, relative to it, change over the recording.
@@ -37,16 +38,19 @@ struct Conditions {
 impl Conditions {
     fn of(table: Option<&StageConditions>) -> Self {
         let Some(table) = table else {
-            return Self { averages: 1.0, off_axis: [0.0; 2], drift: [0.0; 2] };
+            return Self { noise_variance: None, off_axis: [0.0; 2], drift: [0.0; 2] };
         };
-        let si = |ratio: &Option<Quantity<_>>| ratio.as_ref().map_or(0.0, Quantity::si);
         Self {
-            averages: f64::from(table.averages.unwrap_or(1)),
+            noise_variance: (table.single_shot_noise.as_ref())
+                .map(|noise| noise.si() / f64::from(table.averages.unwrap_or(1))),
             off_axis: [
                 table.off_axis_ratio.as_ref().map_or(0.0, Quantity::si),
                 table.off_axis_phase.as_ref().map_or(0.0, Quantity::si),
             ],
-            drift: [table.gap_drift.as_ref().map_or(0.0, Quantity::si), si(&table.gain_drift)],
+            drift: [
+                table.gap_drift.as_ref().map_or(0.0, Quantity::si),
+                table.gain_drift.as_ref().map_or(0.0, Quantity::si),
+            ],
         }
     }
 }
@@ -99,7 +103,7 @@ impl StageSimulation {
             );
             return Err(experiment.error("device.micro_stage.electrodes", Fault::Value { why }));
         }
-        if simulate.noise {
+        if simulate.noise && simulate.stage.as_ref().is_none_or(|stage| stage.single_shot_noise.is_none()) {
             for channel in &hardware.channels {
                 noise_of(experiment, channel)?;
             }
@@ -213,7 +217,7 @@ impl Simulation for StageSimulation {
                 let [direct, slope] = channel.feedthrough.unwrap_or_default();
                 *y = tilted + rising + direct * drive[0] + slope * drive[1];
                 if self.noise {
-                    let variance = channel.noise_variance.unwrap_or(0.0) / self.conditions.averages;
+                    let variance = self.conditions.noise_variance.or(channel.noise_variance).unwrap_or(0.0);
                     *y += variance.sqrt() * noise.sample();
                 }
             }

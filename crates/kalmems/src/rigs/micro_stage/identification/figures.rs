@@ -115,7 +115,7 @@ fn waveforms(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
         let fitted_wave: Vec<(f64, f64)> = time().map(|t| (t, modelled(t))).collect();
         let measured: Vec<(f64, f64)> = time().zip(signals.get(place)?.iter().copied()).collect();
         let mut panel =
-            Panel::new(Axis::new("time", "s"), Axis::new(&format!("signal {}", channel.name), "V"))
+            Panel::new(Axis::new("time", "s"), Axis::new(format!("signal {}", channel.name), "V"))
                 .with(Series::points("measured", Role::Measured, measured))
                 .with(Series::line("fitted", Role::Model, fitted_wave));
         if place > 0 {
@@ -143,7 +143,7 @@ fn crest_distance(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
             .map(|k| gap * (0.8 + 0.4 * f64::from(k) / 40.0))
             .map(|gap| (gap, at(record, gap)))
             .collect();
-        panel = panel.with(Series::line(&format!("{:.2} V", record.drive.amplitude), Role::Model, curve));
+        panel = panel.with(Series::line(format!("{:.2} V", record.drive.amplitude), Role::Model, curve));
     }
     let points: Vec<(f64, f64)> = fitted.records.iter().map(|record| (gap, at(record, gap))).collect();
     panel = panel.with(Series::points("found", Role::Estimate, points));

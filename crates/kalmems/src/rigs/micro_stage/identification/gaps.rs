@@ -3,7 +3,7 @@
 use super::crests::{ByCrests, Crests, by_crests, crests};
 use super::fit_error;
 use super::waveform::{
-    ELECTRODES, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown, weighted,
+    ELECTRODES, Sought, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown, weighted,
 };
 use crate::config::{Experiment, Fault, FeedthroughBy, Key, Trusted};
 use crate::fit::{Derived, Fit, FitError};
@@ -154,14 +154,14 @@ pub fn identify(
 fn training<'a>(experiment: &Experiment, on: &'a Records) -> Result<Vec<&'a Record>, IdentifyError> {
     let wanted = experiment.identify.as_ref().map_or(&[][..], |identify| &identify.training);
     for (i, name) in wanted.iter().enumerate() {
-        if !on.records.iter().any(|record| record.label == *name) {
-            let known = on.records.iter().map(|record| record.label.as_str());
+        if !on.all.iter().any(|record| record.label == *name) {
+            let known = on.all.iter().map(|record| record.label.as_str());
             let key = Key::from("identify").child("training").index(i);
             return Err(experiment.error(key, Fault::unknown_word(name, known)).into());
         }
     }
     let is_wanted = |record: &&Record| wanted.is_empty() || wanted.contains(&record.label);
-    Ok(on.records.iter().filter(is_wanted).collect())
+    Ok(on.all.iter().filter(is_wanted).collect())
 }
 
 /// Refuses records that all have one drive amplitude.
@@ -257,8 +257,8 @@ pub fn off_of<'a>(
     label: &str,
     place: &str,
 ) -> Result<(BiasOff, &'a [usize]), IdentifyError> {
-    let record = off.records.iter().find(|record| record.label == label).ok_or_else(|| {
-        let known: Vec<String> = off.records.iter().map(|record| format!("`{}`", record.label)).collect();
+    let record = off.all.iter().find(|record| record.label == label).ok_or_else(|| {
+        let known: Vec<String> = off.all.iter().map(|record| format!("`{}`", record.label)).collect();
         let why = format!(
             "its counterpart with the bias off is missing: `{}` has {}; record it there under the label `{label}`",
             off.name,
@@ -314,8 +314,7 @@ impl Task<'_> {
             // The motions are as late as the vibrometer shows them.
             delay_s: self.on.delay_s,
             scale_known: true,
-            gaps: true,
-            gains_free: true,
+            sought: Sought::Both,
             feedthrough: self.by_harmonics,
         };
         let fit = waveforms.fit().map_err(|why| self.fit_error(why))?;
@@ -375,12 +374,11 @@ impl Task<'_> {
         let waveforms = alone(&plates, &gains, &noise, &records, self.by_harmonics);
         match indeterminate(&waveforms) {
             Ok(found) => {
-                let [motion, gap, gain] = found.parts;
                 let why = format!(
                     "it has no vibrometer, and the harmonics of the signals alone do not determine the absolute size of the \
-                     motion: they say Θ/D_n and η/D_n. The direction {motion:+.2} ln Θ {gap:+.2} ln D_n {gain:+.2} ln η, in \
-                     which motion, gaps and gains grow together, has the singular value {:.1e} of the largest, which leaves \
-                     a standard error of {:.0} % on all of them. Name the vibrometer's column under \
+                     motion: they say Θ/D_n and η/D_n. The direction in which ln Θ, ln D_n and \
+                     ln η grow together has the singular value {:.1e} of the largest, which leaves a standard error of \
+                     {:.0} % on all of them. Name the vibrometer's column under \
                      `[recording.reference]`; or trust one of the two numbers of each electrode and write `[identify]` with \
                      `trusted = \"gain\"` or `trusted = \"gap\"`",
                     found.singular_value,
@@ -444,8 +442,7 @@ fn alone<'a>(
         records,
         delay_s: 0.0,
         scale_known: false,
-        gaps: true,
-        gains_free: false,
+        sought: Sought::Gaps,
         feedthrough,
     }
 }
@@ -477,8 +474,7 @@ pub fn in_situ(
     for record in records {
         let one = [record.clone()];
         let waveforms = Waveforms {
-            gaps: is_gain,
-            gains_free: !is_gain,
+            sought: if is_gain { Sought::Gaps } else { Sought::Gains },
             ..alone(plates, gains, noise, &one, feedthrough)
         };
         let fit = waveforms.fit()?;

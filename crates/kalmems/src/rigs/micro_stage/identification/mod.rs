@@ -16,11 +16,12 @@ mod waveform;
 mod words;
 
 pub use crests::{ByCrests, Crests, by_crests, crests, expected};
+pub use figures::sweep as sweep_figure;
 pub use gaps::{GapFit, InSitu, in_situ};
 pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
 pub use waveform::{
-    ELECTRODES, Indeterminate, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate, motion_by,
-    unknown,
+    ELECTRODES, Indeterminate, Sought, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate,
+    motion_by, unknown,
 };
 
 pub(super) use gaps::off_of;
@@ -142,7 +143,7 @@ fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyEr
 /// The steps of a sweep, and the fit.
 fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyError> {
     let mut points = Vec::new();
-    for record in &records.records {
+    for record in &records.all {
         let Some(rate) = record.rate else {
             let why = "it has no reference; what the drive makes of the stage is not known without one: name the \
                        vibrometer's column under `[recording.reference]`";
@@ -162,7 +163,9 @@ fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyEr
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let fitted = fit_sweep(&points).map_err(|error| match error {
         SweepError::Fit(source) => fit_error(&records.name, source),
-        error => IdentifyError::Unfit { recording: records.name.clone(), why: error.to_string() },
+        error @ SweepError::NotThrough { .. } => {
+            IdentifyError::Unfit { recording: records.name.clone(), why: error.to_string() }
+        }
     })?;
     Ok((points, fitted))
 }

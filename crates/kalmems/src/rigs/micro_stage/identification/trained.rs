@@ -41,7 +41,7 @@ pub fn correction(
     settings.filters[0].basics.lag_s = None;
     let (mut known, mut said) = (Vec::new(), Vec::new());
     for ((record, label), rate) in found.records.iter().zip(&found.labels).zip(&found.rates) {
-        let Some(read) = on.records.iter().find(|read| read.label == *label) else { continue };
+        let Some(read) = on.all.iter().find(|read| read.label == *label) else { continue };
         // Signals of a variant without the bias off still have the drive in them.
         let drive: Vec<f64> = record.time_s.iter().map(|t| record.drive.at(*t)).collect();
         let samples = Samples {

@@ -34,7 +34,7 @@ pub fn sweep(found: &mut Identification, records: &Records, fitted: &SweepFit) {
     add("zeta by the circle", fitted.circle_damping_ratio(), "");
     add("b_c by the circle", fitted.circle_drive_gain(), "rad/s^2/V");
     // The offset does not depend on the frequency: the mean over the steps.
-    let offsets: Vec<f64> = records.records.iter().filter_map(|r| r.rate.map(|rate| rate.offset)).collect();
+    let offsets: Vec<f64> = records.all.iter().filter_map(|r| r.rate.map(|rate| rate.offset)).collect();
     let count = offsets.len().max(2) as f64;
     let mean = offsets.iter().sum::<f64>() / count;
     let variance = offsets.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (count - 1.0) / count;
