@@ -7,10 +7,10 @@ use super::instrument::Instrument;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, Lookahead, ModelAlone, Motion, Progress, Trajectory,
-    TrajectoryKind, follow, judge_lock, smooth,
+    AnyFilter, ConstantGain, EstimateError, FilterBasics, Motion, Progress, Trajectory, TrajectoryKind,
+    answers, follow, judge_lock,
 };
-use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, IteratedEkf, Scales, SquareRootEkf, Ukf};
+use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales};
 use std::array;
 use std::f64::consts::TAU;
 
@@ -47,16 +47,11 @@ fn finish(trajectory: &mut Trajectory, settings: &Settings, data: &SegmentData, 
     let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
     let axes = [("acceleration", motion(settings))];
     trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
-    if !filter.method.claims() {
+    if !filter.basics.method.claims() {
         trajectory.kind = TrajectoryKind::ModelAlone;
-        for state in &mut trajectory.states {
-            state.sd.clear();
-        }
+        trajectory.claim_nothing();
     }
 }
-
-/// When the iterated filter has settled, in standard deviations.
-const SETTLED: f64 = 1e-3;
 
 /// One filter over one segment.
 struct Task<'a> {
@@ -73,36 +68,35 @@ impl Task<'_> {
     {
         let h = self.data.interval_s;
         let (mean, covariance) = self.start(&instrument.scales);
-        let points = self.filter.points;
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
-        let filter = match self.filter.method {
+        let FilterBasics { method, points, .. } = self.filter.basics;
+        match method {
             Method::HybridEkf => {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
-                return self.filtered(instrument, step, Ekf::new(mean, covariance)).map(|one| vec![one]);
+                self.filtered(instrument, step, Ekf::new(mean, covariance))
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                return self.filtered(instrument, instrument.over(h), gain).map(|one| vec![one]);
+                self.filtered(instrument, instrument.over(h), gain)
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                return self.filtered(instrument, instrument.over(h), gain).map(|one| vec![one]);
+                self.filtered(instrument, instrument.over(h), gain)
             }
             Method::KalmanBucy => {
                 let (observer, point) = instrument.kalman_bucy(h).map_err(|why| self.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
-                return self.filtered(instrument, observer, none).map(|one| vec![one]);
+                self.filtered(instrument, observer, none)
             }
-            Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-            Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
-            Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-            Method::Ukf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
-            // The others were refused with their file.
-            _ => AnyFilter::Ekf(Ekf::new(mean, covariance)),
-        };
-        self.filtered_and_smoothed(instrument, filter)
+            _ => {
+                let filter = AnyFilter::of(method, points, mean, covariance);
+                let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(h));
+                let all = answers(&self.filter.basics, &filter, (&mut course, h), &states(), self.progress)?;
+                Ok(all.into_iter().map(|one| restored(one, &instrument.scales)).collect())
+            }
+        }
     }
 
     /// The first mean and covariance, in scaled states.
@@ -112,51 +106,26 @@ impl Task<'_> {
         (scales.scale_state(&first(&self.filter.start)), scales.scale_covariance(&covariance))
     }
 
+    /// A filter that is not smoothed.
     fn filtered<D, S, F, const N: usize>(
         &self,
         instrument: &Instrument<D, N>,
         step: S,
         filter: F,
-    ) -> Result<Trajectory, EstimateError>
+    ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
         S: Step<D, N>,
         F: Filter<f64, N>,
     {
-        let names = (self.filter.key.as_str(), self.filter.name.as_str());
+        let FilterBasics { key, name, .. } = &self.filter.basics;
         let mut course = AccelerometerCourse::new(instrument, self.data, step);
-        let followed = follow(names, filter, &mut course, &states(), self.progress);
-        Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
-    }
-
-    /// The filtered trajectory, and the smoothed ones that are wanted.
-    fn filtered_and_smoothed<D, const N: usize>(
-        &self,
-        instrument: &Instrument<D, N>,
-        start: AnyFilter<N>,
-    ) -> Result<Vec<Trajectory>, EstimateError>
-    where
-        D: Dynamics<f64, N, Input: Input> + Copy,
-    {
-        let filter = self.filter;
-        let step = instrument.over(self.data.interval_s);
-        let mut trajectories = vec![self.filtered(instrument, step, start)?];
-        let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // positive; beyond the segment is its end
-        let samples = |lag_s: f64| (lag_s / self.data.interval_s).round() as usize;
-        let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(samples(lag_s)), "lagged"));
-        let mut course = AccelerometerCourse::new(instrument, self.data, step);
-        for (lookahead, word) in whole.into_iter().chain(lagged) {
-            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-            let smoothed = smooth((&key, &name), &start, &mut course, &trajectories[0], lookahead);
-            trajectories.push(restored(smoothed, &instrument.scales));
-        }
-        Ok(trajectories)
+        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
+        Ok(vec![restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales)])
     }
 
     fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
-        EstimateError::NoGain { filter: self.filter.name.clone(), why: why.to_string() }
+        EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
     }
 }
 
