@@ -124,6 +124,7 @@ fn a_schema_is_json_and_of_what_is_asked_for() {
         (&["schema", "experiment"], "device"),
         (&["schema", "study"], "vary"),
         (&["schema", "image"], "intensity"),
+        (&["schema", "gyro"], "gyroscope"),
     ] {
         let output = run(asked);
         let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

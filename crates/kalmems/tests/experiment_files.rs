@@ -1,6 +1,8 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
-use kalmems::config::{Clock, Experiment, Recording, image_schema, schema, spectrum_schema};
+use kalmems::config::{
+    Clock, Experiment, Recording, gyroscope_schema, image_schema, schema, spectrum_schema,
+};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -206,6 +208,28 @@ fn the_schema_of_spectra_accepts_the_example_and_refuses_what_is_broken() {
 }
 
 #[test]
+fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() {
+    let schema = gyroscope_schema();
+    let example = |name: &str| fs::read_to_string(Path::new("../../examples/gyroscope").join(name)).unwrap();
+    let calibration = example("calibration.toml");
+    for text in [&calibration, &example("three_axes.toml")] {
+        assert!(accepts(&schema, &as_json(text)));
+    }
+    for (from, to) in [
+        ("[gyroscope]", "[gyro]"),
+        ("clock_tolerance", "tolerance"),
+        ("[[condition.reference]]\nname", "[[condition.references]]\nname"),
+        ("vibrometer = \"50 ppm\"", "vibrometer = true"),
+        ("target_width", "width"),
+    ] {
+        assert!(calibration.contains(from), "{from}");
+        assert!(!accepts(&schema, &as_json(&calibration.replacen(from, to, 1))), "{to} passes the schema");
+    }
+    let neither = &calibration[..calibration.find("[[condition]]").unwrap()];
+    assert!(!accepts(&schema, &as_json(neither)));
+}
+
+#[test]
 fn every_example_experiment_passes_the_schema() {
     let schema = schema();
     let folder = fs::read_dir("../../examples/shared_scanner").unwrap();
@@ -231,7 +255,7 @@ fn every_example_in_a_schema_is_accepted_by_it() {
         }
     }
     for (whole, least) in
-        [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4), (spectrum_schema(), 4)]
+        [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4), (spectrum_schema(), 4), (gyroscope_schema(), 12)]
     {
         let mut count = 0;
         visit(&whole, &mut |part| {

@@ -298,7 +298,7 @@ fn of_records(result: &Calibrated) -> Figure {
     let end = |sign: f64| {
         result.records.iter().map(move |r| (r.reference, ppm(r.scale_factor + sign * 1.96 * r.deviation)))
     };
-    let half = 0.5e6 * (result.scale_factor.interval[1] - result.scale_factor.interval[0]) / value.abs();
+    let half = 1.96e6 * result.scale_factor.by_records / value.abs();
     let mut records = Panel::new(
         Axis::new("rate amplitude by the reference", "rad/s"),
         Axis::new("scale factor less the fitted one", "ppm"),
@@ -311,7 +311,7 @@ fn of_records(result: &Calibrated) -> Figure {
     let points: Vec<(f64, f64)> = result.records.iter().map(|r| (r.reference, ppm(r.scale_factor))).collect();
     records = records
         .with(Series::points("each record", Role::Estimate, points))
-        .with(Series::level("95 % of the result, all that is known", Role::Bound, half))
+        .with(Series::level("95 % of the fit, by the records alone", Role::Bound, half))
         .with(Series::level("", Role::Bound, -half));
     Figure::new(
         format!("records-{}-{}", result.condition, result.reference),

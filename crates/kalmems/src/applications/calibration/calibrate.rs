@@ -418,7 +418,7 @@ fn not_observed(matrix: &Matrix, axes_of_reference: [bool; 3], pairs: &[Pair]) -
         said.push(format!("{}: {why}", entries.join(", ")));
     }
     let whole = (0..9).all(|k| matrix.entry(k / 3, k % 3).is_some());
-    if !whole {
+    if !whole && rows.len() > 1 {
         said.push(
             "non-orthogonality apart from mounting needs all nine entries: in a matrix with an unknown column a tilt of a \
              sensitive axis and a tilt of the case are one"

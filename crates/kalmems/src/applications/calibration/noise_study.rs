@@ -93,9 +93,8 @@ impl NoiseStudy {
         let mut k = 0.0;
         while k < settled + per_period {
             let at = |i: usize, j: usize| -> f64 {
-                let carried: f64 = (0..2)
-                    .map(|m| (0..2).map(|n| a.0[i][m] * p.0[m][n] * a.0[j][n]).sum::<f64>())
-                    .sum();
+                let carried: f64 =
+                    (0..2).map(|m| (0..2).map(|n| a.0[i][m] * p.0[m][n] * a.0[j][n]).sum::<f64>()).sum();
                 carried + b.0[i][0] * self.drive_variance * b.0[j][0]
             };
             p = Mat([[at(0, 0), at(0, 1)], [at(1, 0), at(1, 1)]]);
