@@ -1,13 +1,16 @@
 //! The accelerometer on a recording that this program did not make, and on those that it simulates.
 
-use kalmems::config::Experiment;
+use kalmems::config::{Device, Experiment};
 use kalmems::estimate::{EstimateError, Silent};
+use kalmems::identify::{Identification, Identified};
 use kalmems::outlook::Outlook;
-use kalmems::results::{EstimatorMetrics, Metrics, estimate_figures, summary_table};
+use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimate_figures, summary_table};
 use kalmems::rigs;
 use kalmems::simulate::SimulateError;
 use kalmems::workflow::{self, Outcome, WorkflowError};
 use serde_json::Value;
+use statrs::distribution::{Binomial, DiscreteCDF};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::ControlFlow;
@@ -405,4 +408,250 @@ fn what_does_not_hold_is_named() {
     let pulled = why(&[sine, (FEEDBACK, "")]);
     let SimulateError::PulledIn { why: words } = &pulled else { panic!("{pulled}") };
     assert!(words.contains("first plate at 0.0"), "{words}");
+}
+
+const DITHER: &str = "[simulate.dither]\nrms = \"4 mV\"\nfrom = \"200 Hz\"\nto = \"40 kHz\"\ntones = 16\n";
+
+/// Recorded and true samples of the right device under a dither, or without one.
+fn dithered(seed: u64, has_dither: bool) -> (Rows, Rows) {
+    let seeded = format!("seed = {seed}");
+    let drive = format!("{DITHER}[simulate.drive.acceleration]\n");
+    let mut changes = vec![
+        ("seed = 1", seeded.as_str()),
+        ("\"300 ms\"", "\"400 ms\""),
+        ("[simulate.drive.acceleration]\n", &drive),
+    ];
+    if !has_dither {
+        changes.pop();
+    }
+    simulated(&simulation("", &changes)).unwrap()
+}
+
+/// The experiment of a laboratory that has spring, damping and mass wrong by these factors.
+fn told(filters: &str, [spring, damping, mass]: [f64; 3]) -> Experiment {
+    let lines = [
+        format!("spring = \"{} N/m\"", 3.0 * spring),
+        format!("damping = \"{} N s/m\"", 7e-4 * damping),
+        format!("mass = \"{} kg\"", 3.8e-9 * mass),
+    ];
+    let changes = [
+        ("spring = \"3 N/m\"", lines[0].as_str()),
+        ("damping = \"7e-4 N s/m\"", &lines[1]),
+        ("mass = \"3.8e-9 kg\"", &lines[2]),
+    ];
+    simulation(filters, &changes)
+}
+
+const SETTLED: &str = "[[estimate.filter]]\nname = \"settled\"\nmethod = \"steady_state\"\n";
+
+fn settled() -> String {
+    let start = START.replace("\"1 gn\"", "\"0.1 gn\"").replace("\"314 gn/s\"", "\"31.4 gn/s\"");
+    format!("{SETTLED}{start}\n")
+}
+
+const UNCERTAIN: &str = "states = { spring = { start_sd = \"20 %\" }, damping = { start_sd = \"20 %\" }, \
+                         mass = { start_sd = \"20 %\" } }\n";
+
+/// The same, and those that take the mechanics for uncertain.
+fn robust() -> String {
+    let of = |method: &str| {
+        settled().replace("\"settled\"", &format!("\"{method}\"")).replace("steady_state", method) + UNCERTAIN
+    };
+    settled() + &of("consider_ekf") + &of("bank")
+}
+
+/// The root mean square error of the acceleration in mg, and the mean NIS, by filter.
+fn errors(experiment: &Experiment) -> BTreeMap<String, [f64; 2]> {
+    let metrics = Metrics::of(&workflow::estimate(experiment, &Silent).unwrap_or_else(|e| panic!("{e}")));
+    let of = |e: &EstimatorMetrics| {
+        let nis = e.consistency.map_or(f64::NAN, |c| c.mean_nis);
+        (e.key.clone(), [e.values["acceleration"].rmse / 9.80665e-3, nis])
+    };
+    metrics.estimators().map(of).collect()
+}
+
+/// An error of 20 % with the signs of this number's bits.
+fn corner(signs: u64) -> [f64; 3] {
+    [0, 1, 2].map(|bit| if signs >> bit & 1 == 0 { 0.8 } else { 1.2 })
+}
+
+/// The spring, damping and mass of the device, with 95 % intervals.
+fn identified(experiment: &Experiment) -> (Identification, [Identified; 3]) {
+    let found = rigs::of(experiment).unwrap().identify(experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let mechanics = [0, 1, 2].map(|i| found.parameters[i].clone());
+    (found, mechanics)
+}
+
+const TRUTH: [f64; 3] = [3.0, 7e-4, 3.8e-9];
+
+/// Spring, damping and mass from a recording with a dither, by a laboratory that had all wrong by 20 %; the experiment
+/// that comes out is as good as one that knows the truth. Without the dither it says what it does not know.
+#[test]
+fn a_dithered_recording_tells_spring_damping_and_mass() {
+    let folder = tempfile::tempdir().unwrap();
+    let (recorded, truth) = dithered(3, true);
+    let here = |experiment: &Experiment| from_files(folder.path(), experiment, &recorded, &truth);
+    let wrong = here(&told(&settled(), [0.8, 1.2, 1.2]));
+    let (found, mechanics) = identified(&wrong);
+    println!("{}", IdentificationSummary::of(&found).to_text());
+    for (parameter, (truth, bar)) in mechanics.iter().zip(TRUTH.into_iter().zip([0.03, 0.03, 0.05])) {
+        let error = parameter.value / truth - 1.0;
+        assert!(error.abs() < bar && error.abs() < 4.0 * parameter.standard_error / truth, "{parameter:?}");
+    }
+    assert!((found.parameters[3].value / 4.88e-9 - 1.0).abs() < 0.04, "{:?}", found.parameters[3]);
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    let [before, after, oracle] =
+        [&wrong, &found.experiment, &here(&told(&settled(), [1.0; 3]))].map(|e| errors(e)["settled"][0]);
+    println!("{before} {after} {oracle} mg");
+    assert!(after < 1.1 * oracle && before > 2.0 * oracle);
+
+    let (recorded, truth) = dithered(3, false);
+    let blind = from_files(folder.path(), &told(&settled(), [1.0; 3]), &recorded, &truth);
+    let (found, mechanics) = identified(&blind);
+    println!("{}", IdentificationSummary::of(&found).to_text());
+    assert!(mechanics[0].standard_error > 0.1 * mechanics[0].value);
+    assert!(found.undetermined.iter().any(|one| one.what == "spring k" && one.why.contains("dither")));
+    assert!(
+        found.warnings.iter().any(|why| why.contains("mass m") && why.contains("nor does their likelihood"))
+    );
+    let Device::Accelerometer(device) = &found.experiment.device else { panic!() };
+    assert_eq!(device.proof_mass.spring.si(), 3.0);
+}
+
+/// Told a device with all wrong by 20 %, and that it may be: Schmidt's filter claims what it does not know, and the bank
+/// finds the model that is nearest. Told the truth, the bank's weights go there.
+#[test]
+fn uncertain_mechanics_are_considered_or_chosen_among() {
+    let folder = tempfile::tempdir().unwrap();
+    let (recorded, truth) = dithered(3, true);
+    let run = |factors| {
+        let experiment = from_files(folder.path(), &told(&robust(), factors), &recorded, &truth);
+        Metrics::of(&workflow::estimate(&experiment, &Silent).unwrap_or_else(|e| panic!("{e}")))
+    };
+    let rmse = |metrics: &Metrics, key: &str| of(metrics, key).values["acceleration"].rmse / 9.80665e-3;
+    let wrong = run([0.8, 1.2, 1.2]);
+    println!("{}", summary_table(&wrong, true).to_text());
+    let [settled, considered, bank] = ["settled", "consider_ekf", "bank"].map(|key| rmse(&wrong, key));
+    assert!(bank < 0.6 * settled, "{bank} {settled}");
+    // Three standard deviations of what is claimed hold the truth where what is considered is as wrong as it is said to be.
+    let within = |key: &str| of(&wrong, key).values["acceleration"].within_three_sigma.unwrap();
+    assert!(within("consider_ekf") > 0.99 && within("settled") < 0.9);
+    let right = run([1.0; 3]);
+    println!("{}", summary_table(&right, true).to_text());
+    let ratio = rmse(&right, "bank") / rmse(&right, "settled");
+    assert!((ratio - 1.0).abs() < 1e-3, "{ratio}");
+    assert!(considered < settled, "{considered} {settled}");
+}
+
+/// A filter that is told four times the variance of a sample, or a quarter of it, finds it within what it states; half a
+/// second of memory 50 ms.
+#[test]
+fn the_variance_of_a_sample_is_found_while_filtering() {
+    let folder = tempfile::tempdir().unwrap();
+    let known = filter("known", "ekf", "");
+    let filters = (known + &filter("found", "ekf", "noise_memory = \"50 ms\"\n"))
+        .replace("\"1 gn\"", "\"0.1 gn\"")
+        .replace("\"314 gn/s\"", "\"31.4 gn/s\"");
+    for (seed, stated) in [(0, "1.952e-8 V^2"), (1, "1.22e-9 V^2")] {
+        let seeded = format!("seed = {seed}");
+        let (recorded, truth) = simulated(&simulation("", &[("seed = 1", &seeded)])).unwrap();
+        let wrong = simulation(&filters, &[("4.88e-9 V^2", stated)]);
+        let outcome =
+            workflow::estimate(&from_files(folder.path(), &wrong, &recorded, &truth), &Silent).unwrap();
+        let trajectory = &outcome.recordings[0].segments[0].estimate.trajectories[1];
+        let noise = trajectory.state("noise_variance").unwrap();
+        // 50 ms of samples, √(2/(2·5000 − 1)).
+        for k in (15_000..30_001).step_by(5000) {
+            let (found, sd) = (noise.mean[k], noise.sd[k]);
+            assert!((found - 4.88e-9).abs() < 4.0 * sd, "{k}: {found} {sd}");
+            assert!((sd / found - (2.0_f64 / 9999.0).sqrt()).abs() < 1e-3, "{sd}");
+        }
+        let metrics = Metrics::of(&outcome);
+        println!("{}", summary_table(&metrics, true).to_text());
+        let nis = |key| of(&metrics, key).consistency.unwrap().mean_nis;
+        assert!((nis("found") - 1.0).abs() < 0.05 && (nis("known") - 1.0).abs() > 0.5);
+    }
+}
+
+/// Over 40 seeds, told a device with all signs of an error of 20 %: how near the identified instrument is to the truth,
+/// how often its intervals hold it, and what that is worth beside a bank of models and a filter that considers.
+#[test]
+#[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
+fn slow_the_most_likely_instrument_is_nearly_the_right_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let seeds = 40_u64;
+    let (mut inside, mut worst) = ([0_u64; 3], [0.0_f64; 3]);
+    let mut ratios = BTreeMap::<String, Vec<f64>>::new();
+    let mut nis = BTreeMap::<String, Vec<f64>>::new();
+    for seed in 0..seeds {
+        let (recorded, truth) = dithered(1000 + seed, true);
+        let here = |experiment: &Experiment| from_files(folder.path(), experiment, &recorded, &truth);
+        let wrong = here(&told(&robust(), corner(seed)));
+        let (found, mechanics) = identified(&wrong);
+        for (i, parameter) in mechanics.iter().enumerate() {
+            worst[i] = worst[i].max((parameter.value / TRUTH[i] - 1.0).abs());
+            let [low, high] = parameter.interval;
+            inside[i] += u64::from((low..=high).contains(&TRUTH[i]));
+        }
+        let [oracle, its_nis] = errors(&here(&told(&settled(), [1.0; 3])))["settled"];
+        let mut all = errors(&wrong);
+        all.insert("identified".to_owned(), errors(&found.experiment)["settled"]);
+        all.insert("oracle".to_owned(), [oracle, its_nis]);
+        for (key, [rmse, mean_nis]) in all {
+            ratios.entry(key.clone()).or_default().push(rmse / oracle);
+            nis.entry(key).or_default().push(mean_nis);
+        }
+    }
+    println!("largest errors {worst:.4?}, inside {inside:?} of {seeds}");
+    let mut medians = BTreeMap::new();
+    for (key, of_seeds) in &mut ratios {
+        of_seeds.sort_by(f64::total_cmp);
+        let nis = nis[key].iter().sum::<f64>() / seeds as f64;
+        let at = |share: usize| of_seeds[share * (of_seeds.len() - 1) / 100];
+        println!(
+            "{key}: RMSE over the oracle's: median {:.3}, 5 % {:.3}, 95 % {:.3}, worst {:.3}; NIS {nis:.3}",
+            at(50),
+            at(5),
+            at(95),
+            at(100)
+        );
+        medians.insert(key.as_str(), at(50));
+    }
+    assert!(worst[0] < 0.03 && worst[1] < 0.03 && worst[2] < 0.05, "{worst:?}");
+    assert!(medians["identified"] <= 1.15 && medians["identified"] < medians["bank"], "{medians:?}");
+    assert!(medians["settled"] > 2.0, "{medians:?}");
+    // Of 40 intervals of 95 % fewer than 34 hold the truth in 1 of 100 cases.
+    let binomial = Binomial::new(0.95, seeds).unwrap();
+    for count in inside {
+        assert!(binomial.cdf(count) > 0.01, "{count}");
+    }
+}
+
+/// Over 60 seeds: the variance that is found lies within 1.96 of its stated standard errors as often as it should.
+#[test]
+#[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
+fn slow_the_stated_uncertainty_of_the_noise_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let filters = filter("found", "ekf", "noise_memory = \"50 ms\"\n")
+        .replace("\"1 gn\"", "\"0.1 gn\"")
+        .replace("\"314 gn/s\"", "\"31.4 gn/s\"");
+    let seeds = 60_u64;
+    let (mut inside, mut mean) = (0, 0.0);
+    for seed in 0..seeds {
+        let seeded = format!("seed = {}", 2000 + seed);
+        let (recorded, truth) = simulated(&simulation("", &[("seed = 1", &seeded)])).unwrap();
+        let wrong = simulation(&filters, &[("4.88e-9 V^2", "1.952e-8 V^2")]);
+        let outcome =
+            workflow::estimate(&from_files(folder.path(), &wrong, &recorded, &truth), &Silent).unwrap();
+        let noise =
+            outcome.recordings[0].segments[0].estimate.trajectories[0].state("noise_variance").unwrap();
+        let (found, sd) = (noise.mean.last().unwrap(), noise.sd.last().unwrap());
+        inside += u64::from((found - 4.88e-9).abs() < 1.96 * sd);
+        mean += found / 4.88e-9 / seeds as f64;
+    }
+    println!("{inside} of {seeds}, mean {mean:.4} of the truth");
+    let binomial = Binomial::new(0.95, seeds).unwrap();
+    assert!(binomial.cdf(inside) > 0.01, "{inside}");
+    // 1.4 % for one, 0.18 % for the mean of 60.
+    assert!((mean - 1.0).abs() < 0.006, "{mean}");
 }

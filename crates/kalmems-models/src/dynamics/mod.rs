@@ -12,6 +12,7 @@ mod phasor;
 mod proof_mass;
 mod resonator;
 mod two_axis;
+mod uncertain;
 
 pub use accelerometer::{Accelerometer, CarrierDriven, SensedAcceleration, StaticPullIn};
 pub use comb_driven::CombDrivenMirror;
@@ -25,3 +26,4 @@ pub use phasor::{DriftingPhasor, SteadyPhasor};
 pub use proof_mass::ProofMass;
 pub use resonator::TorsionalResonator;
 pub use two_axis::{TwoAxisDriveGain, TwoAxisScanner};
+pub use uncertain::UncertainMechanics;

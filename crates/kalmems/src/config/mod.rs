@@ -54,8 +54,9 @@ pub(crate) use schema::schema_of;
 pub use schema::{image_schema, schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, DriveSource, DriveTone, PrescribedMotion,
-    RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive, TonesDrive,
+    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
+    PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, SweepDrive,
+    TonesDrive,
 };
 pub(crate) use source::Source;
 pub use values::{AnyValue, Entry, Values};

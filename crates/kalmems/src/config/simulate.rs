@@ -37,6 +37,9 @@ pub struct Simulate {
     /// A converter that rounds the signal; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adc: Option<Adc>,
+    /// What is added to the feedback of an accelerometer, so that its parameters can be identified; nothing if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dither: Option<Dither>,
     /// The drive: exactly one table, such as `[simulate.drive.sine]`.
     pub drive: DriveSource,
 }
@@ -53,6 +56,26 @@ pub struct Adc {
     pub low: Quantity<Voltage>,
     /// The highest level. What lies above is clipped to it.
     pub high: Quantity<Voltage>,
+}
+
+/// Sines of equal amplitude on top of a feedback voltage: their frequencies are in geometric progression, their phases
+/// chance by the seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Dither {
+    /// The root mean square of their sum.
+    #[schemars(example = &"4 mV")]
+    pub rms: Quantity<Voltage, Positive>,
+    /// The lowest frequency.
+    #[schemars(example = &"200 Hz")]
+    pub from: Quantity<Frequency, Positive>,
+    /// The highest frequency, below half the sampling rate.
+    #[schemars(example = &"40 kHz")]
+    pub to: Quantity<Frequency, Positive>,
+    /// How many, 2 to 1000.
+    #[serde(deserialize_with = "tones")]
+    #[schemars(range(min = 2, max = 1000))]
+    pub tones: u32,
 }
 
 /// What drives the device.
@@ -355,6 +378,17 @@ impl Simulate {
             let why = format!("`{}` is not above `low`, `{}`", adc.high.text(), adc.low.text());
             return at("adc.high", why);
         }
+        if let Some(dither) = &self.dither {
+            let (from, to) = (&dither.from, &dither.to);
+            if to.si() >= 0.5 * self.sampling_rate.si() {
+                let why = format!("`{}` is not below half of `sampling_rate`", to.text());
+                return at("dither.to", why);
+            }
+            if from.si() >= to.si() {
+                let why = format!("`{}` is not below `to`, `{}`", from.text(), to.text());
+                return at("dither.from", why);
+            }
+        }
         if let DriveSource::Square(square) = &self.drive
             && square.duty_cycle.si() >= 1.0
         {
@@ -386,6 +420,14 @@ fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
         .ok()
         .filter(|bits| (1..=32).contains(bits))
         .ok_or_else(|| D::Error::custom(format!("`{number}` is not 1 to 32; write the bits, such as `12`")))
+}
+
+fn tones<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    u32::try_from(number)
+        .ok()
+        .filter(|tones| (2..=1000).contains(tones))
+        .ok_or_else(|| D::Error::custom(format!("`{number}` is not 2 to 1000; write how many, such as `16`")))
 }
 
 fn start() -> serde_json::Value {

@@ -1,5 +1,6 @@
 //! What the rig takes from the tables of filters, in SI.
 
+use super::uncertainty;
 use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start};
 use crate::estimate::StateName;
 use crate::units::kind;
@@ -27,16 +28,24 @@ pub struct FilterSettings {
     pub points: SigmaPoints<f64>,
     /// Whether it is smoothed over the whole recording.
     pub smooth: bool,
+    /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
+    /// that or choose among models.
+    pub spread: [f64; 3],
+    /// Over how long the variance of a sample is estimated, in s, where it is.
+    pub noise_memory_s: Option<f64>,
     /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
     pub lag_s: Option<f64>,
 }
 
 /// The states, as trajectories name them.
-const STATES: [StateName; 4] = [
+const STATES: [StateName; 7] = [
     ("displacement", "m", &kind::LENGTH),
     ("velocity", "m_per_s", &kind::VELOCITY),
     ("acceleration", "m_per_s2", &kind::ACCELERATION),
     ("jerk", "m_per_s3", &kind::JERK),
+    ("spring_deviation", "1", &kind::RATIO),
+    ("damping_deviation", "1", &kind::RATIO),
+    ("mass_deviation", "1", &kind::RATIO),
 ];
 
 /// The first `N` states, as tables of values name them.
@@ -64,11 +73,8 @@ impl FilterSettings {
         if unsuited {
             return refuse("method", "there is no such estimator for an accelerometer; use `ekf`");
         }
-        let unused = [
-            ("process_noise", !filter.process_noise.is_empty()),
-            ("states", !filter.states.is_empty()),
-            ("demodulator", filter.demodulator),
-        ];
+        let unused =
+            [("process_noise", !filter.process_noise.is_empty()), ("demodulator", filter.demodulator)];
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
             return refuse(name, "the accelerometer's filters have no such setting; leave it out");
         }
@@ -99,6 +105,8 @@ impl FilterSettings {
             known_acceleration: known,
             start,
             start_sd,
+            spread: uncertainty::spread(experiment, &at, filter)?,
+            noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
             points: SigmaPoints {
                 alpha: filter.alpha.unwrap_or(1.0),

@@ -4,20 +4,27 @@
 //! acceleration as a known input. An instrument that is to measure it does not have it: here the acceleration is a state,
 //! and the known input is there for comparison, under a name that says so.
 
+mod bank;
 mod course;
 mod data;
+mod dither;
 mod feedback;
 mod filters;
+mod identification;
 mod instrument;
+mod noise_estimate;
 mod outlook;
 mod segment;
 mod settings;
 mod simulation;
+mod uncertainty;
+mod varied;
 
 use super::{Rig, SegmentEstimate};
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
 use crate::estimate::{EstimateError, Progress};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
 use crate::simulate::{SimulateError, Simulation};
@@ -136,6 +143,14 @@ impl Rig for AccelerometerRig {
             });
         }
         Ok(estimates)
+    }
+
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment, progress)
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

@@ -1,18 +1,24 @@
 //! The estimates of one segment.
 
+use super::bank::BankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Step};
 use super::data::{Input, SegmentData};
 use super::filters::{FilterSettings, states};
 use super::instrument::Instrument;
-use super::settings::Settings;
+use super::noise_estimate::NoiseEstimate;
+use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, Lookahead, ModelAlone, Motion, Progress, Trajectory,
+    AnyFilter, ConstantGain, EstimateError, Lookahead, ModelAlone, Motion, Progress, StateSeries, Trajectory,
     TrajectoryKind, follow, judge_lock, smooth,
 };
-use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, IteratedEkf, Scales, SquareRootEkf, Ukf};
-use std::array;
+use crate::units::kind;
+use kalmems_core::{
+    Covariance, Dynamics, Ekf, Filter, FixedGain, IteratedEkf, Scales, SchmidtEkf, SquareRootEkf, Ukf,
+};
+use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
+use std::{array, iter};
 
 /// Runs the wanted filters over a segment.
 pub fn estimate(
@@ -24,7 +30,12 @@ pub fn estimate(
     for filter in &settings.filters {
         let task = Task { filter, data, progress };
         let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
-        let mut trajectories = if filter.known_acceleration {
+        let mut trajectories = if filter.method == Method::ConsiderEkf {
+            vec![task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?)?]
+        } else if filter.method == Method::Bank {
+            let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
+            vec![task.bank(&settings.hardware, &instrument)?]
+        } else if filter.known_acceleration {
             task.run(&Instrument::known(&settings.hardware).map_err(scale)?)?
         } else {
             task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?)?
@@ -107,9 +118,12 @@ impl Task<'_> {
 
     /// The first mean and covariance, in scaled states.
     fn start<const N: usize>(&self, scales: &Scales<f64, N>) -> ([f64; N], Covariance<f64, N>) {
-        let first = |values: &[f64; 4]| array::from_fn(|i| values.get(i).copied().unwrap_or(0.0));
-        let covariance = Covariance::from_standard_deviations(first(&self.filter.start_sd));
-        (scales.scale_state(&first(&self.filter.start)), scales.scale_covariance(&covariance))
+        let first = |values: &[f64; 4], deviations: &[f64; 3]| {
+            array::from_fn(|i| values.iter().chain(deviations).nth(i).copied().unwrap_or(0.0))
+        };
+        let start_sd = first(&self.filter.start_sd, &self.filter.spread);
+        let covariance = Covariance::from_standard_deviations(start_sd);
+        (scales.scale_state(&first(&self.filter.start, &[0.0; 3])), scales.scale_covariance(&covariance))
     }
 
     fn filtered<D, S, F, const N: usize>(
@@ -124,7 +138,43 @@ impl Task<'_> {
         F: Filter<f64, N>,
     {
         let names = (self.filter.key.as_str(), self.filter.name.as_str());
-        let mut course = AccelerometerCourse::new(instrument, self.data, step);
+        let noise = self
+            .filter
+            .noise_memory_s
+            .map(|memory_s| NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s));
+        let mut course = AccelerometerCourse::new(instrument, self.data, step).with_noise(noise);
+        let followed = follow(names, filter, &mut course, &states(), self.progress);
+        let mut trajectory = restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales);
+        if let Some(noise) = course.into_noise() {
+            let mut all = noise.history.iter().copied().chain(iter::repeat([f64::NAN; 2]));
+            let (mean, sd) = all.by_ref().take(trajectory.time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
+            let (name, unit) = ("noise_variance", "V2");
+            trajectory.states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
+        }
+        Ok(trajectory)
+    }
+
+    /// With spring, damping and mass uncertain, and not estimated.
+    fn considered(
+        &self,
+        instrument: &Instrument<UncertainMechanics<f64>, 7>,
+    ) -> Result<Trajectory, EstimateError> {
+        let (mean, covariance) = self.start(&instrument.scales);
+        let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
+        self.filtered(instrument, instrument.over(self.data.interval_s), filter)
+    }
+
+    /// Settled filters of several models, weighed.
+    fn bank(
+        &self,
+        hardware: &Hardware,
+        instrument: &Instrument<SensedAcceleration<f64>, 4>,
+    ) -> Result<Trajectory, EstimateError> {
+        let (mean, covariance) = self.start(&instrument.scales);
+        let names = (self.filter.key.as_str(), self.filter.name.as_str());
+        let mut course = BankCourse::new(hardware, self.data, mean, &self.filter.spread)
+            .map_err(|why| self.no_gain(&why))?;
+        let filter = Ekf::new(mean, covariance);
         let followed = follow(names, filter, &mut course, &states(), self.progress);
         Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
     }

@@ -1,5 +1,6 @@
 //! A recording of the accelerometer that is computed: open, in its loop, or with an observer in the loop.
 
+use super::dither;
 use super::filters::entries;
 use super::instrument::Instrument;
 use super::settings::{Hardware, Settings};
@@ -7,7 +8,7 @@ use crate::config::{
     AccelerationDrive, ConfigError, Device, DriveSource, Experiment, Fault, Key, Quantity, Sign,
 };
 use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use crate::simulate::{Channel, Drive, Sample, SimulateError, Simulation, WhiteNoise};
 use kalmems_core::{FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, Process, Scalar};
 use kalmems_models::control::{PiController, RebalanceLoop, SampledRebalance};
 use std::f64::consts::TAU;
@@ -25,6 +26,8 @@ pub struct AccelerometerSimulation {
     steps: u32,
     noise: bool,
     seed: u64,
+    /// What is added to the feedback.
+    dither: Option<Drive>,
 }
 
 /// What is to be measured.
@@ -108,6 +111,7 @@ impl AccelerometerSimulation {
             steps: u32::try_from(simulate.steps_per_sample()).unwrap_or(u32::MAX),
             noise: simulate.noise,
             seed: simulate.seed,
+            dither: simulate.dither.as_ref().map(|settings| dither::tones(settings, simulate.seed)),
         })
     }
 
@@ -221,11 +225,12 @@ impl Simulation for AccelerometerSimulation {
         for (k, acceleration) in accelerations.iter().enumerate() {
             let output = run.read(noise_sd * signal_noise.sample());
             let seen = observer.as_mut().map_or(output, |observer| observer.see(output));
-            let feedback = run.answer(seen);
+            let time_s = k as f64 * self.interval_s;
+            let feedback = run.answer(seen) + self.dither.as_ref().map_or(0.0, |dither| dither.at(time_s));
             let [displacement, velocity] = *run.state();
             let recorded = [feedback, output, *acceleration];
             let sample = Sample {
-                time_s: k as f64 * self.interval_s,
+                time_s,
                 recorded: &recorded[..self.recorded().len()],
                 truth: &[*acceleration, displacement, velocity],
             };

@@ -97,7 +97,9 @@ fn filter_of<const N: usize>(
         | Method::HybridEkf
         | Method::SteadyState
         | Method::KalmanBucy
-        | Method::Luenberger => AnyFilter::Ekf(Ekf::new(mean, covariance)),
+        | Method::Luenberger
+        | Method::ConsiderEkf
+        | Method::Bank => AnyFilter::Ekf(Ekf::new(mean, covariance)),
         Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
         Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
         Method::Ukf | Method::SquareRootUkf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
