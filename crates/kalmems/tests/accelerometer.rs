@@ -8,6 +8,7 @@ use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimat
 use kalmems::rigs;
 use kalmems::simulate::SimulateError;
 use kalmems::workflow::{self, Outcome, WorkflowError};
+use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use serde_json::Value;
 use statrs::distribution::{Binomial, DiscreteCDF};
 use std::collections::BTreeMap;
@@ -129,14 +130,17 @@ fn the_reference_reaches_the_evaluation_alone() {
 const FEEDBACK: &str = "[device.accelerometer.feedback]\nbias = \"0.173 V\"\nproportional_gain = 10\n\
                         integral_gain = \"1 1/s\"\n";
 
+const SIMULATE: &str = "[simulate]\nduration = \"300 ms\"\nsampling_rate = \"100 kHz\"\n\
+                        integration_rate = \"500 kHz\"\nstart = { displacement = \"0 m\", velocity = \"0 m/s\" }\n\
+                        seed = 1\n[simulate.drive.acceleration]\n";
+
 /// The thesis's device with an acceleration of 0.1 g by chance, in a closed loop at 100 kHz.
 fn simulation(filters: &str, changes: &[(&str, &str)]) -> Experiment {
     let mut text = include_str!("experiments/accel-open-loop-1g.toml").to_owned();
     text.truncate(text.find("[[recording]]").unwrap());
     text = text.replace("rms = \"1 gn\"", "rms = \"0.1 gn\"");
     text += FEEDBACK;
-    text += "[simulate]\nduration = \"300 ms\"\nsampling_rate = \"100 kHz\"\nintegration_rate = \"500 kHz\"\n\
-             start = { displacement = \"0 m\", velocity = \"0 m/s\" }\nseed = 1\n[simulate.drive.acceleration]\n";
+    text += SIMULATE;
     if !filters.is_empty() {
         text += "[estimate]\nskip = \"50 ms\"\n";
         text += filters;
@@ -348,6 +352,22 @@ fn a_wrong_feedback_is_recognised() {
         };
         assert!(why.to_string().contains(words), "{why}");
     }
+    // An identification would find an instrument that is not there; it says the same.
+    let mut turned = recorded.clone();
+    turned.iter_mut().for_each(|row| row[1] = -row[1]);
+    let wrong = from_files(folder.path(), &experiment, &turned, &truth);
+    let why = rigs::of(&wrong).unwrap().identify(&wrong, &Silent).unwrap_err().to_string();
+    assert!(why.contains("opposite sign"), "{why}");
+    // A mass on its plate: 7.47e5 V/m times 0.9 gap, over 1 − 0.9².
+    let mut stuck = recorded.clone();
+    stuck[5000..].iter_mut().for_each(|row| row[2] = 8.2);
+    let wrong = from_files(folder.path(), &experiment, &stuck, &truth);
+    let Err(WorkflowError::Estimate(why @ EstimateError::PulledIn { time_s, count: 5001, .. })) =
+        workflow::estimate(&wrong, &Silent)
+    else {
+        panic!("a mass on its plate")
+    };
+    assert!((time_s - 0.05).abs() < 1e-9 && why.to_string().contains("±8.1"), "{why}");
     // Not known at one sample: there is no law that would tell it.
     let Err(WorkflowError::Estimate(EstimateError::DriveUnknown { count: 1, .. })) =
         estimate(&|k| if k == 77 { f64::NAN } else { feedback(k) })
@@ -484,6 +504,11 @@ fn identified(experiment: &Experiment) -> (Identification, [Identified; 3]) {
 
 const TRUTH: [f64; 3] = [3.0, 7e-4, 3.8e-9];
 
+/// 2·ε·A·(V_c² + V_B²)/d₀³ in N/m (equation 2-16).
+fn electrostatic_spring() -> f64 {
+    2.0 * 4.0 * VACUUM_PERMITTIVITY * 1.86e-6 * (0.18 + 0.173 * 0.173) / 2.3e-6_f64.powi(3)
+}
+
 /// Spring, damping and mass from a recording with a dither, by a laboratory that had all wrong by 20 %; the experiment
 /// that comes out is as good as one that knows the truth. Without the dither it says what it does not know.
 #[test]
@@ -505,6 +530,16 @@ fn a_dithered_recording_tells_spring_damping_and_mass() {
     println!("{before} {after} {oracle} mg");
     assert!(after < 1.1 * oracle && before > 2.0 * oracle);
 
+    // What it says it cannot tell: with a readout that is 5 % less sensitive than thought, S·g/(m·s² + b·s + k − k_el) is
+    // the same for a mass, a damping and a softened spring that are 5 % smaller.
+    let off = here(&simulation(&settled(), &[("\"20 pF\"", "\"21 pF\"")]));
+    let (_, [spring, damping, mass]) = identified(&off);
+    let softened = 3.0 - electrostatic_spring();
+    let wanted = [electrostatic_spring() + softened / 1.05, TRUTH[1] / 1.05, TRUTH[2] / 1.05];
+    for (parameter, wanted) in [spring, damping, mass].iter().zip(wanted) {
+        assert!((parameter.value - wanted).abs() < 4.0 * parameter.standard_error, "{parameter:?} {wanted}");
+    }
+
     let (recorded, truth) = dithered(3, false);
     let blind = from_files(folder.path(), &told(&settled(), [1.0; 3]), &recorded, &truth);
     let (found, mechanics) = identified(&blind);
@@ -523,7 +558,9 @@ fn a_dithered_recording_tells_spring_damping_and_mass() {
 #[test]
 fn uncertain_mechanics_are_considered_or_chosen_among() {
     let folder = tempfile::tempdir().unwrap();
-    let (recorded, truth) = dithered(3, true);
+    let (mut recorded, mut truth) = dithered(3, true);
+    recorded.truncate(20_000);
+    truth.truncate(20_000);
     let run = |factors| {
         let experiment = from_files(folder.path(), &told(&robust(), factors), &recorded, &truth);
         Metrics::of(&workflow::estimate(&experiment, &Silent).unwrap_or_else(|e| panic!("{e}")))
@@ -573,6 +610,93 @@ fn the_variance_of_a_sample_is_found_while_filtering() {
     }
 }
 
+/// From an exact start, P0 = 0, each filter goes to the end and claims a standard deviation at every sample; the unscented
+/// one, whose sigma points have no room, says so.
+#[test]
+fn an_exact_start_is_no_trouble() {
+    let folder = tempfile::tempdir().unwrap();
+    let (recorded, truth) = simulated(&simulation("", &[("\"300 ms\"", "\"100 ms\"")])).unwrap();
+    let exact = "start_sd = { displacement = \"0 m\", velocity = \"0 m/s\", acceleration = \"0 m/s^2\", \
+                 jerk = \"0 m/s^3\" }\n";
+    let start_sd = &START[START.find("start_sd").unwrap()..];
+    let methods = ["ekf", "hybrid_ekf", "iterated_ekf", "square_root_ekf", "consider_ekf", "bank", "ukf"];
+    let filters: String = methods
+        .iter()
+        .map(|method| {
+            let more = if ["consider_ekf", "bank"].contains(method) { UNCERTAIN } else { "" };
+            filter(method, method, more).replace(start_sd, exact)
+        })
+        .collect();
+    let experiment = from_files(folder.path(), &simulation(&filters, &[]), &recorded, &truth);
+    let outcome = workflow::estimate(&experiment, &Silent).unwrap();
+    for trajectory in &outcome.recordings[0].segments[0].estimate.trajectories {
+        if trajectory.key == "ukf" {
+            let failure = trajectory.failure.expect("a start without room");
+            assert!(failure.time_s == 0.0 && failure.why.to_string().contains("not positive"), "{failure:?}");
+            continue;
+        }
+        assert_eq!(trajectory.failure, None, "{}", trajectory.key);
+        for state in &trajectory.states {
+            let sound = state.sd.iter().all(|sd| sd.is_finite() && *sd >= 0.0);
+            assert!(sound, "{}: {}", trajectory.key, state.name);
+        }
+        let acceleration = trajectory.state("acceleration").unwrap();
+        assert!(acceleration.sd[0] == 0.0 || trajectory.key == "bank", "{}", trajectory.key);
+        assert!(acceleration.sd.last().unwrap() > &0.01, "{}", trajectory.key);
+    }
+}
+
+/// What these settings are not for is named with its place.
+#[test]
+fn settings_of_uncertain_mechanics_are_checked() {
+    let refused = |filters: &str, extra: &[(&str, &str)]| {
+        let mut text = simulation("", extra).to_toml().unwrap();
+        text += "[estimate]\nskip = \"50 ms\"\n";
+        text += filters;
+        let parsed = Experiment::parse(&text, Path::new("experiment.toml"));
+        match parsed {
+            Err(why) => why.to_string(),
+            Ok(experiment) => rigs::of(&experiment).unwrap().simulate(&experiment).err().map_or_else(
+                || rigs::of(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string(),
+                |why| why.to_string(),
+            ),
+        }
+    };
+    for (filters, words) in [
+        (filter("a", "ekf", UNCERTAIN), "use `consider_ekf` or `bank`"),
+        (filter("a", "bank", ""), "write which parameters may be off"),
+        (filter("a", "bank", "states = { gap = { start_sd = \"1 %\" } }"), "gap"),
+        (filter("a", "bank", "states = { mass = { start_sd = \"120 %\" } }"), "less than 100 %"),
+        (
+            filter("a", "consider_ekf", "states = { mass = { start_sd = \"2 %\", drift = \"1 1/s\" } }"),
+            "constant",
+        ),
+        (filter("a", "bank", "noise_memory = \"1 ms\""), "gains for one variance"),
+        (filter("a", "steady_state", "noise_memory = \"1 ms\""), "gains for one variance"),
+        (filter("a", "consider_ekf", &format!("{UNCERTAIN}smooth = true")), "smoother"),
+    ] {
+        let why = refused(&filters, &[]);
+        assert!(why.contains(words), "{why}");
+    }
+    let dither = |changed: (&str, &str), more: &[(&str, &str)]| {
+        let drive = format!("{}[simulate.drive.acceleration]\n", DITHER.replace(changed.0, changed.1));
+        let mut changes = vec![("[simulate.drive.acceleration]\n", drive.as_str())];
+        changes.extend(more);
+        let mut text = include_str!("experiments/accel-open-loop-1g.toml").to_owned();
+        text.truncate(text.find("[[recording]]").unwrap());
+        text += FEEDBACK;
+        text += SIMULATE;
+        for (from, to) in changes {
+            text = text.replace(from, to);
+        }
+        Experiment::parse(&text, Path::new("experiment.toml")).unwrap_err().to_string()
+    };
+    assert!(dither(("40 kHz", "60 kHz"), &[]).contains("not below half of `sampling_rate`"));
+    assert!(dither(("200 Hz", "41 kHz"), &[]).contains("not below `to`"));
+    assert!(dither(("tones = 16", "tones = 1"), &[]).contains("2 to 1000"));
+    assert!(dither(("", ""), &[(FEEDBACK, "")]).contains("there is none"));
+}
+
 /// Over 40 seeds, told a device with all signs of an error of 20 %: how near the identified instrument is to the truth,
 /// how often its intervals hold it, and what that is worth beside a bank of models and a filter that considers.
 #[test]
@@ -597,6 +721,17 @@ fn slow_the_most_likely_instrument_is_nearly_the_right_one() {
         let mut all = errors(&wrong);
         all.insert("identified".to_owned(), errors(&found.experiment)["settled"]);
         all.insert("oracle".to_owned(), [oracle, its_nis]);
+        // The same noises without the dither.
+        let (recorded, truth) = dithered(1000 + seed, false);
+        let here = |experiment: &Experiment| from_files(folder.path(), experiment, &recorded, &truth);
+        let wrong = here(&told(&settled(), corner(seed)));
+        all.insert("without dither: settled".to_owned(), errors(&wrong)["settled"]);
+        let found = identified(&wrong).0.experiment;
+        all.insert("without dither: identified".to_owned(), errors(&found)["settled"]);
+        all.insert(
+            "without dither: oracle".to_owned(),
+            errors(&here(&told(&settled(), [1.0; 3])))["settled"],
+        );
         for (key, [rmse, mean_nis]) in all {
             ratios.entry(key.clone()).or_default().push(rmse / oracle);
             nis.entry(key).or_default().push(mean_nis);
@@ -620,6 +755,9 @@ fn slow_the_most_likely_instrument_is_nearly_the_right_one() {
     assert!(worst[0] < 0.03 && worst[1] < 0.03 && worst[2] < 0.05, "{worst:?}");
     assert!(medians["identified"] <= 1.15 && medians["identified"] < medians["bank"], "{medians:?}");
     assert!(medians["settled"] > 2.0, "{medians:?}");
+    // Known, the dither costs nothing; without it the recording does not tell the instrument.
+    assert!((medians["without dither: oracle"] - 1.0).abs() < 0.01, "{medians:?}");
+    assert!(medians["without dither: identified"] > medians["identified"], "{medians:?}");
     // Of 40 intervals of 95 % fewer than 34 hold the truth in 1 of 100 cases.
     let binomial = Binomial::new(0.95, seeds).unwrap();
     for count in inside {

@@ -132,8 +132,8 @@ pub enum Method {
     /// The extended Kalman filter that considers the parameters in `states` uncertain and estimates none of them
     /// (Schmidt's).
     ConsiderEkf,
-    /// Settled filters side by side, weighed by their likelihood: each of the parameters in `states` as the device table
-    /// has it, and off by its `start_sd` to both sides, in all combinations.
+    /// Extended Kalman filters side by side, weighed by their likelihood: each of the parameters in `states` as the device
+    /// table has it, and off by its `start_sd` to both sides, in all combinations.
     Bank,
 }
 

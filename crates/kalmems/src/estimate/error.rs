@@ -164,6 +164,26 @@ pub enum EstimateError {
         /// How many samples.
         count: usize,
     },
+    /// The mass lay on a plate.
+    #[error(
+        "{place}: the mass was pulled in to a plate at {time_s} s: the signal `{column}` is {volts:.3} V there, and so in \
+         {count} samples, where a mass at its stops gives ±{stopped_v:.3} V; it measures nothing from there on: shorten the \
+         recording, or lower acceleration, carrier or bias"
+    )]
+    PulledIn {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// When first.
+        time_s: f64,
+        /// What was read there.
+        volts: f64,
+        /// What is read of a mass at its stops.
+        stopped_v: f64,
+        /// In how many samples.
+        count: usize,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

@@ -4,11 +4,10 @@ use super::course::unusual_interval;
 use super::data::SegmentData;
 use super::settings::Hardware;
 use super::varied::{Factors, Step, Varied};
-use crate::estimate::{ConstantGain, Counts, Course};
+use crate::estimate::{Counts, Course};
 use kalmems_core::adapt::Bank;
-use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{
-    Covariance, Filter, FilterError, FixedGain, Gaussian, Innovation, NotAScale, Over, Process, ProcessNoise,
+    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, NotAScale, Over, Process, ProcessNoise,
     Scaled,
 };
 use kalmems_models::readout::DifferentialReadout;
@@ -18,28 +17,12 @@ const MODELS: usize = 27;
 
 type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
 
-/// Why a model has no filter.
-#[derive(Debug, thiserror::Error)]
-pub enum BankError {
-    /// A state has no size.
-    #[error("{0}")]
-    Scale(NotAScale),
-    /// The filter of a model does not settle.
-    #[error("with spring, damping and mass times {factors:?}: {why}")]
-    Unsettled {
-        /// Of the model.
-        factors: [f64; 3],
-        /// Why.
-        why: RiccatiError,
-    },
-}
-
 /// A bank on its way through a segment. The filter that is led through it takes over what the bank says.
 pub struct BankCourse<'a> {
     hardware: &'a Hardware,
     data: &'a SegmentData<'a>,
     factors: Vec<Factors<f64>>,
-    bank: Box<Bank<ConstantGain<4>, f64, 4, MODELS>>,
+    bank: Box<Bank<Ekf<f64, 4>, f64, 4, MODELS>>,
     processes: Box<[Step<f64>; MODELS]>,
     readouts: [Readout; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
@@ -47,34 +30,24 @@ pub struct BankCourse<'a> {
 
 impl<'a> BankCourse<'a> {
     /// Each of spring, damping and mass as stated and off by its spread to both sides, in all combinations, all equally
-    /// likely at first. A spread of 0 counts once.
+    /// likely at first and from one start. A spread of 0 counts once.
     pub fn new(
         hardware: &'a Hardware,
         data: &'a SegmentData<'a>,
-        mean: [f64; 4],
+        start: Ekf<f64, 4>,
         spread: &[f64; 3],
-    ) -> Result<Self, BankError> {
+    ) -> Result<Self, NotAScale> {
         let digits = |model: usize| [model % 3, model / 3 % 3, model / 9];
-        let of = |model: usize| -> [f64; 3] {
-            let steps = digits(model);
-            std::array::from_fn(|i| 1.0 + spread[i] * [0.0, -1.0, 1.0][steps[i]])
-        };
         let factors: Vec<Factors<f64>> = (0..MODELS)
             .map(|model| {
-                let [spring, damping, mass] = of(model);
+                let steps = digits(model);
+                let [spring, damping, mass] =
+                    std::array::from_fn(|i| 1.0 + spread[i] * [0.0, -1.0, 1.0][steps[i]]);
                 Factors { spring, damping, mass, noise: 1.0, acceleration: 1.0 }
             })
             .collect();
-        let mut filters = Vec::new();
-        let mut varied = Vec::new();
-        for (model, factors) in factors.iter().enumerate() {
-            let one = Varied::of(hardware, factors, data.interval_s).map_err(BankError::Scale)?;
-            let point = one.at_rest();
-            let settled = FixedGain::steady_state(mean, &point);
-            let settled = settled.map_err(|why| BankError::Unsettled { factors: of(model), why })?;
-            filters.push(ConstantGain::new(&settled, &point));
-            varied.push(one);
-        }
+        let varied = factors.iter().map(|factors| Varied::of(hardware, factors, data.interval_s));
+        let varied = varied.collect::<Result<Vec<_>, _>>()?;
         // What does not differ from another model is none of its own.
         let prior = std::array::from_fn(|model| {
             let twice = digits(model).iter().zip(spread).any(|(digit, spread)| *digit > 0 && *spread == 0.0);
@@ -83,7 +56,7 @@ impl<'a> BankCourse<'a> {
         Ok(Self {
             hardware,
             data,
-            bank: Box::new(Bank::new(std::array::from_fn(|model| filters[model]), prior)),
+            bank: Box::new(Bank::new([start; MODELS], prior)),
             processes: Box::new(std::array::from_fn(|model| varied[model].process)),
             readouts: std::array::from_fn(|model| varied[model].readout),
             noise: std::array::from_fn(|model| varied[model].noise),

@@ -14,6 +14,7 @@ mod identification;
 mod instrument;
 mod noise_estimate;
 mod outlook;
+mod pull_in;
 mod segment;
 mod settings;
 mod simulation;
@@ -124,6 +125,7 @@ impl Rig for AccelerometerRig {
             {
                 data.require_whole(values, name.unwrap_or_default(), &place)?;
             }
+            pull_in::require_free(&settings.hardware, &data, columns.signal, &place)?;
             if settings.hardware.has_feedback
                 && let Ok(instrument) = Instrument::sensed(&settings.hardware)
             {

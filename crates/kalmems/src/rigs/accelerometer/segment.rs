@@ -164,7 +164,7 @@ impl Task<'_> {
         self.filtered(instrument, instrument.over(self.data.interval_s), filter)
     }
 
-    /// Settled filters of several models, weighed.
+    /// Filters of several models, weighed.
     fn bank(
         &self,
         hardware: &Hardware,
@@ -172,9 +172,9 @@ impl Task<'_> {
     ) -> Result<Trajectory, EstimateError> {
         let (mean, covariance) = self.start(&instrument.scales);
         let names = (self.filter.key.as_str(), self.filter.name.as_str());
-        let mut course = BankCourse::new(hardware, self.data, mean, &self.filter.spread)
-            .map_err(|why| self.no_gain(&why))?;
         let filter = Ekf::new(mean, covariance);
+        let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
+            .map_err(|why| self.no_gain(&why))?;
         let followed = follow(names, filter, &mut course, &states(), self.progress);
         Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
     }

@@ -12,6 +12,7 @@ mod words;
 
 use super::feedback;
 use super::instrument::Instrument;
+use super::pull_in;
 use super::settings::Hardware;
 use crate::config::kinds::KindOf;
 use crate::config::{Device, Experiment, Fault, Quantity, SignOf};
@@ -58,6 +59,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     let record = Record::read(experiment, hardware.has_feedback, progress)?;
     let data = record.data();
     let unfit = |why: String| record.material.unfit(why);
+    pull_in::require_free(&hardware, &data, &record.signal_column, &record.material.name)
+        .map_err(|why| unfit(why.to_string()))?;
     if hardware.has_feedback
         && let Ok(instrument) = Instrument::sensed(&hardware)
     {

@@ -15,7 +15,9 @@ pub struct Record {
     pub material: Material,
     /// The feedback in V, where there is one.
     pub feedback: Option<Vec<f64>>,
-    /// Its column.
+    /// The column of the signal.
+    pub signal_column: String,
+    /// The column of the feedback.
     pub feedback_column: String,
 }
 
@@ -66,6 +68,7 @@ impl Record {
         };
         let record = Self {
             feedback: feedback.map(of).transpose()?,
+            signal_column: signal.to_owned(),
             feedback_column: feedback.unwrap_or_default().to_owned(),
             material: Material {
                 role: described.role,
