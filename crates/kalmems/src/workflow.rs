@@ -1,12 +1,12 @@
 //! The main job from end to end: each step is public, this calls them in order.
 
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
-use crate::estimate::{EstimateError, Progress};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate};
 use crate::evaluate::{
-    ErrorsByState, MotionErrors, PositionErrors, ReferenceError, ReferenceRecording, evaluate_values,
+    ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, ValueState, evaluate_values,
 };
 use crate::recording::{ReadError, Recording};
-use crate::rigs::{self, Rig, SegmentEstimate};
+use crate::rigs::{self, Rig};
 use crate::simulate::Unwritten;
 use std::path::Path;
 
@@ -30,6 +30,8 @@ pub struct RecordingOutcome {
     pub recording: Recording,
     /// The reference, where the experiment names one.
     pub reference: Option<ReferenceRecording>,
+    /// What it tells that is no angle; the first is what the device is for.
+    pub values: &'static [ValueState],
     /// One per segment.
     pub segments: Vec<SegmentOutcome>,
 }
@@ -43,8 +45,6 @@ pub struct SegmentOutcome {
     pub errors: Vec<Option<MotionErrors>>,
     /// How far each is from what the reference knows beside angles.
     pub values: Vec<ErrorsByState>,
-    /// The same of a device that moves along a line.
-    pub positions: Vec<Option<PositionErrors>>,
 }
 
 /// What can stop the job.
@@ -154,17 +154,16 @@ fn evaluate(
             None => Vec::new(),
         };
         let errors = rig.evaluate(&estimate, &found);
-        let positions = rig.evaluate_positions(&estimate, &found);
         let known = match &reference {
             Some(reference) => reference.values(&estimate.segment.label)?,
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
         let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
-        segments.push(SegmentOutcome { estimate, errors, values, positions });
+        segments.push(SegmentOutcome { estimate, errors, values });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-    Ok(RecordingOutcome { name, recording, reference, segments })
+    Ok(RecordingOutcome { name, recording, reference, values: rig.values(), segments })
 }
 
 /// Refuses a file that is not there, where the experiment names it.

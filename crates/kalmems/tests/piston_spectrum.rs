@@ -32,9 +32,8 @@ fn three_states_lag_behind_a_drift_and_five_do_not() {
     let mut five = Vec::new();
     for seed in 1..=3 {
         let (outcome, metrics) = Case { seed, ..DRIFTING }.run("1 s", &format!("{FIVE}{THREE}"));
-        let rms = |key: &str| {
-            metrics.estimators().find(|e| e.key == key).unwrap().position.as_ref().unwrap().rms_nm
-        };
+        let rms =
+            |key: &str| metrics.estimators().find(|e| e.key == key).unwrap().values["position"].rmse * 1e9;
         five.push(rms("five"));
         let lag_of = |key: &str| {
             let trajectory = trajectory(&outcome, key);
@@ -71,10 +70,10 @@ fn a_wrong_gain_is_not_seen_by_the_filter() {
     let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
     let metrics = Metrics::of(&workflow::estimate_unwritten(&told, &simulated, &Silent).unwrap());
     let five = metrics.estimators().next().unwrap();
-    let errors = five.position.as_ref().unwrap();
+    let errors = &five.values["position"];
     let expected = 1e-4 * (1e-3_f64.powi(2) + 0.5e-3_f64.powi(2) / 2.0).sqrt() * 1e9;
-    assert!((errors.rms_nm / expected - 1.0).abs() < 0.05, "{} {expected}", errors.rms_nm);
-    assert!(errors.mean_nm < -90.0);
+    assert!((errors.rmse * 1e9 / expected - 1.0).abs() < 0.05, "{} {expected}", errors.rmse * 1e9);
+    assert!(errors.bias * 1e9 < -90.0);
     assert_eq!(five.verdict, Verdict::Consistent);
 }
 

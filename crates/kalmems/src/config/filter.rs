@@ -411,6 +411,11 @@ impl Filter {
             let why = format!("the method `{word}` has gains for one variance of a sample; leave it out");
             return refuse("noise_memory", why);
         }
+        if self.noise_memory.is_some() && (self.smooth || self.smooth_lag.is_some()) {
+            let why =
+                "a filter that finds the variance of a sample is not smoothed; leave out one of the two";
+            return refuse("noise_memory", why.to_owned());
+        }
         match (self.method == Method::Luenberger, self.observer_bandwidth.is_some()) {
             (true, false) => return missing("observer_bandwidth", "write `observer_bandwidth = \"2 kHz\"`"),
             (false, true) => {

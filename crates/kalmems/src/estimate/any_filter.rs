@@ -1,14 +1,15 @@
 //! A filter that is chosen when the program runs.
 
-use super::{LiteralUkf, ModelAlone};
+use super::{LiteralUkf, Misprint, ModelAlone};
+use crate::config::Method;
 use kalmems_core::update::Policy;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Innovation, IteratedEkf, Link, Measurement, Process, SquareRootEkf,
-    Ukf,
+    Covariance, Ekf, Filter, FilterError, Innovation, IteratedEkf, Link, Measurement, Process, SigmaPoints,
+    SquareRootEkf, Ukf,
 };
 
 /// Iterations that the iterated filter takes at most.
-pub const ITERATIONS: usize = 10;
+const ITERATIONS: usize = 10;
 
 /// One of the filters, but for the unscented one in square-root form, which takes longer to compile than all the others
 /// together.
@@ -45,6 +46,41 @@ macro_rules! each {
             AnyFilter::LiteralUkf($filter) => $body,
         }
     };
+}
+
+/// When the iterated filter has settled, in standard deviations.
+const SETTLED: f64 = 1e-3;
+
+impl<const N: usize> AnyFilter<N> {
+    /// The filter of a method, from this mean and covariance; the extended one for a method that is none of these,
+    /// which a rig refuses or has its own filter for.
+    pub fn of(
+        method: Method,
+        points: SigmaPoints<f64>,
+        mean: [f64; N],
+        covariance: Covariance<f64, N>,
+    ) -> Self {
+        let literal = |misprint| Self::LiteralUkf(LiteralUkf::new(mean, covariance, points, misprint));
+        match method {
+            Method::Model => Self::ModelAlone(ModelAlone::new(mean)),
+            Method::Ekf
+            | Method::EulerEkf
+            | Method::LockIn
+            | Method::DirectInversion
+            | Method::HybridEkf
+            | Method::SteadyState
+            | Method::KalmanBucy
+            | Method::Luenberger
+            | Method::ConsiderEkf
+            | Method::Bank => Self::Ekf(Ekf::new(mean, covariance)),
+            Method::IteratedEkf => Self::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
+            Method::SquareRootEkf => Self::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
+            Method::Ukf | Method::SquareRootUkf => Self::Ukf(Ukf::new(mean, covariance, points)),
+            Method::UkfLiteralWeights => literal(Misprint::Weights),
+            Method::UkfLiteralCrossCovariance => literal(Misprint::CrossCovariance),
+            Method::UkfLiteralCovariance => literal(Misprint::Covariance),
+        }
+    }
 }
 
 impl<const N: usize> Filter<f64, N> for AnyFilter<N> {

@@ -27,6 +27,11 @@ pub trait Course<const N: usize> {
         None
     }
 
+    /// Enters what is known of the whole at the end of a filter's way, where there is something.
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        let _ = trajectory;
+    }
+
     /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
     fn advance<F: Filter<f64, N>>(
         &mut self,
@@ -160,6 +165,7 @@ pub fn follow<F: Filter<f64, N>, C: Course<N>, const N: usize>(
             break;
         }
     }
+    course.conclude(&mut trajectory);
     trajectory.seconds_per_step = started.elapsed().as_secs_f64() / n.max(1) as f64;
     if progress.reached(n as u64) == ControlFlow::Break(()) {
         return None;

@@ -2,25 +2,34 @@
 //!
 //! Nothing here, and nothing that calls it, reads a reference: see [`crate::evaluate`].
 
+mod answers;
 mod any_filter;
 mod constant_gain;
+pub mod driven;
 mod engine;
 mod error;
+mod filter_basics;
 mod literal_ukf;
 mod lock;
 mod model_alone;
 mod progress;
+mod segments;
 mod smoothing;
+mod tracked;
 mod trajectory;
 
-pub use any_filter::{AnyFilter, ITERATIONS};
+pub use answers::answers;
+pub use any_filter::AnyFilter;
 pub use constant_gain::ConstantGain;
 pub use engine::{Compute, Course, Derived, StateName, follow};
 pub use error::EstimateError;
+pub use filter_basics::{FilterBasics, process_noise};
 pub use literal_ukf::{LiteralUkf, Misprint};
 pub(crate) use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
 pub use model_alone::ModelAlone;
 pub use progress::{Progress, Silent};
+pub use segments::{Axis, SegmentEstimate, SignalSegment, estimate_segments};
 pub use smoothing::{Lookahead, smooth};
+pub use tracked::{Parameter, Tracked};
 pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

@@ -6,7 +6,6 @@ mod angle;
 mod beam;
 mod lag;
 mod parts;
-mod position;
 mod reference;
 mod value;
 
@@ -14,6 +13,5 @@ pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, eval
 pub use beam::BeamPosition;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;
-pub use position::{PositionErrors, evaluate_position};
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};

@@ -1,9 +1,9 @@
-//! Errors of a quantity that is no angle: an acceleration, a displacement.
+//! Errors of a quantity that is no angle: an acceleration, a position.
 
 use super::ErrorSeries;
 use super::reference::{Place, place};
 use crate::estimate::{StateSeries, Trajectory};
-use crate::signal::usual_interval;
+use crate::signal::{hermite, usual_interval};
 use crate::units::Kind;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -15,6 +15,8 @@ pub struct ValueState {
     pub name: &'static str,
     /// What it is.
     pub kind: &'static Kind,
+    /// The state that is its rate, by which it is interpolated where a trajectory has it.
+    pub rate: Option<&'static str>,
 }
 
 /// A quantity measured, or known, independently of the signal.
@@ -57,25 +59,35 @@ pub type ErrorsByState = BTreeMap<&'static str, ValueErrors>;
 pub fn evaluate_values(trajectory: &Trajectory, references: &[ValueReference], from_s: f64) -> ErrorsByState {
     let one = |reference: &ValueReference| {
         let state = trajectory.state(reference.state.name)?;
-        Some((state.name, errors(&trajectory.time_s, state, reference, from_s)?))
+        let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
+        Some((state.name, errors(&trajectory.time_s, (state, rate), reference, from_s)?))
     };
     references.iter().filter_map(one).collect()
 }
 
 fn errors(
     times: &[f64],
-    state: &StateSeries,
+    (state, rate): (&StateSeries, Option<&StateSeries>),
     reference: &ValueReference,
     from_s: f64,
 ) -> Option<ValueErrors> {
     let usual = usual_interval(times);
-    // Between two samples the straight line: the quantity is sampled more than finely enough for an estimate of it.
-    let between = |values: &[f64], time| match place(times, usual, time) {
-        Place::At(k) => values.get(k).copied().unwrap_or(f64::NAN),
-        Place::Before { next, share, .. } => {
-            let ends = values.get(next - 1).zip(values.get(next));
-            ends.map_or(f64::NAN, |(a, b)| a + share * (b - a))
+    let ends = |values: &[f64], next: usize| values.get(next - 1).copied().zip(values.get(next).copied());
+    // Between two samples the cubic by the rates, or the straight line where there are none.
+    let mean = |time| match place(times, usual, time) {
+        Place::At(k) => state.mean[k],
+        Place::Before { next, spacing, share } => {
+            let (from, to) = ends(&state.mean, next).unwrap_or((f64::NAN, f64::NAN));
+            match rate.and_then(|rate| ends(&rate.mean, next)) {
+                Some(rates) => hermite((from, rates.0), (to, rates.1), spacing, share),
+                None => from + share * (to - from),
+            }
         }
+        Place::Nowhere => f64::NAN,
+    };
+    let deviation = |time| match place(times, usual, time) {
+        Place::At(k) => state.sd.get(k).copied().unwrap_or(f64::NAN),
+        Place::Before { next, .. } => ends(&state.sd, next).map_or(f64::NAN, |(a, b)| a.max(b)),
         Place::Nowhere => f64::NAN,
     };
     let mut series = ErrorSeries::default();
@@ -83,29 +95,88 @@ fn errors(
     // Half an ulp of a decimal time must not decide about a sample.
     let from = reference.time_s.partition_point(|t| *t < from_s * (1.0 - 1e-12));
     for (time, known) in reference.time_s[from..].iter().zip(&reference.value[from..]) {
-        let error = between(&state.mean, *time) - known;
+        let error = mean(*time) - known;
         if error.is_finite() {
             series.time_s.push(*time);
             series.error.push(error);
             truth.push(*known);
             if !state.sd.is_empty() {
-                series.sd.push(between(&state.sd, *time));
+                series.sd.push(deviation(*time));
             }
         }
     }
     let samples = truth.len();
-    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples as f64;
-    let square = mean(&mut series.error.iter().map(|e| e * e));
-    let snr_db = 10.0 * (mean(&mut truth.iter().map(|t| t * t)) / square).log10();
+    let average = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples as f64;
+    let square = average(&mut series.error.iter().map(|e| e * e));
+    let snr_db = 10.0 * (average(&mut truth.iter().map(|t| t * t)) / square).log10();
+    let judged = series.sd.iter().filter(|s| s.is_finite()).count();
     let within = series.error.iter().zip(&series.sd).filter(|(e, s)| e.abs() <= 3.0 * **s).count();
     (samples > 0).then(|| ValueErrors {
         unit: state.unit,
         rmse: square.sqrt(),
-        bias: mean(&mut series.error.iter().copied()),
+        bias: average(&mut series.error.iter().copied()),
         largest: series.error.iter().fold(0.0, |most, e| most.max(e.abs())),
         snr_db: snr_db.is_finite().then_some(snr_db),
         samples,
-        within_three_sigma: (!series.sd.is_empty()).then(|| within as f64 / samples as f64),
+        within_three_sigma: (judged > 0).then(|| within as f64 / judged as f64),
         error: series,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::{StateName, TrajectoryKind};
+    use crate::units::kind;
+
+    static POSITION: ValueState =
+        ValueState { name: "position", kind: &kind::LENGTH, rate: Some("velocity") };
+
+    const STATES: [StateName; 2] =
+        [("position", "m", &kind::LENGTH), ("velocity", "m_per_s", &kind::VELOCITY)];
+
+    #[test]
+    fn errors_are_counted_after_the_settling_time() {
+        let time_s: Vec<f64> = (0..100).map(f64::from).collect();
+        let mut trajectory = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, &time_s, &STATES);
+        // 3 nm and −1 nm in turn, after errors of 1 µm in the first ten samples.
+        for (k, t) in time_s.iter().enumerate() {
+            let off = if k < 10 {
+                1e-6
+            } else if k % 2 == 0 {
+                3e-9
+            } else {
+                -1e-9
+            };
+            trajectory.states[0].mean[k] = 1e-3 + 1e-6 * t + off;
+            trajectory.states[0].sd[k] = 0.5e-9;
+        }
+        let value = time_s.iter().map(|t| 1e-3 + 1e-6 * t).collect();
+        let references = [ValueReference { state: &POSITION, time_s, value }];
+        let all = evaluate_values(&trajectory, &references, 10.0);
+        let errors = &all["position"];
+        assert!((errors.rmse - 5_f64.sqrt() * 1e-9).abs() < 1e-15, "{errors:?}");
+        assert!((errors.bias - 1e-9).abs() < 1e-15 && (errors.largest - 3e-9).abs() < 1e-15);
+        assert_eq!((errors.samples, errors.within_three_sigma), (90, Some(0.5)));
+        assert!(evaluate_values(&trajectory, &references, 1e3).is_empty());
+    }
+
+    #[test]
+    fn between_samples_the_rate_says_how_it_went() {
+        let time_s: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k)).collect();
+        let mut trajectory = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, &time_s, &STATES);
+        for (k, t) in time_s.iter().enumerate() {
+            (trajectory.states[0].mean[k], trajectory.states[1].mean[k]) = t.sin_cos();
+        }
+        let time_s: Vec<f64> = time_s[..49].iter().map(|t| t + 0.05).collect();
+        let value = time_s.iter().map(|t| t.sin()).collect();
+        let all = evaluate_values(&trajectory, &[ValueReference { state: &POSITION, time_s, value }], 0.0);
+        // The cubic is off by h⁴/384; the straight line were, by h²/8.
+        let bound = 0.1_f64.powi(4) / 384.0;
+        assert!(
+            (0.9 * bound..=1.01 * bound).contains(&all["position"].largest),
+            "{:e}",
+            all["position"].largest
+        );
+    }
 }

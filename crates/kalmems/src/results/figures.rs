@@ -1,9 +1,9 @@
 //! The pictures of an estimate.
 
+use super::Verdict;
 use super::metrics::{angles_of, verdict, words_with};
 use super::summary::shown as shown_unit;
-use super::{Verdict, position};
-use crate::estimate::{StateSeries, Trajectory, TrajectoryKind};
+use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
 use crate::report::{Axis, Figure, Panel, Role, Series};
@@ -12,18 +12,13 @@ use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Cycles of the motion that the close-up shows.
-pub(super) const CYCLES: f64 = 4.0;
+const CYCLES: f64 = 4.0;
 
 /// All pictures of one segment; `prefix` keeps the names of several segments apart.
 pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Vec<Figure> {
-    if segment.estimate.trajectories.iter().any(|trajectory| trajectory.state("position").is_some()) {
-        let mut figures = position::figures(recording, segment, prefix);
-        figures.push(nis(segment, prefix));
-        return figures;
-    }
     let mut figures = vec![motion(recording, segment, prefix)];
     if segment.values.iter().any(|values| !values.is_empty()) {
-        figures.push(value_error(segment, prefix));
+        figures.push(value_error(recording, segment, prefix));
     }
     if segment.errors.iter().any(Option::is_some) {
         figures.push(angle_error(segment, prefix));
@@ -33,12 +28,12 @@ pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
     figures
 }
 
-pub(super) fn time_axis() -> Axis {
+fn time_axis() -> Axis {
     Axis::new("time", "s")
 }
 
 /// Stacks panels over one time axis.
-pub(super) fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
+fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
     for (i, panel) in panels.into_iter().enumerate() {
         figure = figure.with(if i == 0 { panel } else { panel.sharing_x() });
     }
@@ -46,7 +41,7 @@ pub(super) fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
 }
 
 /// The filter that a close-up shows: the first that takes notice of the signal.
-pub(super) fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
+fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
     let trajectories = &segment.estimate.trajectories;
     trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).or(trajectories.first())
 }
@@ -71,17 +66,24 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
     // A device that is not driven has no column of it.
     if !estimate.drive_column.is_empty() {
         let drive = zip(&column(&estimate.drive_column));
-        let label = if compared(segment).is_some() { "feedback" } else { "drive" };
+        let label = if compared(recording, segment).is_some() { "feedback" } else { "drive" };
         let panel = Panel::new(time_axis(), Axis::new(label, "V"));
         panels.push(panel.with(Series::line(label, Role::Input, drive)));
     }
 
     let signal = column(&estimate.signal_column);
     let predicted: Vec<f64> = signal.iter().zip(&trajectory.innovation).map(|(y, r)| y - r).collect();
+    let (unit, factor) =
+        shown_unit(if estimate.signal_kind.name == kind::CAPACITANCE.name { "F" } else { "V" });
+    let scaled = |values: &[f64]| zip(values).into_iter().map(move |(t, y)| (t, y * factor));
     panels.push(
-        Panel::new(time_axis(), Axis::new("signal", "V"))
-            .with(Series::points("measured", Role::Measured, zip(&signal)))
-            .with(Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, zip(&predicted))),
+        Panel::new(time_axis(), Axis::new("signal", unit))
+            .with(Series::points("measured", Role::Measured, scaled(&signal)))
+            .with(Series::line(
+                format!("predicted, {}", trajectory.name),
+                Role::Estimate,
+                scaled(&predicted),
+            )),
     );
 
     let model = segment.estimate.trajectories.iter().find(|t| t.kind == TrajectoryKind::ModelAlone);
@@ -110,7 +112,7 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
         }
         panels.push(panel);
     }
-    let Some(of) = compared(segment) else {
+    let Some(of) = compared(recording, segment) else {
         return stacked(Figure::new(format!("{prefix}motion"), "Drive, signal and angle", caption), panels);
     };
     let caption = format!(
@@ -122,16 +124,14 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
     stacked(Figure::new(format!("{prefix}motion"), format!("Signal and {of}"), caption), panels)
 }
 
-/// The quantity, where it is no angle, that the device is for.
-fn compared(segment: &SegmentOutcome) -> Option<&'static str> {
-    let states = &segment.estimate.trajectories.first()?.states;
-    let is_angle = |state: &StateSeries| state.kind.name == kind::ANGLE.name;
-    let is_wanted = |state: &&StateSeries| state.kind.name == kind::ACCELERATION.name;
-    if states.iter().any(is_angle) {
-        return None;
+/// What the device is for, where that is no angle; the first state, where no filter tells it.
+fn compared(recording: &RecordingOutcome, segment: &SegmentOutcome) -> Option<&'static str> {
+    let wanted = recording.values.first()?.name;
+    let trajectories = &segment.estimate.trajectories;
+    if trajectories.iter().any(|trajectory| trajectory.state(wanted).is_some()) {
+        return Some(wanted);
     }
-    // Where the acceleration is an input, the displacement is what is estimated.
-    states.iter().find(is_wanted).or(states.first()).map(|state| state.name)
+    Some(trajectories.first()?.states.first()?.name)
 }
 
 /// A state and its reference between two times.
@@ -166,8 +166,8 @@ fn value_panel(
 }
 
 /// The error of what the device is for after the settling time, filter by filter.
-fn value_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
-    let of = compared(segment).unwrap_or_default();
+fn value_error(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Figure {
+    let of = compared(recording, segment).unwrap_or_default();
     let caption = format!(
         "The {of}, estimate minus reference after the settling time, with three of the filter's own standard deviations \
          on each side. Each panel has its own scale."
@@ -190,7 +190,7 @@ fn value_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
 }
 
-pub(super) fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
+fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
     recording.column(name).map(|column| column.of(&segment.estimate.segment).to_vec()).unwrap_or_default()
 }
 
@@ -298,7 +298,7 @@ fn windowed(time_s: &[f64], values: &[f64], window: usize) -> Vec<(f64, f64)> {
 }
 
 /// The filter's name; with a warning where its answer is none for this angle, or for any.
-pub(super) fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
+fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
     match verdict(trajectory, errors, segment.estimate.skip_s) {
@@ -314,7 +314,7 @@ pub(super) fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Op
     }
 }
 
-pub(super) fn role(trajectory: &Trajectory) -> Role {
+fn role(trajectory: &Trajectory) -> Role {
     if trajectory.kind == TrajectoryKind::ModelAlone { Role::Model } else { Role::Estimate }
 }
 

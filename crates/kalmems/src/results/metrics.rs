@@ -1,7 +1,7 @@
 //! The figures of an estimate.
 
 use crate::estimate::{Consistency, Counts, Lock, LockEvent, Trajectory, TrajectoryKind, is_the_only_one};
-use crate::evaluate::{ErrorsByState, MotionErrors, PositionErrors};
+use crate::evaluate::{ErrorsByState, MotionErrors, ValueState};
 use crate::recording::Finding;
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
@@ -14,20 +14,11 @@ pub struct Metrics {
     pub experiment: String,
     /// The rig's.
     pub rig: &'static str,
-    /// What the device does: turn, or move along a line.
+    /// What the device tells that is no angle; the first is what it is for.
     #[serde(skip)]
-    pub motion: MotionOf,
+    pub values: &'static [ValueState],
     /// One per recording.
     pub recordings: Vec<RecordingMetrics>,
-}
-
-/// What a device's motion is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionOf {
-    /// It turns; errors are of an angle.
-    Angle,
-    /// It moves along a line; errors are of a position.
-    Position,
 }
 
 /// Those of a recording.
@@ -73,6 +64,9 @@ pub struct SegmentMetrics {
     /// The axes beside the one that `drive` and `motion_hz` are of.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_axes: Vec<AxisMetrics>,
+    /// What a reader of the figures has to know and cannot see from them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// The filter whose innovations of signal and crossings are the likeliest, where there are crossings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likeliest: Option<Likeliest>,
@@ -147,9 +141,6 @@ pub struct EstimatorMetrics {
     /// The errors of what is no angle, likewise, by the state.
     #[serde(skip_serializing_if = "ErrorsByState::is_empty")]
     pub values: ErrorsByState,
-    /// The same of a device that moves along a line.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub position: Option<PositionErrors>,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.
     pub consistency: Option<Consistency>,
     /// Whether it followed the motion.
@@ -273,13 +264,10 @@ impl Metrics {
                 .map_or_else(Vec::new, |r| texts(r.recording().diagnosis())),
             segments: recording.segments.iter().map(segment).collect(),
         });
-        let mut trajectories =
-            outcome.recordings.iter().flat_map(|r| &r.segments).flat_map(|s| &s.estimate.trajectories);
-        let is_line = trajectories.any(|trajectory| trajectory.state("position").is_some());
         Self {
             experiment: outcome.experiment.name.to_string(),
             rig: outcome.rig,
-            motion: if is_line { MotionOf::Position } else { MotionOf::Angle },
+            values: outcome.recordings.first().map_or(&[], |recording| recording.values),
             recordings: recordings.collect(),
         }
     }
@@ -298,11 +286,9 @@ fn texts(findings: &[Finding]) -> Vec<FindingText> {
 fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
     let estimate = &outcome.estimate;
     let time = &estimate.segment.time;
-    let errors = outcome.errors.iter().zip(&outcome.values).zip(&outcome.positions);
+    let errors = outcome.errors.iter().zip(&outcome.values);
     let estimators: Vec<EstimatorMetrics> = (estimate.trajectories.iter().zip(errors))
-        .map(|(trajectory, ((errors, values), position))| {
-            estimator(trajectory, (errors, values, position), estimate.skip_s)
-        })
+        .map(|(trajectory, (errors, values))| estimator(trajectory, (errors, values), estimate.skip_s))
         .collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
@@ -317,6 +303,7 @@ fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
                 drive: axis.drive.map(drive),
             })
             .collect(),
+        remarks: estimate.remarks.clone(),
         likeliest: likeliest(&estimators),
         estimators,
     }
@@ -352,7 +339,7 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
 
 fn estimator(
     trajectory: &Trajectory,
-    (errors, values, position): (&Option<MotionErrors>, &ErrorsByState, &Option<PositionErrors>),
+    (errors, values): (&Option<MotionErrors>, &ErrorsByState),
     skip_s: f64,
 ) -> EstimatorMetrics {
     EstimatorMetrics {
@@ -361,7 +348,6 @@ fn estimator(
         verdict: verdict(trajectory, errors.as_ref(), skip_s),
         errors: errors.clone(),
         values: values.clone(),
-        position: position.clone(),
         consistency: consistency(trajectory, skip_s),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,

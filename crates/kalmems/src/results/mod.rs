@@ -11,7 +11,6 @@ mod names;
 mod outlook;
 mod output;
 mod page;
-mod position;
 mod simulation;
 mod summary;
 
@@ -22,8 +21,8 @@ pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use metrics::{
-    DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, MotionOf, RecordingMetrics,
-    SegmentMetrics, Verdict,
+    DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
+    Verdict,
 };
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use output::{Output, OutputError, RUN_FILE};

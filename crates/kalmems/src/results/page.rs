@@ -3,7 +3,7 @@
 use super::figures::figures;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
-use super::{EstimatorMetrics, Metrics, MotionOf, RecordingMetrics, SegmentMetrics, notices, summary_table};
+use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::Peak;
 use crate::evaluate::{MotionErrors, ValueErrors};
 use crate::report::{Column, Figure, Page, ReportError, Section, Table};
@@ -46,13 +46,6 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
     for notice in notices(metrics) {
         section = section.notice(notice.severity, notice.text);
     }
-    if metrics.motion == MotionOf::Position {
-        return section.table(summary_table(metrics, false)).paragraph(
-            "Errors are those of the position after the settling time, against the reference. The mean NIS of a filter \
-             that is right lies in its interval 95 times in 100. What the mean NIS cannot see: a wrong gain of the \
-             readout or a wrong reference distance scales amplitude and position, and the filter is as content.",
-        );
-    }
     let sign = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
             let word = if peak == Peak::Positive { "positive" } else { "negative" };
@@ -77,11 +70,10 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
             .to_owned(),
     };
     let section = section.table(summary_table(metrics, false));
-    if metrics.estimators().any(|e| !e.values.is_empty()) {
+    if !metrics.values.is_empty() {
         return section.paragraph(
-            "Errors are root mean squares after the settling time, against the reference; the SNR is the reference's \
-             root mean square over that of the error. The mean NIS of a filter that is right lies in its interval 95 \
-             times in 100.",
+            "Errors are estimate minus reference, after the settling time. The mean NIS of a filter that is right lies \
+             in its interval 95 times in 100.",
         );
     }
     section.paragraph(format!(
@@ -109,10 +101,10 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
                 drive.offset_v, drive.amplitude_v, drive.frequency_hz
             ),
         )),
-        None if segment.estimators.iter().any(|e| !e.values.is_empty()) => {}
-        None if segment.estimators.iter().any(|estimator| estimator.position.is_some()) => {
+        None if segment.estimators.iter().any(|e| e.values.contains_key("position")) => {
             facts.push(("motion", format!("at {:.6} Hz", segment.motion_hz)));
         }
+        None if segment.estimators.iter().any(|e| !e.values.is_empty()) => {}
         None => facts.push(("drive", "no steady sine: phases are not compared with it".to_owned())),
     }
     for axis in &segment.other_axes {
@@ -155,8 +147,9 @@ fn details(segment: &SegmentMetrics) -> Table {
         ("peaks compared", "", 0, |e| Some(e.peaks as f64)),
         ("peaks without a partner", "", 0, |e| Some(e.peaks_without_partner as f64)),
     ];
-    let of_value: [(&str, &str, ValueDetail); 3] = [
+    let of_value: [(&str, &str, ValueDetail); 4] = [
         ("RMSE", "", |e| e.rmse),
+        ("RMS of the reference over RMSE", "dB", |e| e.snr_db.unwrap_or(f64::NAN)),
         ("largest error", "", |e| e.largest),
         ("errors within ±3σ", "%", |e| 100.0 * e.within_three_sigma.unwrap_or(f64::NAN)),
     ];
@@ -175,8 +168,7 @@ fn details(segment: &SegmentMetrics) -> Table {
         }
     }
     let angles = segment.estimators.iter().filter_map(|e| e.errors.as_ref()).map(|e| e.each().count()).max();
-    let of_line = segment.estimators.iter().any(|e| e.position.is_some());
-    for index in 0..angles.unwrap_or(usize::from(known.is_empty() && !of_line)) {
+    for index in 0..angles.unwrap_or(usize::from(known.is_empty())) {
         let errors: Vec<Option<&MotionErrors>> =
             segment.estimators.iter().map(|e| e.errors.as_ref()?.each().nth(index)).collect();
         let of = errors.iter().flatten().next().map(|e| e.of);

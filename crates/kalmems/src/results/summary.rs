@@ -1,7 +1,7 @@
 //! The figures as a table, and the sentences that must not be missed.
 
 use super::metrics::angles_of;
-use super::{EstimatorMetrics, Metrics, MotionOf, SegmentMetrics, Verdict};
+use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
 use crate::evaluate::{MotionErrors, PartErrors};
 use crate::report::{Column, Severity, Table};
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -35,27 +35,23 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
         columns.push(Column::text("segment"));
     }
     columns.push(Column::text("estimator"));
-    let values = value_columns(metrics);
-    columns.extend(match metrics.motion {
-        MotionOf::Angle if !values.is_empty() => Vec::new(),
-        MotionOf::Angle => vec![
+    let value = value_column(metrics);
+    match &value {
+        Some(value) => {
+            let (unit, _) = shown(value.unit);
+            columns.extend([
+                Column::number(format!("{} RMSE", value.name), unit),
+                Column::number("mean error", unit),
+                Column::number("largest error", unit),
+                Column::number("within ±3σ", "%"),
+            ]);
+        }
+        None => columns.extend([
             Column::number("angle RMSE", "deg"),
             Column::number("of p-p", "%"),
             Column::number("phase RMSE", "deg"),
             Column::number("amplitude RMSE", "deg"),
-        ],
-        MotionOf::Position => vec![
-            Column::number("position RMSE", "nm"),
-            Column::number("mean error", "nm"),
-            Column::number("largest error", "nm"),
-            Column::number("within ±3σ", "%"),
-        ],
-    });
-    for value in &values {
-        let (unit, _) = shown(value.unit);
-        columns.push(Column::number(format!("{} RMSE", value.name), unit));
-        columns.push(Column::number("bias", unit));
-        columns.push(Column::number("SNR", "dB"));
+        ]),
     }
     columns.extend([Column::number("mean NIS", ""), Column::text("95 % interval"), Column::text("verdict")]);
     if with_durations {
@@ -67,9 +63,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| per_step(estimator.seconds_per_step));
-                table.push(
-                    name.clone().into_iter().chain(row(estimator, metrics.motion, &values)).chain(duration),
-                );
+                table.push(name.clone().into_iter().chain(row(estimator, value.as_ref())).chain(duration));
                 for part in estimator.errors.iter().flat_map(|e| &e.parts) {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_part(part)).chain(duration));
@@ -99,22 +93,20 @@ struct ValueColumn {
     unit: &'static str,
 }
 
-/// Those that any estimator is compared in.
-fn value_columns(metrics: &Metrics) -> Vec<ValueColumn> {
-    let mut columns: Vec<ValueColumn> = Vec::new();
-    for (name, errors) in metrics.estimators().flat_map(|estimator| &estimator.values) {
-        if columns.iter().all(|column| column.name != *name) {
-            columns.push(ValueColumn { name, unit: errors.unit });
-        }
-    }
-    // The acceleration tells what a velocity or a displacement would; they are in `metrics.json`.
-    columns.truncate(1);
-    columns
+/// What the device is for, where that is no angle; what comes next, where that is not compared. What the others are,
+/// the page and `metrics.json` tell.
+fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
+    let first = metrics.values.first()?;
+    let compared = |name: &str| metrics.estimators().find_map(|e| e.values.get(name));
+    let found = metrics.values.iter().find_map(|v| compared(v.name).map(|errors| (v.name, errors.unit)));
+    let (name, unit) = found.unwrap_or((first.name, "1"));
+    Some(ValueColumn { name, unit })
 }
 
 /// The unit in which people read a quantity of this SI unit, and how many of it one of that is.
 pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     match si {
+        "F" => ("fF", 1e15),
         "m_per_s2" => ("mg", 1e3 / STANDARD_GRAVITY),
         "m" => ("nm", 1e9),
         "m_per_s" => ("um/s", 1e6),
@@ -122,7 +114,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     }
 }
 
-fn row(estimator: &EstimatorMetrics, motion: MotionOf, values: &[ValueColumn]) -> Vec<String> {
+fn row(estimator: &EstimatorMetrics, value: Option<&ValueColumn>) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -130,18 +122,9 @@ fn row(estimator: &EstimatorMetrics, motion: MotionOf, values: &[ValueColumn]) -
         _ => estimator.name.clone(),
     };
     let mut cells = vec![name];
-    match motion {
-        MotionOf::Angle if !values.is_empty() => {}
-        MotionOf::Angle => cells.extend(figures(errors)),
-        MotionOf::Position => cells.extend(position_figures(estimator)),
-    }
-    for value in values {
-        let errors = estimator.values.get(value.name);
-        let (_, factor) = shown(value.unit);
-        let number = |found: Option<f64>| found.map_or_else(|| "–".to_owned(), significant);
-        cells.push(number(errors.map(|e| e.rmse * factor)));
-        cells.push(number(errors.map(|e| e.bias * factor)));
-        cells.push(number(errors.and_then(|e| e.snr_db)));
+    match value {
+        Some(value) => cells.extend(value_figures(estimator, value)),
+        None => cells.extend(figures(errors)),
     }
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
@@ -178,13 +161,14 @@ fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
     ]
 }
 
-fn position_figures(estimator: &EstimatorMetrics) -> [String; 4] {
-    let errors = estimator.position.as_ref();
+fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 4] {
+    let errors = estimator.values.get(value.name);
+    let (_, factor) = shown(value.unit);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
     [
-        number(errors.map(|e| e.rms_nm)),
-        number(errors.map(|e| e.mean_nm)),
-        number(errors.map(|e| e.largest_nm)),
+        number(errors.map(|e| e.rmse * factor)),
+        number(errors.map(|e| e.bias * factor)),
+        number(errors.map(|e| e.largest * factor)),
         number(errors.and_then(|e| Some(100.0 * e.within_three_sigma?))),
     ]
 }
@@ -214,13 +198,13 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);
             if let Some(reference) = reference
-                && segment
-                    .estimators
-                    .iter()
-                    .all(|e| e.errors.is_none() && e.values.is_empty() && e.position.is_none())
+                && segment.estimators.iter().all(|e| e.errors.is_none() && e.values.is_empty())
             {
                 let text = "has no sample of this segment to compare with after the settling time";
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));
+            }
+            for remark in &segment.remarks {
+                say(Severity::Note, format!("{place}: {remark}"));
             }
             if let Some(likeliest) = &segment.likeliest {
                 let text = format!(

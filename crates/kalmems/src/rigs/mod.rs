@@ -10,13 +10,12 @@ pub mod shared_scanner;
 pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
-use crate::estimate::{EstimateError, Motion, Progress, Trajectory};
-use crate::evaluate::{MotionErrors, ONE_ANGLE, PositionErrors, Reference, ValueState};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate};
+use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording, Segment};
+use crate::recording::{Layout, Recording};
 use crate::reproduce::Program;
-use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 
 /// Every rig that is built.
@@ -71,16 +70,6 @@ pub trait Rig: Sync {
     /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
     fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
 
-    /// The same for a device that moves along a line; none for one that tilts.
-    fn evaluate_positions(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[Reference],
-    ) -> Vec<Option<PositionErrors>> {
-        let _ = references;
-        vec![None; estimate.trajectories.len()]
-    }
-
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(
         &self,
@@ -95,47 +84,6 @@ pub trait Rig: Sync {
     /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
     fn reproduction(&self) -> Option<&'static Program> {
         None
-    }
-}
-
-/// What the filters say of one segment.
-#[derive(Clone, Debug)]
-pub struct SegmentEstimate {
-    /// The segment.
-    pub segment: Segment,
-    /// The column of the drive in V, by its name.
-    pub drive_column: String,
-    /// The column of the signal, by its name.
-    pub signal_column: String,
-    /// The drive, where it is a steady sine.
-    pub drive: Option<Sine>,
-    /// How fast the device moves.
-    pub motion: Motion,
-    /// The axes beside the one that `drive` and `motion` are of.
-    pub other_axes: Vec<Axis>,
-    /// How long the filters have to settle, in s.
-    pub skip_s: f64,
-    /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
-    pub parts: u32,
-    /// One per filter.
-    pub trajectories: Vec<Trajectory>,
-}
-
-/// One axis of several.
-#[derive(Clone, Copy, Debug)]
-pub struct Axis {
-    /// The name of its angle among the states.
-    pub angle: &'static str,
-    /// How fast it moves.
-    pub motion: Motion,
-    /// Its part of the drive, where that is a steady sine.
-    pub drive: Option<Sine>,
-}
-
-impl SegmentEstimate {
-    /// The end of the settling time in s.
-    pub fn from_s(&self) -> f64 {
-        self.segment.time.start_s() + self.skip_s
     }
 }
 

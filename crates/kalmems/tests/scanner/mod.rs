@@ -3,10 +3,11 @@
 #![allow(dead_code)] // each test uses its part
 
 use kalmems::config::Experiment;
+use kalmems::estimate::SegmentEstimate;
 use kalmems::estimate::{Silent, Trajectory};
 use kalmems::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use kalmems::recording::Recording;
-use kalmems::rigs::{self, SegmentEstimate};
+use kalmems::rigs;
 use kalmems::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Dynamics, Measurement};
 use kalmems_models::capacitance::GaussianComb;

@@ -4,11 +4,11 @@ mod smoothing;
 mod wrong_models;
 
 use kalmems::config::Experiment;
+use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Silent, Trajectory, judge_lock};
 use kalmems::results::{
     Metrics, RunInfo, Verdict, estimate_figures, notices, summary_table, write_simulation,
 };
-use kalmems::rigs::shared_scanner::SegmentData;
 use kalmems::rigs::shared_scanner::two_axes::{
     Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
     line_share,
@@ -106,7 +106,7 @@ fn anywhere(seed: u64) -> [f64; 4] {
 }
 
 fn run(settings: &Settings, recorded: &Recorded) -> Vec<Trajectory> {
-    let data = SegmentData::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
+    let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
     estimate(settings, "test", &data, &Silent).unwrap().trajectories
 }
 

@@ -4,9 +4,9 @@
 
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::config::Experiment;
+use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Silent, Trajectory};
 use kalmems::evaluate::{Extent, Reference, evaluate_motion};
-use kalmems::rigs::shared_scanner::SegmentData;
 use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate};
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
@@ -193,7 +193,7 @@ fn study(case: &Case, seeds: u64) -> Vec<(&'static str, Runs)> {
         let (drive, recorded) = simulated(seed);
         let told: Vec<f64> = recorded.drive.iter().map(|volts| volts * case.told.drive).collect();
         let bound = (case.bound)(&recorded, &drive);
-        let data = SegmentData::new(&recorded.time_s, &told, &recorded.signal, 1.0 / RATE_HZ);
+        let data = DrivenSegment::new(&recorded.time_s, &told, &recorded.signal, 1.0 / RATE_HZ);
         let trajectories = estimate(&settings, case.name, &data, &Silent).unwrap().trajectories;
         for ((_, runs), trajectory) in all.iter_mut().zip(&trajectories) {
             assert!(trajectory.failure.is_none(), "{}: {:?}", case.name, trajectory.failure);

@@ -1,21 +1,19 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::uncertainty;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start};
-use crate::estimate::StateName;
+use crate::config::{
+    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+};
+use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
-use kalmems_core::SigmaPoints;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
-    /// Its name in files.
-    pub key: String,
-    /// Its name for people, which says where the acceleration is known.
-    pub name: String,
-    /// How it estimates.
-    pub method: Method,
+    /// What every filter has; its name for people says where the acceleration is known.
+    pub basics: FilterBasics,
     /// Whether the acceleration is an input: the states are then the displacement and the velocity alone.
     pub known_acceleration: bool,
     /// Displacement in m, velocity in m/s, acceleration in m/s² and its rate in m/s³ to start from.
@@ -24,17 +22,11 @@ pub struct FilterSettings {
     pub start_sd: [f64; 4],
     /// The corner of a Luenberger observer's poles in rad/s.
     pub observer_rate: f64,
-    /// How sigma points are spread.
-    pub points: SigmaPoints<f64>,
-    /// Whether it is smoothed over the whole recording.
-    pub smooth: bool,
     /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
     /// that or choose among models.
     pub spread: [f64; 3],
     /// Over how long the variance of a sample is estimated, in s, where it is.
     pub noise_memory_s: Option<f64>,
-    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
-    pub lag_s: Option<f64>,
 }
 
 /// The states, as trajectories name them.
@@ -97,24 +89,21 @@ impl FilterSettings {
         } else {
             [0.0; 4]
         };
-        let label = if known { ", acceleration known" } else { "" };
+        let spread = uncertainty::spread(experiment, &at, filter)?;
+        // What is uncertain is not tracked.
+        let untracked = Filter { states: BTreeMap::new(), ..filter.clone() };
+        let mut basics = FilterBasics::of(experiment, &at, &untracked, (&[], &[]))?;
+        if known {
+            basics.name.push_str(", acceleration known");
+        }
         Ok(Self {
-            key: filter.name.key(),
-            name: format!("{}{label}", filter.name),
-            method: filter.method,
+            basics,
             known_acceleration: known,
             start,
             start_sd,
-            spread: uncertainty::spread(experiment, &at, filter)?,
+            spread,
             noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
-            points: SigmaPoints {
-                alpha: filter.alpha.unwrap_or(1.0),
-                beta: filter.beta.unwrap_or(2.0),
-                kappa: filter.kappa.unwrap_or(1.0),
-            },
-            smooth: filter.smooth,
-            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
         })
     }
 }

@@ -21,9 +21,9 @@ mod simulation;
 mod uncertainty;
 mod varied;
 
-use super::{Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Progress};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -40,9 +40,9 @@ pub struct AccelerometerRig;
 
 /// What a reference may know; the first is what the instrument is for.
 static VALUES: [ValueState; 3] = [
-    ValueState { name: "acceleration", kind: &kind::ACCELERATION },
-    ValueState { name: "displacement", kind: &kind::LENGTH },
-    ValueState { name: "velocity", kind: &kind::VELOCITY },
+    ValueState { name: "acceleration", kind: &kind::ACCELERATION, rate: Some("jerk") },
+    ValueState { name: "displacement", kind: &kind::LENGTH, rate: Some("velocity") },
+    ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
 ];
 
 impl Rig for AccelerometerRig {
@@ -92,59 +92,35 @@ impl Rig for AccelerometerRig {
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = Columns::of(experiment, index)?;
-        let signal = recording.column_of(columns.signal, &kind::VOLTAGE)?;
         let optional =
             |name: Option<&str>, kind| name.map(|name| recording.column_of(name, kind)).transpose();
         let feedback = optional(columns.feedback, &kind::VOLTAGE)?;
         let acceleration = optional(columns.acceleration, &kind::ACCELERATION)?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let motion = segment::motion(&settings);
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let interval_s = segment.time.interval_s().filter(|_| span > settings.skip_s);
-            let Some(interval_s) = interval_s else {
-                return Err(EstimateError::TooShort { place, found_s: span, skip_s: settings.skip_s });
-            };
+        let drive_column = columns.feedback.unwrap_or_default();
+        estimate_segments(recording, (columns.signal, &kind::VOLTAGE), settings.skip_s, |segment| {
+            segment.require_after_settling(segment.interval_s)?;
             let data = SegmentData {
-                time_s: &time_s,
-                signal: signal.of(segment),
-                feedback: feedback.map(|column| column.of(segment)),
-                acceleration: acceleration.map(|column| column.of(segment)),
-                interval_s,
+                time_s: segment.time_s,
+                signal: segment.signal,
+                feedback: feedback.map(|column| column.of(segment.segment)),
+                acceleration: acceleration.map(|column| column.of(segment.segment)),
+                interval_s: segment.interval_s,
             };
-            if !data.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: columns.signal.to_owned() });
-            }
             for (values, name) in
                 [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)]
             {
-                data.require_whole(values, name.unwrap_or_default(), &place)?;
+                data.require_whole(values, name.unwrap_or_default(), segment.place)?;
             }
-            pull_in::require_free(&settings.hardware, &data, columns.signal, &place)?;
+            pull_in::require_free(&settings.hardware, &data, columns.signal, segment.place)?;
             if settings.hardware.has_feedback
                 && let Ok(instrument) = Instrument::sensed(&settings.hardware)
             {
-                feedback::require_right(&instrument, &data, columns.feedback.unwrap_or_default(), &place)?;
+                feedback::require_right(&instrument, &data, drive_column, segment.place)?;
             }
             let trajectories = segment::estimate(&settings, &data, progress)?;
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: columns.feedback.unwrap_or_default().to_owned(),
-                signal_column: columns.signal.to_owned(),
-                drive: None,
-                motion,
-                other_axes: Vec::new(),
-                skip_s: settings.skip_s,
-                parts: 1,
-                trajectories,
-            });
-        }
-        Ok(estimates)
+            let estimate = segment.estimated(segment::motion(&settings), trajectories);
+            Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
+        })
     }
 
     fn identify(
@@ -165,7 +141,7 @@ impl Rig for AccelerometerRig {
 
     /// It has no angle; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
-        estimate.trajectories.iter().map(|_| None).collect()
+        vec![None; estimate.trajectories.len()]
     }
 }
 

@@ -9,13 +9,11 @@ use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, Lookahead, ModelAlone, Motion, Progress, StateSeries, Trajectory,
-    TrajectoryKind, follow, judge_lock, smooth,
+    AnyFilter, ConstantGain, EstimateError, FilterBasics, Motion, Progress, StateSeries, Trajectory,
+    TrajectoryKind, answers, follow, judge_lock,
 };
 use crate::units::kind;
-use kalmems_core::{
-    Covariance, Dynamics, Ekf, Filter, FixedGain, IteratedEkf, Scales, SchmidtEkf, SquareRootEkf, Ukf,
-};
+use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales, SchmidtEkf};
 use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
@@ -30,9 +28,9 @@ pub fn estimate(
     for filter in &settings.filters {
         let task = Task { filter, data, progress };
         let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
-        let mut trajectories = if filter.method == Method::ConsiderEkf {
-            vec![task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?)?]
-        } else if filter.method == Method::Bank {
+        let mut trajectories = if filter.basics.method == Method::ConsiderEkf {
+            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?)?
+        } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
             vec![task.bank(&settings.hardware, &instrument)?]
         } else if filter.known_acceleration {
@@ -58,16 +56,11 @@ fn finish(trajectory: &mut Trajectory, settings: &Settings, data: &SegmentData, 
     let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
     let axes = [("acceleration", motion(settings))];
     trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
-    if !filter.method.claims() {
+    if !filter.basics.method.claims() {
         trajectory.kind = TrajectoryKind::ModelAlone;
-        for state in &mut trajectory.states {
-            state.sd.clear();
-        }
+        trajectory.claim_nothing();
     }
 }
-
-/// When the iterated filter has settled, in standard deviations.
-const SETTLED: f64 = 1e-3;
 
 /// One filter over one segment.
 struct Task<'a> {
@@ -84,36 +77,39 @@ impl Task<'_> {
     {
         let h = self.data.interval_s;
         let (mean, covariance) = self.start(&instrument.scales);
-        let points = self.filter.points;
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
-        let filter = match self.filter.method {
+        let FilterBasics { method, points, .. } = self.filter.basics;
+        match method {
             Method::HybridEkf => {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
-                return self.filtered(instrument, step, Ekf::new(mean, covariance)).map(|one| vec![one]);
+                self.filtered(instrument, step, Ekf::new(mean, covariance))
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                return self.filtered(instrument, instrument.over(h), gain).map(|one| vec![one]);
+                self.filtered(instrument, instrument.over(h), gain)
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                return self.filtered(instrument, instrument.over(h), gain).map(|one| vec![one]);
+                self.filtered(instrument, instrument.over(h), gain)
             }
             Method::KalmanBucy => {
                 let (observer, point) = instrument.kalman_bucy(h).map_err(|why| self.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
-                return self.filtered(instrument, observer, none).map(|one| vec![one]);
+                self.filtered(instrument, observer, none)
             }
-            Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-            Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
-            Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-            Method::Ukf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
-            // The others were refused with their file.
-            _ => AnyFilter::Ekf(Ekf::new(mean, covariance)),
-        };
-        self.filtered_and_smoothed(instrument, filter)
+            _ if self.filter.noise_memory_s.is_some() => {
+                let filter = AnyFilter::of(method, points, mean, covariance);
+                self.filtered(instrument, instrument.over(h), filter)
+            }
+            _ => {
+                let filter = AnyFilter::of(method, points, mean, covariance);
+                let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(h));
+                let all = answers(&self.filter.basics, &filter, (&mut course, h), &states(), self.progress)?;
+                Ok(all.into_iter().map(|one| restored(one, &instrument.scales)).collect())
+            }
+        }
     }
 
     /// The first mean and covariance, in scaled states.
@@ -126,24 +122,25 @@ impl Task<'_> {
         (scales.scale_state(&first(&self.filter.start, &[0.0; 3])), scales.scale_covariance(&covariance))
     }
 
+    /// A filter that is not smoothed.
     fn filtered<D, S, F, const N: usize>(
         &self,
         instrument: &Instrument<D, N>,
         step: S,
         filter: F,
-    ) -> Result<Trajectory, EstimateError>
+    ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
         S: Step<D, N>,
         F: Filter<f64, N>,
     {
-        let names = (self.filter.key.as_str(), self.filter.name.as_str());
+        let FilterBasics { key, name, .. } = &self.filter.basics;
         let noise = self
             .filter
             .noise_memory_s
             .map(|memory_s| NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s));
         let mut course = AccelerometerCourse::new(instrument, self.data, step).with_noise(noise);
-        let followed = follow(names, filter, &mut course, &states(), self.progress);
+        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
         let mut trajectory = restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales);
         if let Some(noise) = course.into_noise() {
             let mut all = noise.history.iter().copied().chain(iter::repeat([f64::NAN; 2]));
@@ -151,14 +148,14 @@ impl Task<'_> {
             let (name, unit) = ("noise_variance", "V2");
             trajectory.states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
         }
-        Ok(trajectory)
+        Ok(vec![trajectory])
     }
 
     /// With spring, damping and mass uncertain, and not estimated.
     fn considered(
         &self,
         instrument: &Instrument<UncertainMechanics<f64>, 7>,
-    ) -> Result<Trajectory, EstimateError> {
+    ) -> Result<Vec<Trajectory>, EstimateError> {
         let (mean, covariance) = self.start(&instrument.scales);
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
         self.filtered(instrument, instrument.over(self.data.interval_s), filter)
@@ -171,42 +168,16 @@ impl Task<'_> {
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
     ) -> Result<Trajectory, EstimateError> {
         let (mean, covariance) = self.start(&instrument.scales);
-        let names = (self.filter.key.as_str(), self.filter.name.as_str());
+        let FilterBasics { key, name, .. } = &self.filter.basics;
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
             .map_err(|why| self.no_gain(&why))?;
-        let followed = follow(names, filter, &mut course, &states(), self.progress);
+        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
         Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
     }
 
-    /// The filtered trajectory, and the smoothed ones that are wanted.
-    fn filtered_and_smoothed<D, const N: usize>(
-        &self,
-        instrument: &Instrument<D, N>,
-        start: AnyFilter<N>,
-    ) -> Result<Vec<Trajectory>, EstimateError>
-    where
-        D: Dynamics<f64, N, Input: Input> + Copy,
-    {
-        let filter = self.filter;
-        let step = instrument.over(self.data.interval_s);
-        let mut trajectories = vec![self.filtered(instrument, step, start)?];
-        let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // positive; beyond the segment is its end
-        let samples = |lag_s: f64| (lag_s / self.data.interval_s).round() as usize;
-        let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(samples(lag_s)), "lagged"));
-        let mut course = AccelerometerCourse::new(instrument, self.data, step);
-        for (lookahead, word) in whole.into_iter().chain(lagged) {
-            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-            let smoothed = smooth((&key, &name), &start, &mut course, &trajectories[0], lookahead);
-            trajectories.push(restored(smoothed, &instrument.scales));
-        }
-        Ok(trajectories)
-    }
-
     fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
-        EstimateError::NoGain { filter: self.filter.name.clone(), why: why.to_string() }
+        EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
     }
 }
 

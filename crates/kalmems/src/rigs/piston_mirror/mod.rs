@@ -15,10 +15,10 @@ mod settings;
 mod simulation;
 mod start;
 
-use super::{Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Progress};
-use crate::evaluate::{MotionErrors, PositionErrors, Reference, evaluate_position};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
 use crate::simulate::{SimulateError, Simulation};
@@ -32,6 +32,19 @@ pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
 
 /// The rig.
 pub struct PistonMirrorRig;
+
+/// Cycles of the motion that have to follow the settling time.
+const CYCLES: f64 = 10.0;
+
+/// What no innovation shows.
+const SCALE: &str = "a wrong gain of the readout or a wrong reference distance scales amplitude and position, and the \
+                     mean NIS cannot see it";
+
+/// What a reference may know; the first is what the instrument is for.
+static VALUES: [ValueState; 2] = [
+    ValueState { name: "position", kind: &kind::LENGTH, rate: Some("velocity") },
+    ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
+];
 
 /// The channels that an estimate needs.
 const MEANINGS: [&str; 1] = ["signal"];
@@ -65,7 +78,11 @@ impl Rig for PistonMirrorRig {
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
-        &[["position", "velocity"]]
+        &[]
+    }
+
+    fn values(&self) -> &'static [ValueState] {
+        &VALUES
     }
 
     fn estimate(
@@ -77,44 +94,18 @@ impl Rig for PistonMirrorRig {
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let name = column(experiment, index)?;
-        let signal = recording.column_of(name, &kind::CAPACITANCE)?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let too_short =
-                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
-            let interval_s = segment.time.interval_s().ok_or_else(too_short)?;
+        estimate_segments(recording, (name, &kind::CAPACITANCE), settings.skip_s, |segment| {
             let data = SegmentData {
-                time_s: &time_s,
-                signal: signal.of(segment),
-                interval_s,
-                noise_variance: settings.hardware.noise_variance(interval_s),
+                time_s: segment.time_s,
+                signal: segment.signal,
+                interval_s: segment.interval_s,
+                noise_variance: settings.hardware.noise_variance(segment.interval_s),
             };
-            if !data.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: name.to_owned() });
-            }
-            let (trajectories, motion) = segment::estimate(&settings, &data, &place, progress)?;
-            if span < settings.skip_s + 10.0 / motion.frequency_hz {
-                return Err(too_short());
-            }
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: String::new(),
-                signal_column: name.to_owned(),
-                drive: None,
-                motion,
-                other_axes: Vec::new(),
-                skip_s: settings.skip_s,
-                parts: 1,
-                trajectories,
-            });
-        }
-        Ok(estimates)
+            let (trajectories, motion) = segment::estimate(&settings, &data, segment.place, progress)?;
+            segment.require_after_settling(CYCLES / motion.frequency_hz)?;
+            let estimate = segment.estimated(motion, trajectories);
+            Ok(SegmentEstimate { remarks: vec![SCALE.to_owned()], ..estimate })
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -126,19 +117,9 @@ impl Rig for PistonMirrorRig {
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
     }
 
-    /// A position has no errors of an angle; see [`Rig::evaluate_positions`].
+    /// It has no angle; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
-    }
-
-    fn evaluate_positions(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[Reference],
-    ) -> Vec<Option<PositionErrors>> {
-        let errors =
-            |t| references.first().and_then(|reference| evaluate_position(t, reference, estimate.from_s()));
-        estimate.trajectories.iter().map(errors).collect()
     }
 }
 

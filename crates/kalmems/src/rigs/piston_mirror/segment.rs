@@ -6,13 +6,11 @@ use super::phasor::{Drifting, Phasor, STATES, Steady};
 use super::plates::distance_at;
 use super::settings::{FilterSettings, Motion, Settings};
 use super::start::{BatchStart, batch_start, wrapped};
-use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, ITERATIONS, Lookahead, Progress, StateName, Trajectory, TrajectoryKind,
-    follow, judge_lock, smooth,
+    self, AnyFilter, EstimateError, Progress, StateName, Trajectory, TrajectoryKind, answers, judge_lock,
 };
 use crate::units::kind;
-use kalmems_core::{Covariance, Ekf, IteratedEkf, Mat, SquareRootEkf, Ukf};
+use kalmems_core::{Covariance, Mat};
 
 /// Runs the wanted filters over a segment, which `place` names in messages, and says how fast it moves.
 pub fn estimate(
@@ -62,9 +60,6 @@ struct Task<'a> {
     progress: &'a dyn Progress,
 }
 
-/// When the iterated filter has settled, in standard deviations.
-const SETTLED: f64 = 1e-3;
-
 /// How much wider than the fit of the first samples a filter starts that sees these samples again: they count a second
 /// time for a hundredth.
 const WIDER: f64 = 10.0;
@@ -110,38 +105,17 @@ impl Task<'_> {
         mean: [f64; N],
         covariance: Covariance<f64, N>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = self.filter;
-        let start = match filter.method {
-            Method::Ukf => AnyFilter::Ukf(Ukf::new(mean, covariance, filter.points)),
-            Method::IteratedEkf => {
-                AnyFilter::IteratedEkf(IteratedEkf::<_, N, ITERATIONS>::new(mean, covariance, SETTLED))
-            }
-            Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-            // The settings let no other method through.
-            _ => AnyFilter::Ekf(Ekf::new(mean, covariance)),
-        };
+        let filter = &self.filter.basics;
+        let start = AnyFilter::of(filter.method, filter.points, mean, covariance);
         let mut course = PhasorCourse::new(phasor, self.data);
-        let names = (filter.key.as_str(), filter.name.as_str());
-        let filtered = follow(names, start, &mut course, states, self.progress);
-        let mut trajectories = vec![filtered.ok_or(EstimateError::Interrupted)?];
-        let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // positive; beyond the segment is its end
-        let samples = |lag_s: f64| (lag_s / self.data.interval_s).round() as usize;
-        let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(samples(lag_s)), "lagged"));
-        for (lookahead, word) in whole.into_iter().chain(lagged) {
-            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-            let smoothed = smooth((&key, &name), &start, &mut course, &trajectories[0], lookahead);
-            trajectories.push(smoothed);
-        }
-        Ok(trajectories)
+        answers(filter, &start, (&mut course, self.data.interval_s), states, self.progress)
     }
 
     /// Where the first samples say that the motion starts.
     fn batch(&self) -> Result<BatchStart, EstimateError> {
         batch_start(&self.settings.hardware.plates, self.data).map_err(|why| EstimateError::NoStart {
             place: self.place.to_owned(),
-            filter: self.filter.name.clone(),
+            filter: self.filter.basics.name.clone(),
             why: why.to_string(),
         })
     }
@@ -150,7 +124,7 @@ impl Task<'_> {
     /// out and counted as a missing signal.
     fn inversion(&self) -> Trajectory {
         let plates = &self.settings.hardware.plates;
-        let names = (self.filter.key.as_str(), self.filter.name.as_str());
+        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
         let states = [("position", "m", &kind::LENGTH)];
         let mut trajectory = Trajectory::blank(names, TrajectoryKind::LockIn, self.data.time_s, &states);
         let noise = self.data.noise_variance.sqrt();

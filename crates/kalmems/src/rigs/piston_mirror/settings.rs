@@ -5,8 +5,8 @@ use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
     ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
 };
+use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;
-use kalmems_core::SigmaPoints;
 
 /// Device, noise and filter settings.
 #[derive(Clone, Debug)]
@@ -31,20 +31,10 @@ pub struct Hardware {
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
-    /// Its name in files.
-    pub key: String,
-    /// Its name for people.
-    pub name: String,
-    /// How it estimates.
-    pub method: Method,
+    /// What every filter has.
+    pub basics: FilterBasics,
     /// Its states and where they start.
     pub motion: Motion,
-    /// How sigma points are spread.
-    pub points: SigmaPoints<f64>,
-    /// Whether it is smoothed over the whole recording.
-    pub smooth: bool,
-    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
-    pub lag_s: Option<f64>,
 }
 
 /// What a filter knows of the motion.
@@ -139,19 +129,7 @@ impl FilterSettings {
         } else {
             motion(experiment, estimate, filter, &at)?
         };
-        Ok(Self {
-            key: filter.name.key(),
-            name: filter.name.to_string(),
-            method: filter.method,
-            motion,
-            points: SigmaPoints {
-                alpha: filter.alpha.unwrap_or(1.0),
-                beta: filter.beta.unwrap_or(2.0),
-                kappa: filter.kappa.unwrap_or(1.0),
-            },
-            smooth: filter.smooth,
-            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
-        })
+        Ok(Self { basics: FilterBasics::of(experiment, &at, filter, (&[], &[]))?, motion })
     }
 }
 
@@ -162,11 +140,7 @@ fn motion(
     filter: &Filter,
     at: &Key,
 ) -> Result<Motion, ConfigError> {
-    let (noise_key, noise) = if filter.process_noise.is_empty() {
-        (Key::from("estimate.process_noise"), &estimate.process_noise)
-    } else {
-        (at.clone().child("process_noise"), &filter.process_noise)
-    };
+    let (noise_key, noise) = process_noise(estimate, at, filter);
     let [start_key, sd_key] = ["start", "start_sd"].map(|name| at.clone().child(name));
     let given = match &filter.start {
         Some(Start::Values(values)) => Some(values),

@@ -1,7 +1,7 @@
 //! The lock-in: amplitude and phase of the signal at the drive's frequency.
 
-use super::data::SegmentData;
 use super::settings::Hardware;
+use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{StateName, Trajectory, TrajectoryKind};
 use crate::signal::{Sine, fit_sine_at};
 use std::f64::consts::{PI, TAU};
@@ -74,7 +74,7 @@ impl<'a> LockIn<'a> {
     }
 
     /// One swing per cycle of the motion, each for the samples that it was read from.
-    pub fn swings(&self, data: &SegmentData) -> Vec<(Range<usize>, Option<Swing>)> {
+    pub fn swings(&self, data: &DrivenSegment) -> Vec<(Range<usize>, Option<Swing>)> {
         let cycle_s = 2.0 / self.drive.frequency_hz;
         let start_s = data.time_s.first().copied().unwrap_or(0.0);
         let mut windows = Vec::new();
@@ -101,7 +101,7 @@ impl<'a> LockIn<'a> {
     }
 
     /// The motion in the segment, cycle by cycle.
-    pub fn trajectory(&self, names: (&str, &str), states: &[StateName], data: &SegmentData) -> Trajectory {
+    pub fn trajectory(&self, names: (&str, &str), states: &[StateName], data: &DrivenSegment) -> Trajectory {
         let begun = std::time::Instant::now();
         let mut answer = Trajectory::blank(names, TrajectoryKind::LockIn, data.time_s, states);
         for (samples, swing) in self.swings(data) {

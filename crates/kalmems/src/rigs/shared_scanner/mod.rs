@@ -5,15 +5,12 @@
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
 mod circuit;
-pub(super) mod course;
-pub(super) mod data;
-pub(super) mod drive;
 mod filters;
 pub mod identification;
 mod lock_in;
 mod outlook;
 mod past;
-pub(super) mod plant;
+mod plant;
 mod reproduction;
 mod ring_down;
 mod segment;
@@ -21,17 +18,17 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use super::{Axis, Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Role};
-use crate::estimate::{EstimateError, Progress};
+use crate::estimate::driven::DrivenSegment;
+use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, Trajectory, estimate_segments};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
-pub use data::SegmentData;
-use data::estimate_segments;
+use crate::units::kind;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
 use settings::Settings;
@@ -68,12 +65,12 @@ impl Rig for SharedScannerRig {
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        estimate_segments((experiment, index), recording, settings.skip_s, |place, data| {
-            let motion = data.motion(&settings);
-            data.scored_from(place, settings.skip_s, motion.frequency_hz)?;
+        estimate_driven((experiment, index), recording, settings.skip_s, |place, data| {
+            let motion = data.motion(settings.hardware.natural_hz());
+            data.require_cycles(place, settings.skip_s, motion.frequency_hz)?;
             let trajectories = segment::estimate(&settings, data, place, progress)?;
             let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-            Ok((axis, Vec::new(), trajectories))
+            Ok(((axis, Vec::new()), trajectories))
         })
     }
 
@@ -109,6 +106,24 @@ impl Rig for SharedScannerRig {
     fn reproduction(&self) -> Option<&'static Program> {
         Some(&reproduction::PROGRAM)
     }
+}
+
+/// What is said of a segment: its first axis, the others, and what the filters make of them.
+type Answer = ((Axis, Vec<Axis>), Vec<Trajectory>);
+
+/// Estimates every segment of a recording of one axis or two; `each` is given a name of the segment for messages.
+fn estimate_driven(
+    (experiment, index): (&Experiment, usize),
+    recording: &Recording,
+    skip_s: f64,
+    each: impl Fn(&str, &DrivenSegment) -> Result<Answer, EstimateError>,
+) -> Result<Vec<SegmentEstimate>, EstimateError> {
+    let [drive_column, signal_column] = columns(experiment, index)?;
+    estimate_segments(recording, (signal_column, &kind::VOLTAGE), skip_s, |segment| {
+        let (axes, trajectories) =
+            each(segment.place, &DrivenSegment::of(recording, segment, drive_column)?)?;
+        Ok(segment.estimated_under(drive_column, axes, trajectories))
+    })
 }
 
 /// The recordings that are estimated, their channels checked.

@@ -1,65 +1,12 @@
 //! The models that the filters run on: how the scanner steps over any interval, and how it is read.
 
-use super::filters::{FilterSettings, Parameter, Tracked};
+use super::filters::FilterSettings;
 use super::settings::Hardware;
-use kalmems_core::augmentation::{
-    AddedState, AugmentationError, Augmented, AugmentedMeasurement, Drift, ParametricDynamics,
-};
-use kalmems_core::{
-    Dynamics, Euler, Mat, Measurement, Nodes, NoiseDensity, Over, Parameters, Process, ProcessNoise, Rk4,
-};
+use crate::estimate::driven::{Augmentation, Plain, Plant, WithParameters, step};
+use kalmems_core::augmentation::AugmentationError;
+use kalmems_core::{Euler, Mat, Nodes, NoiseDensity, Over, Process, ProcessNoise};
 use kalmems_models::dynamics::{DriveGain, ParametricScanner};
 use kalmems_models::readout::{AngleBefore, DelayedComb, LowPassedComb};
-
-/// A scanner of `N` states as a filter sees it.
-pub trait Plant<const N: usize> {
-    /// One step.
-    type Process: Process<f64, N, Input = Nodes<f64>>;
-    /// How the signal depends on the state.
-    type Readout: Measurement<f64, N, 1>;
-
-    /// The step over an interval. Where it can be made for one interval, it can for every other.
-    fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError>;
-
-    /// The readout.
-    fn readout(&self) -> &Self::Readout;
-}
-
-/// A model without parameters as states.
-pub struct Plain<D, H, const M: usize> {
-    /// How it moves.
-    pub dynamics: D,
-    /// How it is read.
-    pub readout: H,
-    /// The noise of the motion.
-    pub noise: NoiseDensity<f64, M>,
-}
-
-impl<D, H, const M: usize> Plant<M> for Plain<D, H, M>
-where
-    D: Dynamics<f64, M, Input = f64> + Copy,
-    H: Measurement<f64, M, 1>,
-{
-    type Process = Rk4<D, f64, M>;
-    type Readout = H;
-
-    fn over(&self, interval_s: f64) -> Result<Rk4<D, f64, M>, AugmentationError> {
-        Ok(step(self.dynamics, interval_s, &self.noise))
-    }
-
-    fn readout(&self) -> &H {
-        &self.readout
-    }
-}
-
-/// One integration step; the noise is discretised for the motion at rest and without a drive.
-fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
-    dynamics: D,
-    interval_s: f64,
-    noise: &NoiseDensity<f64, M>,
-) -> Rk4<D, f64, M> {
-    Rk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
-}
 
 /// The noise of one axis's angular acceleration.
 fn of_acceleration<const M: usize>(density: f64) -> NoiseDensity<f64, M> {
@@ -96,52 +43,6 @@ pub fn staged(
     Plain { dynamics: model, readout: model, noise: of_acceleration(filter.acceleration_density) }
 }
 
-/// A model of `M` states with `A` parameters as states behind them.
-pub struct WithParameters<D, H, const M: usize, const A: usize> {
-    dynamics: D,
-    readout: H,
-    noise: NoiseDensity<f64, M>,
-    added: [AddedState<f64>; A],
-    enters: [Option<&'static str>; A],
-}
-
-impl<D, H, const M: usize, const A: usize, const N: usize> Plant<N> for WithParameters<D, H, M, A>
-where
-    D: ParametricDynamics<f64, M, Input = f64> + Copy,
-    H: Measurement<f64, N, 1>,
-{
-    type Process = Augmented<Rk4<D, f64, M>, f64, M, A, N>;
-    type Readout = H;
-
-    fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError> {
-        let process = step(self.dynamics, interval_s, &self.noise);
-        Augmented::new(process, &self.added, self.enters)
-    }
-
-    fn readout(&self) -> &H {
-        &self.readout
-    }
-}
-
-/// A model of `M` states, and a readout of them that knows the first `A` of these parameters too.
-pub type Augmentation<D, H, const M: usize, const A: usize> =
-    WithParameters<D, AugmentedMeasurement<H, f64, M, A>, M, A>;
-
-impl<D, H: Parameters<f64>, const M: usize, const A: usize> Augmentation<D, H, M, A> {
-    /// The first `A` of these parameters as states.
-    pub fn of(plain: Plain<D, H, M>, tracked: &[Tracked]) -> Result<Self, AugmentationError> {
-        let added = added(tracked);
-        let enters = of_parameters(tracked, |parameter| parameter.in_readout);
-        Ok(Self {
-            dynamics: plain.dynamics,
-            readout: AugmentedMeasurement::new(plain.readout, &added, enters)?,
-            noise: plain.noise,
-            added,
-            enters: of_parameters(tracked, |parameter| parameter.in_motion),
-        })
-    }
-}
-
 /// Angle and rate with `A` parameters, read by the affine law.
 pub fn affine_with<const A: usize>(
     hardware: &Hardware,
@@ -158,28 +59,9 @@ pub fn staged_with<const A: usize>(
     filter: &FilterSettings,
     poles: [f64; 2],
 ) -> WithParameters<LowPassedComb<f64>, LowPassedComb<f64>, 4, A> {
-    let model = low_passed(hardware, poles);
-    WithParameters {
-        dynamics: model,
-        readout: model,
-        noise: of_acceleration(filter.acceleration_density),
-        added: added(&filter.basics.tracked),
-        enters: of_parameters(&filter.basics.tracked, |parameter| parameter.in_stages),
-    }
-}
-
-/// The scale and drift of each parameter.
-fn added<const A: usize>(tracked: &[Tracked]) -> [AddedState<f64>; A] {
-    let none = AddedState { scale: 1.0, drift: Drift::RandomWalk { density: 0.0 } };
-    std::array::from_fn(|i| tracked.get(i).map_or(none, |tracked| tracked.added))
-}
-
-/// Where each parameter enters.
-fn of_parameters<const A: usize>(
-    tracked: &[Tracked],
-    place: fn(&Parameter) -> Option<&'static str>,
-) -> [Option<&'static str>; A] {
-    std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
+    WithParameters::new(staged(hardware, filter, poles), &filter.basics.tracked, |parameter| {
+        parameter.in_whole
+    })
 }
 
 /// The scanner by Euler's method, as published, with the noise of one sample as that of the exact step.

@@ -1,24 +1,23 @@
 //! The estimates of one segment.
 
-use super::course::ScannerCourse;
-use super::data::SegmentData;
-use super::filters::{FilterBasics, FilterSettings};
+use super::filters::FilterSettings;
 use super::lock_in::LockIn;
-use super::plant::{Plant, Published, affine, affine_with, staged, staged_with};
+use super::plant::{Published, affine, affine_with, staged, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
+use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
 use crate::estimate::{
-    AnyFilter, EstimateError, LiteralUkf, Lookahead, Misprint, ModelAlone, Progress, StateName, Trajectory,
-    TrajectoryKind, follow, judge_lock, smooth,
+    AnyFilter, EstimateError, FilterBasics, Progress, StateName, Trajectory, TrajectoryKind, answers,
+    judge_lock,
 };
 use crate::signal::extremes_of_rate;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, Ekf, Filter, IteratedEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf};
+use kalmems_core::{Covariance, Filter, SquareRootUkf};
 
 /// Runs the wanted filters over a segment, which `place` names in messages.
 pub fn estimate(
     settings: &Settings,
-    data: &SegmentData,
+    data: &DrivenSegment,
     place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -27,10 +26,10 @@ pub fn estimate(
         let mut trajectories = one(&Task { settings, filter, data, place, progress })?;
         for trajectory in &mut trajectories {
             if let Some(positive) = settings.first_peak_positive {
-                orient(trajectory, 0, positive, data.first_drive_peak(settings));
+                orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
             }
-            let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
-            let axes = [("angle", data.motion(settings))];
+            let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
+            let start_s = data.scored_from(settings.skip_s);
             trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
         }
         all.append(&mut trajectories);
@@ -42,13 +41,10 @@ pub fn estimate(
 struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
-    data: &'a SegmentData<'a>,
+    data: &'a DrivenSegment<'a>,
     place: &'a str,
     progress: &'a dyn Progress,
 }
-
-/// When the iterated filter has settled, in standard deviations.
-const SETTLED: f64 = 1e-3;
 
 /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
 fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
@@ -80,41 +76,12 @@ fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
     }
 }
 
-/// The filter of a method, at its start; that in square-root form for an unscented one is [`Task::root`]'s.
-fn filter_of<const N: usize>(
-    method: Method,
-    points: SigmaPoints<f64>,
-    (mean, covariance): ([f64; N], Covariance<f64, N>),
-) -> AnyFilter<N> {
-    let literal = |misprint| AnyFilter::LiteralUkf(LiteralUkf::new(mean, covariance, points, misprint));
-    match method {
-        Method::Model => AnyFilter::ModelAlone(ModelAlone::new(mean)),
-        // Those for other devices do not come here: the experiment is refused.
-        Method::Ekf
-        | Method::EulerEkf
-        | Method::LockIn
-        | Method::DirectInversion
-        | Method::HybridEkf
-        | Method::SteadyState
-        | Method::KalmanBucy
-        | Method::Luenberger
-        | Method::ConsiderEkf
-        | Method::Bank => AnyFilter::Ekf(Ekf::new(mean, covariance)),
-        Method::IteratedEkf => AnyFilter::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
-        Method::SquareRootEkf => AnyFilter::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-        Method::Ukf | Method::SquareRootUkf => AnyFilter::Ukf(Ukf::new(mean, covariance, points)),
-        Method::UkfLiteralWeights => literal(Misprint::Weights),
-        Method::UkfLiteralCrossCovariance => literal(Misprint::CrossCovariance),
-        Method::UkfLiteralCovariance => literal(Misprint::Covariance),
-    }
-}
-
 /// A filter of one axis or two on its way through a segment.
 pub struct Follower<'a> {
     /// The filter.
     pub filter: &'a FilterBasics,
     /// The segment.
-    pub data: &'a SegmentData<'a>,
+    pub data: &'a DrivenSegment<'a>,
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
     /// Where it says how far it has come.
@@ -129,8 +96,9 @@ impl Follower<'_> {
         states: &[StateName; N],
         start: ([f64; N], Covariance<f64, N>),
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let method = self.filter.method;
-        let mut trajectories = self.follow(plant, states, &filter_of(method, self.filter.points, start))?;
+        let FilterBasics { method, points, .. } = *self.filter;
+        let filter = AnyFilter::of(method, points, start.0, start.1);
+        let mut trajectories = self.follow(plant, states, &filter)?;
         if method == Method::Model {
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
@@ -140,37 +108,16 @@ impl Follower<'_> {
         Ok(trajectories)
     }
 
-    /// The filtered trajectory, and the smoothed ones that are wanted.
+    /// Follows this filter.
     fn follow<P: Plant<N>, F: Filter<f64, N> + Copy, const N: usize>(
         &self,
         plant: &P,
         states: &[StateName; N],
         start: &F,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = self.filter;
-        let course = ScannerCourse::new(plant, self.noise_variance, self.data);
-        let mut course = course.map_err(|why| filter.no_model(why))?;
-        let names = (filter.key.as_str(), filter.name.as_str());
-        let filtered = follow(names, *start, &mut course, states, self.progress);
-        let mut trajectories = vec![filtered.ok_or(EstimateError::Interrupted)?];
-        let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // positive; beyond the segment is its end
-        let samples = |lag_s: f64| (lag_s / self.data.interval_s).round() as usize;
-        let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(samples(lag_s)), "lagged"));
-        for (lookahead, word) in whole.into_iter().chain(lagged) {
-            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-            let smoothed = smooth((&key, &name), start, &mut course, &trajectories[0], lookahead);
-            trajectories.push(smoothed);
-        }
-        Ok(trajectories)
-    }
-}
-
-impl FilterBasics {
-    /// The model that this filter asks for cannot be made.
-    pub fn no_model(&self, why: AugmentationError) -> EstimateError {
-        EstimateError::Model { filter: self.name.clone(), why }
+        let course = DrivenCourse::new(plant, self.noise_variance, self.data);
+        let mut course = course.map_err(|why| self.filter.no_model(why))?;
+        answers(self.filter, start, (&mut course, self.data.interval_s), states, self.progress)
     }
 }
 
@@ -213,7 +160,7 @@ impl Task<'_> {
     /// The motion at the first sample that the first cycles of the signal show.
     fn first_swing(&self) -> Result<[f64; 2], EstimateError> {
         let lock_in = self.detector()?;
-        let cycle_s = 1.0 / self.data.motion(self.settings).frequency_hz;
+        let cycle_s = 1.0 / self.data.motion(self.settings.hardware.natural_hz()).frequency_hz;
         let first_s = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t < first_s + START_CYCLES * cycle_s);
         let swing = lock_in.swing(&self.data.time_s[..end], &self.data.signal[..end], None);

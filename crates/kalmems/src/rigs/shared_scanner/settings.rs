@@ -81,6 +81,11 @@ impl Hardware {
         })
     }
 
+    /// The frequency at which it swings without a drive, in Hz.
+    pub fn natural_hz(&self) -> f64 {
+        self.scanner.resonator.natural_rate() / TAU
+    }
+
     /// The readout as late as it is, for filters without the demodulator's stages.
     pub fn late_readout(&self) -> DelayedComb<f64> {
         DelayedComb::of(&self.readout, self.delay_s, &self.scanner.resonator)

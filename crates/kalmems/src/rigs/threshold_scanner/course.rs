@@ -4,10 +4,8 @@ use super::crossings::{Crossing, Instant};
 use super::filters::{FilterSettings, ThresholdSettings};
 use super::plant::MirrorPlant;
 use crate::config::{Applied, Timing, Variant};
-use crate::estimate::{Counts, Course};
-use crate::rigs::shared_scanner::course::ScannerCourse;
-use crate::rigs::shared_scanner::data::SegmentData;
-use crate::rigs::shared_scanner::plant::Plant;
+use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
+use crate::estimate::{Counts, Course, Trajectory};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::update::Gate;
@@ -16,9 +14,9 @@ use kalmems_models::readout::Feedthrough;
 
 /// Model, signal and crossings of one segment.
 pub struct ThresholdCourse<'a, const A: usize, const N: usize> {
-    motion: ScannerCourse<'a, MirrorPlant<A>, N>,
+    motion: DrivenCourse<'a, MirrorPlant<A>, N>,
     plant: &'a MirrorPlant<A>,
-    data: &'a SegmentData<'a>,
+    data: &'a DrivenSegment<'a>,
     /// dV/dt at each sample in V/s; not a number where it is not known.
     drive_slope: &'a [f64],
     variant: Variant,
@@ -57,7 +55,7 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
     pub fn new(
         plant: &'a MirrorPlant<A>,
         (noise_variance, angle): (f64, f64),
-        data: &'a SegmentData<'a>,
+        data: &'a DrivenSegment<'a>,
         drive_slope: &'a [f64],
         filter: &FilterSettings,
         found: &[Crossing],
@@ -66,7 +64,7 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
             found.iter().filter_map(|crossing| told(crossing, filter.threshold, data)).collect();
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
-        let motion = ScannerCourse::new(plant, noise_variance, data)?;
+        let motion = DrivenCourse::new(plant, noise_variance, data)?;
         Ok(Self {
             motion,
             plant,
@@ -79,11 +77,6 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
             angle,
             log_likelihood: 0.0,
         })
-    }
-
-    /// Σ ln p(θ_th | what came before) over the crossings until now.
-    pub fn crossings_log_likelihood(&self) -> f64 {
-        self.log_likelihood
     }
 
     /// Judges a filter by the crossings that are known at a sample, and corrects it by those that it is told of.
@@ -160,7 +153,7 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
 fn told(
     crossing: &Crossing,
     threshold: Option<ThresholdSettings>,
-    data: &SegmentData,
+    data: &DrivenSegment,
 ) -> Option<(usize, Told)> {
     // A time that rounding puts behind a sample is that sample's.
     let sample_at = |time_s: f64| data.time_s.partition_point(|t| *t < time_s - 1e-6 * data.interval_s);
@@ -187,6 +180,11 @@ impl<const A: usize, const N: usize> Course<N> for ThresholdCourse<'_, A, N> {
 
     fn measurement(&self) -> (&Self::Measurement, f64) {
         self.motion.measurement()
+    }
+
+    /// Σ ln p(θ_th | what came before) over the crossings.
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        trajectory.crossings_log_likelihood = self.log_likelihood;
     }
 
     fn advance<F: Filter<f64, N>>(

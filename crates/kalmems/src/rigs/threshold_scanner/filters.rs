@@ -3,22 +3,17 @@
 use super::hardware::Hardware;
 use super::settings::{state_at, states};
 use crate::config::{
-    Applied, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
-    Timing, TrackedState, Variant,
+    Applied, ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start, Timing,
+    Variant,
 };
-use crate::estimate::StateName;
-use crate::units::{Kind, kind};
-use kalmems_core::augmentation::{AddedState, Drift};
+use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
+use crate::units::kind;
 
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
-    /// Its name in files.
-    pub key: String,
-    /// Its name for people.
-    pub name: String,
-    /// Whether it is the model alone, and no filter.
-    pub is_model: bool,
+    /// What every filter has.
+    pub basics: FilterBasics,
     /// How it takes the signal.
     pub variant: Variant,
     /// The variance of a sample that it reckons with, in V².
@@ -31,12 +26,6 @@ pub struct FilterSettings {
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration's noise, in rad²/s³.
     pub acceleration_density: f64,
-    /// The parameters that are states, in the order of [`PARAMETERS`].
-    pub tracked: Vec<Tracked>,
-    /// Whether it is smoothed over the whole recording.
-    pub smooth: bool,
-    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
-    pub lag_s: Option<f64>,
 }
 
 /// How a filter uses the crossings.
@@ -56,67 +45,21 @@ pub struct ThresholdSettings {
     pub gate_nis: f64,
 }
 
-/// A parameter that is a state.
-#[derive(Clone, Copy, Debug)]
-pub struct Tracked {
-    /// Which.
-    pub parameter: &'static Parameter,
-    /// Its scale and drift.
-    pub added: AddedState<f64>,
-    /// Its first standard deviation.
-    pub sd: f64,
-}
-
-/// A parameter of the device that can be a state. As one it is the deviation from what the device table says: of a
-/// factor relative to it, of an offset in V.
-#[derive(Debug)]
-pub struct Parameter {
-    /// Its name in the experiment file and in trajectories.
-    pub name: &'static str,
-    /// Its name in the model of the motion, if it is there.
-    pub in_motion: Option<&'static str>,
-    /// Its name in the model of the readout, if it is there.
-    pub in_readout: Option<&'static str>,
-    /// What its deviation is.
-    pub kind: &'static Kind,
-    /// The unit of that in column names.
-    pub unit: &'static str,
-    /// What its drift is.
-    pub drift: &'static Kind,
-    /// Its value as the device table has it, which a deviation of 1 adds.
-    pub scale: fn(&Hardware) -> f64,
-}
-
-const fn factor(
-    name: &'static str,
-    in_motion: Option<&'static str>,
-    in_readout: Option<&'static str>,
-    scale: fn(&Hardware) -> f64,
-) -> Parameter {
-    let (kind, drift) = (&kind::RATIO, &kind::RATIO_DRIFT);
-    Parameter { name, in_motion, in_readout, kind, unit: "1", drift, scale }
-}
-
 /// The name of the capacitance that the drive reaches the signal through.
 pub const FEEDTHROUGH: &str = "feedthrough";
 
 /// All of them.
-pub static PARAMETERS: [Parameter; 4] = [
-    factor("gain", None, Some("comb.gain"), |hardware| hardware.readout.comb.gain),
-    Parameter {
-        name: "offset",
-        in_motion: None,
-        in_readout: Some("offset"),
-        kind: &kind::VOLTAGE,
-        unit: "V",
-        drift: &kind::VOLTAGE_DRIFT,
-        scale: |_| 1.0,
-    },
-    factor("natural_frequency", Some("resonator.natural_rate"), None, |hardware| {
-        hardware.mirror.resonator.natural_rate
-    }),
-    factor(FEEDTHROUGH, None, None, |hardware| hardware.feedthrough),
+static PARAMETERS: [Parameter; 4] = [
+    Parameter::factor("gain").in_readout("comb.gain"),
+    Parameter::volts("offset").in_readout("offset"),
+    Parameter::factor("natural_frequency").in_motion("resonator.natural_rate"),
+    Parameter::factor(FEEDTHROUGH),
 ];
+
+/// What a deviation of 1 adds to each of them.
+fn scales(hardware: &Hardware) -> [f64; 4] {
+    [hardware.readout.comb.gain, 1.0, hardware.mirror.resonator.natural_rate, hardware.feedthrough]
+}
 
 /// The states of the motion, as trajectories name them.
 const MOTION: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
@@ -182,17 +125,11 @@ impl FilterSettings {
         } else {
             experiment.values(at.clone().child("start_sd"), &filter.start_sd, states(Sign::Positive))?
         };
-        let (noise_key, noise) = if filter.process_noise.is_empty() {
-            (Key::from("estimate.process_noise"), &estimate.process_noise)
-        } else {
-            (at.clone().child("process_noise"), &filter.process_noise)
-        };
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
         let [acceleration_density] =
             if is_model { [0.0] } else { experiment.values(noise_key, noise, NOISE)? };
         Ok(Self {
-            key: filter.name.key(),
-            name: filter.name.to_string(),
-            is_model,
+            basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
             variant,
             signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
             threshold: filter.threshold.as_ref().map(|threshold| ThresholdSettings {
@@ -206,65 +143,19 @@ impl FilterSettings {
             start: state_at(experiment, at.clone().child("start"), start)?,
             start_sd,
             acceleration_density,
-            tracked: tracked(experiment, &at, filter, hardware)?,
-            smooth: filter.smooth,
-            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
         })
     }
 
     /// The names of its `N` states.
     pub fn states<const N: usize>(&self) -> [StateName; N] {
-        std::array::from_fn(|i| match self.tracked.get(i.wrapping_sub(MOTION.len())) {
-            Some(Tracked { parameter, .. }) => (parameter.name, parameter.unit, parameter.kind),
-            None => MOTION[i.min(MOTION.len() - 1)],
-        })
+        self.basics.states(&MOTION)
     }
 
     /// The first mean and standard deviation of each of its `N` states.
     pub fn start<const N: usize>(&self) -> ([f64; N], [f64; N]) {
         let motion = self.start.into_iter().zip(self.start_sd);
-        let mut all = motion.chain(self.tracked.iter().map(|tracked| (0.0, tracked.sd)));
+        let mut all = motion.chain(self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd)));
         let states: [(f64, f64); N] = std::array::from_fn(|_| all.next().unwrap_or((0.0, 0.0)));
         (states.map(|(mean, _)| mean), states.map(|(_, sd)| sd))
     }
-}
-
-/// The parameters that are states.
-fn tracked(
-    experiment: &Experiment,
-    at: &Key,
-    filter: &Filter,
-    hardware: &Hardware,
-) -> Result<Vec<Tracked>, ConfigError> {
-    let at = at.clone().child("states");
-    let known = || PARAMETERS.iter().map(|parameter| parameter.name);
-    if let Some(name) = filter.states.keys().find(|name| known().all(|known| known != name.as_str())) {
-        return Err(experiment.error(at.child(name), Fault::unknown_key(name, known())));
-    }
-    let mut all = Vec::new();
-    for parameter in &PARAMETERS {
-        let Some(TrackedState { start_sd, drift }) = filter.states.get(parameter.name) else { continue };
-        let key = at.clone().child(parameter.name);
-        let sd = experiment.value(key.clone().child("start_sd"), start_sd, parameter.kind, Sign::Positive)?;
-        let density = match drift {
-            Some(drift) => {
-                experiment.value(key.clone().child("drift"), drift, parameter.drift, Sign::NotNegative)?
-            }
-            None => 0.0,
-        };
-        let scale = (parameter.scale)(hardware);
-        if scale == 0.0 {
-            let name = parameter.name;
-            let why = format!(
-                "the device's {name} is 0, of which no other {name} is a multiple; give the device one above 0"
-            );
-            return Err(experiment.error(key, Fault::Value { why }));
-        }
-        all.push(Tracked {
-            parameter,
-            added: AddedState { scale, drift: Drift::RandomWalk { density } },
-            sd,
-        });
-    }
-    Ok(all)
 }

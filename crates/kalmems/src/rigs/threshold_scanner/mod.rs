@@ -14,10 +14,10 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::shared_scanner::{data::SegmentData, drive::Drive};
-use super::{Rig, SegmentEstimate};
+use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Motion, Progress};
+use crate::estimate::driven::DrivenSegment;
+use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, SignalSegment, estimate_segments};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
@@ -76,65 +76,20 @@ impl Rig for ThresholdScannerRig {
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let [drive_column, signal_column] = columns(experiment, index)?;
-        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?;
-        let signal = recording.column_of(signal_column, &kind::VOLTAGE)?;
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            let place = match segment.label.as_str() {
-                "" => recording.source().file.clone(),
-                label => format!("{}, segment `{label}`", recording.source().file),
-            };
-            let time_s = segment.time.to_vec();
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let too_short =
-                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
-            let interval_s = segment.time.interval_s().ok_or_else(too_short)?;
-            if span < settings.skip_s + 10.0 / settings.hardware.natural_hz() {
-                return Err(too_short());
-            }
-            let clipped = recording.diagnosis().iter().find(|finding| {
-                finding.kind == FindingKind::Saturation
-                    && finding.column.as_deref() == Some(signal_column)
-                    && finding.segment.as_ref().is_none_or(|label| *label == segment.label)
-            });
-            if let Some(finding) = clipped {
-                let (column, count) = (signal_column.to_owned(), finding.count);
-                return Err(EstimateError::Clipped { place, column, count });
-            }
-            let data = SegmentData {
-                time_s: &time_s,
-                signal: signal.of(segment),
-                drive: Drive::new(&time_s, drive.of(segment), interval_s),
-                interval_s,
-            };
-            if !data.signal.iter().any(|y| y.is_finite()) {
-                return Err(EstimateError::NoSignal { place, column: signal_column.to_owned() });
-            }
-            if let Some((first_s, count)) = data.drive.unknown(interval_s) {
-                let column = drive_column.to_owned();
-                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
-            }
+        let natural_hz = settings.hardware.natural_hz();
+        estimate_segments(recording, (signal_column, &kind::VOLTAGE), settings.skip_s, |segment| {
+            segment.require_after_settling(CYCLES / natural_hz)?;
+            require_unclipped(recording, segment)?;
+            let data = DrivenSegment::of(recording, segment, drive_column)?;
             let drive_slope = slope(&data, &settings.hardware);
-            let found = found(&settings, &data, &drive_slope, (&place, signal_column))?;
-            let motion = match data.drive.sine() {
-                Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
-                None => Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false },
-            };
+            let found = found(&settings, &data, &drive_slope, (segment.place, signal_column))?;
+            let motion = data.motion(natural_hz);
             let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
             let trajectories = segment::estimate(&settings, samples, progress)?;
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: drive_column.to_owned(),
-                signal_column: signal_column.to_owned(),
-                drive: data.drive.sine().copied(),
-                motion,
-                other_axes: Vec::new(),
-                skip_s: settings.skip_s,
-                parts: settings.parts,
-                trajectories,
-            });
-        }
-        Ok(estimates)
+            let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+            let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
+            Ok(SegmentEstimate { parts: settings.parts, ..estimate })
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -171,12 +126,27 @@ impl Rig for ThresholdScannerRig {
     }
 }
 
+/// Cycles of the motion that have to follow the settling time.
+const CYCLES: f64 = 10.0;
+
+/// Refuses a segment whose signal is clipped: the flanks that tell of a crossing are the first to go.
+fn require_unclipped(recording: &Recording, segment: &SignalSegment) -> Result<(), EstimateError> {
+    let clipped = recording.diagnosis().iter().find(|finding| {
+        finding.kind == FindingKind::Saturation
+            && finding.column.as_deref() == Some(segment.signal_column)
+            && finding.segment.as_ref().is_none_or(|label| *label == segment.segment.label)
+    });
+    let Some(finding) = clipped else { return Ok(()) };
+    let (place, column) = (segment.place.to_owned(), segment.signal_column.to_owned());
+    Err(EstimateError::Clipped { place, column, count: finding.count })
+}
+
 /// A drive that bends by more than this many standard deviations of the signal within a sample has no known slope there.
 const BEND: f64 = 3.0;
 
 /// dV/dt at each sample by central differences, in V/s. Where the drive bends so sharply, as where its power is cut off,
 /// that what it adds to the signal is not known to its noise, it is not a number.
-fn slope(data: &SegmentData, hardware: &Hardware) -> Vec<f64> {
+fn slope(data: &DrivenSegment, hardware: &Hardware) -> Vec<f64> {
     let last = data.time_s.len().saturating_sub(1);
     let volts = |k: usize| data.drive.sample(k).0;
     let between = |a: usize, b: usize| (volts(b) - volts(a)) / (data.time_s[b] - data.time_s[a]);
@@ -198,7 +168,7 @@ fn slope(data: &SegmentData, hardware: &Hardware) -> Vec<f64> {
 /// The crossings, or why there are none.
 fn found(
     settings: &Settings,
-    data: &SegmentData,
+    data: &DrivenSegment,
     drive_slope: &[f64],
     (place, column): (&str, &str),
 ) -> Result<Vec<crossings::Crossing>, EstimateError> {

@@ -5,11 +5,11 @@ use super::crossings::Crossing;
 use super::filters::FilterSettings;
 use super::plant::MirrorPlant;
 use super::settings::Settings;
+use crate::config::Method;
+use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{
-    EstimateError, Lookahead, ModelAlone, Motion, Progress, Trajectory, TrajectoryKind, follow, judge_lock,
-    smooth,
+    EstimateError, ModelAlone, Motion, Progress, Trajectory, TrajectoryKind, answers, judge_lock,
 };
-use crate::rigs::shared_scanner::data::SegmentData;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Ekf, Filter};
 
@@ -17,7 +17,7 @@ use kalmems_core::{Covariance, Ekf, Filter};
 #[derive(Clone, Copy)]
 pub struct Samples<'a> {
     /// Time, signal and drive.
-    pub data: &'a SegmentData<'a>,
+    pub data: &'a DrivenSegment<'a>,
     /// dV/dt at each sample in V/s; not a number where it is not known.
     pub drive_slope: &'a [f64],
     /// The crossings, in the order of time.
@@ -36,15 +36,9 @@ pub fn estimate(
     for filter in &settings.filters {
         let mut trajectories = one(&Task { settings, filter, samples, progress })?;
         let data = samples.data;
-        let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
+        let start_s = data.scored_from(settings.skip_s);
         for trajectory in &mut trajectories {
             trajectory.lock = judge_lock(trajectory, data.signal, &[("angle", samples.motion)], start_s);
-            if filter.is_model {
-                for state in &mut trajectory.states {
-                    // What claims no uncertainty; zeros would look like a claim.
-                    state.sd.clear();
-                }
-            }
         }
         all.append(&mut trajectories);
     }
@@ -61,7 +55,7 @@ struct Task<'a> {
 
 /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
 fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
-    match task.filter.tracked.len() {
+    match task.filter.basics.tracked.len() {
         0 => task.run::<0, 2>(),
         1 => task.run::<1, 3>(),
         2 => task.run::<2, 4>(),
@@ -73,7 +67,7 @@ fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
 impl Task<'_> {
     fn run<const A: usize, const N: usize>(&self) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = self.filter;
-        let wrong = |why: AugmentationError| EstimateError::Model { filter: filter.name.clone(), why };
+        let wrong = |why: AugmentationError| filter.basics.no_model(why);
         let plant = MirrorPlant::<A>::new(&self.settings.hardware, filter).map_err(wrong)?;
         let course = ThresholdCourse::<A, N>::new(
             &plant,
@@ -85,37 +79,23 @@ impl Task<'_> {
         );
         let mut course = course.map_err(wrong)?;
         let (mean, sd) = filter.start::<N>();
-        if filter.is_model {
-            let mut trajectories = self.follow(&mut course, &ModelAlone::new(mean))?;
+        if filter.basics.method == Method::Model {
+            let mut trajectories = self.answers(&mut course, &ModelAlone::new(mean))?;
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
+                trajectory.claim_nothing();
             }
             return Ok(trajectories);
         }
-        self.follow(&mut course, &Ekf::new(mean, Covariance::from_standard_deviations(sd)))
+        self.answers(&mut course, &Ekf::new(mean, Covariance::from_standard_deviations(sd)))
     }
 
-    /// The filtered trajectory, and the smoothed ones that are wanted.
-    fn follow<F: Filter<f64, N> + Copy, const A: usize, const N: usize>(
+    fn answers<F: Filter<f64, N> + Copy, const A: usize, const N: usize>(
         &self,
         course: &mut ThresholdCourse<'_, A, N>,
         start: &F,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = self.filter;
-        let names = (filter.key.as_str(), filter.name.as_str());
-        let filtered = follow(names, *start, course, &filter.states(), self.progress);
-        let mut filtered = filtered.ok_or(EstimateError::Interrupted)?;
-        filtered.crossings_log_likelihood = course.crossings_log_likelihood();
-        let mut trajectories = vec![filtered];
-        let whole = filter.smooth.then_some((Lookahead::Whole, "smoothed"));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // positive; beyond the segment is its end
-        let samples = |lag_s: f64| (lag_s / self.samples.data.interval_s).round() as usize;
-        let lagged = filter.lag_s.map(|lag_s| (Lookahead::Samples(samples(lag_s)), "lagged"));
-        for (lookahead, word) in whole.into_iter().chain(lagged) {
-            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-            trajectories.push(smooth((&key, &name), start, course, &trajectories[0], lookahead));
-        }
-        Ok(trajectories)
+        let course = (course, self.samples.data.interval_s);
+        answers(&self.filter.basics, start, course, &self.filter.states(), self.progress)
     }
 }

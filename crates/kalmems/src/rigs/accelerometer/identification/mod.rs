@@ -43,9 +43,13 @@ impl Outcome {
         self.stated[index] * Scalar::exp(self.found.logs[index])
     }
 
-    /// Relative to the value.
+    /// Relative to the value; infinite for what the recording does not tell.
     fn deviation(&self, index: usize) -> f64 {
-        self.found.covariance.standard_deviation(index)
+        if self.found.at_bound[index] {
+            f64::INFINITY
+        } else {
+            self.found.covariance.standard_deviation(index)
+        }
     }
 
     fn is_known(&self, index: usize) -> bool {

@@ -14,8 +14,10 @@ type Number = Dual<f64, COUNT>;
 pub struct Found {
     /// The logarithms of the factors.
     pub logs: [f64; COUNT],
-    /// Their covariance: the inverse of Fisher's information.
+    /// Their covariance: the inverse of Fisher's information; zero for what ran to its bound.
     pub covariance: Covariance<f64, COUNT>,
+    /// Which ran to their bound: the recording does not tell them.
+    pub at_bound: [bool; COUNT],
     /// ln p of what is counted.
     pub log_likelihood: f64,
     /// The same where the search began.
@@ -56,6 +58,8 @@ pub enum SearchError {
 
 /// The longest step of a logarithm: a factor of 1.6.
 const LONGEST: f64 = 0.5;
+/// How far a logarithm may go: to a quarter, or four times as much.
+const FARTHEST: f64 = 1.386;
 /// A step below this share of the standard error ends the search.
 const SETTLED: f64 = 1e-3;
 /// Steps, and halvings of one.
@@ -72,16 +76,20 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
         if progress.reached(0) == ControlFlow::Break(()) {
             return Err(SearchError::Interrupted);
         }
-        let step = at.score.step().ok_or(SearchError::Inseparable)?;
-        let shares = step.change.iter().zip(step.standard_deviation).map(|(change, sd)| (change / sd).abs());
-        if shares.fold(0.0, f64::max) < SETTLED {
-            return at.end(likelihood, at_start, passes);
+        let held = at.held();
+        let covariance = inverse(at.score.information(), &held).ok_or(SearchError::Inseparable)?;
+        let score = at.score.score();
+        let change: [f64; COUNT] =
+            std::array::from_fn(|i| (0..COUNT).map(|j| covariance.get(i, j) * score[j]).sum());
+        let settled = |i: usize| change[i].abs() <= SETTLED * covariance.standard_deviation(i);
+        if (0..COUNT).all(settled) {
+            return at.end(likelihood, (held, covariance), at_start, passes);
         }
-        let longest = step.change.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
+        let longest = change.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
         let mut share = (LONGEST / longest).min(1.0);
         let mut better = None;
         for _ in 0..HALVINGS {
-            let logs = std::array::from_fn(|i| at.logs[i] + share * step.change[i]);
+            let logs = std::array::from_fn(|i| (at.logs[i] + share * change[i]).clamp(-FARTHEST, FARTHEST));
             passes += 1;
             // Parameters without a settled filter are as good as impossible.
             better = Pass::of(likelihood, logs).ok().filter(|next| next.log_likelihood > at.log_likelihood);
@@ -93,7 +101,7 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
         match better {
             Some(next) => at = next,
             // No digit of the likelihood is left to gain.
-            None => return at.end(likelihood, at_start, passes),
+            None => return at.end(likelihood, (held, covariance), at_start, passes),
         }
     }
     Err(SearchError::Endless(STEPS))
@@ -131,13 +139,26 @@ impl Pass {
         })
     }
 
-    fn end(self, likelihood: &Likelihood, at_start: f64, passes: usize) -> Result<Found, SearchError> {
+    /// What stands at a bound that the likelihood would have it cross.
+    fn held(&self) -> [bool; COUNT] {
+        let score = self.score.score();
+        std::array::from_fn(|i| self.logs[i].abs() >= FARTHEST && self.logs[i] * score[i] > 0.0)
+    }
+
+    fn end(
+        self,
+        likelihood: &Likelihood,
+        (at_bound, covariance): ([bool; COUNT], Covariance<f64, COUNT>),
+        at_start: f64,
+        passes: usize,
+    ) -> Result<Found, SearchError> {
         let mut innovations = Vec::with_capacity(self.samples);
         likelihood.follow(&self.logs, &mut |innovation, _: f64| {
             innovations.push(innovation.residual[0] / innovation.covariance.standard_deviation(0));
         })?;
         Ok(Found {
-            covariance: inverse(self.score.information()).ok_or(SearchError::Inseparable)?,
+            covariance,
+            at_bound,
             logs: self.logs,
             log_likelihood: self.log_likelihood,
             at_start,
@@ -150,13 +171,19 @@ impl Pass {
     }
 }
 
-/// The inverse of an information, in units of each parameter's own.
-fn inverse(information: &Covariance<f64, COUNT>) -> Option<Covariance<f64, COUNT>> {
-    let unit: [f64; COUNT] = std::array::from_fn(|i| information.get(i, i).sqrt().recip());
-    let scaled = Mat::<f64, COUNT, COUNT>::from_fn(|i, j| information.get(i, j) * unit[i] * unit[j]);
+/// The inverse of an information, in units of each parameter's own; zero for those that are held. `None` where some
+/// parameter keeps next to nothing of its information when the others are unknown as well.
+fn inverse(information: &Covariance<f64, COUNT>, held: &[bool; COUNT]) -> Option<Covariance<f64, COUNT>> {
+    const SEPARABLE: f64 = 1e-9;
+    let unit: [f64; COUNT] =
+        std::array::from_fn(|i| if held[i] { 0.0 } else { information.get(i, i).sqrt().recip() });
+    let scaled = Mat::<f64, COUNT, COUNT>::from_fn(|i, j| {
+        if i == j { 1.0 } else { information.get(i, j) * unit[i] * unit[j] }
+    });
     let ldl = Ldl::of(&Covariance::from_lower(scaled));
     let columns: [[f64; COUNT]; COUNT] =
         std::array::from_fn(|j| ldl.solve(&std::array::from_fn(|i| f64::from(u8::from(i == j)))));
-    (ldl.positive && unit.iter().all(|unit| unit.is_finite()))
+    let separable = ldl.diagonal.iter().all(|left| *left > SEPARABLE);
+    (separable && unit.iter().all(|unit| unit.is_finite()))
         .then(|| Covariance::from_lower(Mat::from_fn(|i, j| columns[j][i] * unit[i] * unit[j])))
 }

@@ -59,8 +59,9 @@ pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcom
         .map(|(i, j)| found.moves.get(i, j) * found.covariance.get(i, j))
         .sum();
     identification.notes.push(format!(
-        "{place}: the standard errors found move the acceleration by {:.2} mg rms, beside the {:.2} mg that the filter \
+        "{place}: the standard errors found move the acceleration by {}{:.2} mg rms, beside the {:.2} mg that the filter \
          claims",
+        if found.at_bound.contains(&true) { "more than " } else { "" },
         square.sqrt() / MG,
         found.claimed / MG
     ));
@@ -87,6 +88,12 @@ fn undetermined(identification: &mut Identification, outcome: &Outcome) {
     );
     for (index, (name, _)) in NAMES.into_iter().enumerate() {
         if !outcome.is_known(index) {
+            if outcome.found.at_bound[index] {
+                let why = "its likelihood grows beyond a quarter or four times of what the experiment says, which keeps \
+                           its value: record with a dither on the feedback, or for longer";
+                add(name, why.to_owned());
+                continue;
+            }
             add(
                 name,
                 format!(
@@ -104,8 +111,10 @@ fn worst_pair(identification: &mut Identification, place: &str, outcome: &Outcom
     let c = &outcome.found.covariance;
     let pairs = (0..unknown::COUNT).flat_map(|i| (0..i).map(move |j| (j, i)));
     let correlation = |i: usize, j: usize| c.get(i, j) / (c.get(i, i) * c.get(j, j)).sqrt();
-    let worst =
-        pairs.map(|(i, j)| (correlation(i, j), [i, j])).max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
+    let worst = pairs
+        .map(|(i, j)| (correlation(i, j), [i, j]))
+        .filter(|(correlation, _)| correlation.is_finite())
+        .max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
     if let Some((correlation, pair)) = worst {
         let names = pair.map(|index| NAMES[index].0.to_owned());
         identification.worst_pairs.push(Correlated { names, correlation, recording: place.to_owned() });

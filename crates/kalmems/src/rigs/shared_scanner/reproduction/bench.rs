@@ -1,10 +1,10 @@
 //! The published device on the bench: its motion, recordings of it, and the estimators at work on them.
 
-use super::super::data::SegmentData;
 use super::super::segment;
 use super::super::settings::{Hardware, Settings};
 use super::failed;
 use crate::config::{Experiment, Method};
+use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Progress, Trajectory};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::reproduce::ReproduceError;
@@ -151,7 +151,7 @@ impl Bench {
         let signal = self.signal(motion, (seed, stream));
         let volts: Vec<f64> = motion.volts.iter().map(|volts| belief.drive * volts).collect();
         let interval_s = 1.0 / SAMPLING_HZ;
-        let data = SegmentData::new(&motion.time_s, &volts, &signal, interval_s);
+        let data = DrivenSegment::new(&motion.time_s, &volts, &signal, interval_s);
         let settings = self.told(belief, motion, &data);
         let extent =
             Extent { from_s: settings.skip_s, motion_hz: 0.5 * motion.drive_hz, drive: data.drive.sine() };
@@ -164,7 +164,7 @@ impl Bench {
     }
 
     /// The settings with what the estimators believe, and the sign of this motion, which no signal shows.
-    fn told(&self, belief: &Belief, motion: &Steady, data: &SegmentData) -> Settings {
+    fn told(&self, belief: &Belief, motion: &Steady, data: &DrivenSegment) -> Settings {
         let mut settings = self.settings.clone();
         settings.hardware.scanner.resonator.stiffness *= belief.stiffness;
         settings.hardware.scanner.resonator.damping *= belief.damping;
@@ -177,7 +177,7 @@ impl Bench {
                 filter.start = Some(first);
             }
         }
-        let peak = data.first_drive_peak(&settings);
+        let peak = data.first_drive_peak(settings.skip_s);
         let from = motion.time_s.partition_point(|t| *t < peak);
         let rate = motion.truth.rate.as_deref().unwrap_or_default();
         let first = extremes_of_rate(&motion.time_s[from..], rate.get(from..).unwrap_or_default());

@@ -2,8 +2,7 @@
 
 use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Sign};
-use crate::estimate::StateName;
-use crate::rigs::shared_scanner::filters::{FilterBasics, Parameter, process_noise};
+use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
 use crate::units::kind;
 use kalmems_core::Covariance;
 
@@ -53,13 +52,13 @@ const NOISE: [Entry; 2] = [
 /// The parameters that can be states. The drive is one for both axes; what acts on one axis alone is its stiffness and
 /// its damping.
 static PARAMETERS: [Parameter; 7] = [
-    Parameter::of_motion("stiffness_x", "scanner.x.resonator.stiffness", None),
-    Parameter::of_motion("stiffness_y", "scanner.y.resonator.stiffness", None),
-    Parameter::of_motion("damping_x", "scanner.x.resonator.damping", None),
-    Parameter::of_motion("damping_y", "scanner.y.resonator.damping", None),
-    Parameter::of_motion("drive_gain", "drive_gain", None),
-    Parameter::GAIN,
-    Parameter::OFFSET,
+    Parameter::factor("stiffness_x").in_motion("scanner.x.resonator.stiffness"),
+    Parameter::factor("stiffness_y").in_motion("scanner.y.resonator.stiffness"),
+    Parameter::factor("damping_x").in_motion("scanner.x.resonator.damping"),
+    Parameter::factor("damping_y").in_motion("scanner.y.resonator.damping"),
+    Parameter::factor("drive_gain").in_motion("drive_gain"),
+    Parameter::factor("gain").in_readout("gain"),
+    Parameter::volts("offset").in_readout("offset"),
 ];
 
 /// What a deviation of 1 adds to each of them.

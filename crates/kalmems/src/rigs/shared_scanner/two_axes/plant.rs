@@ -2,7 +2,7 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use crate::rigs::shared_scanner::plant::{Augmentation, Plain};
+use crate::estimate::driven::{Augmentation, Plain};
 use kalmems_core::NoiseDensity;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_models::dynamics::{TwoAxisDriveGain, TwoAxisScanner};

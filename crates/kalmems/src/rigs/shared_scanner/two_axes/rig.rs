@@ -6,13 +6,12 @@ use super::segment::{TwoAxisEstimate, estimate};
 use super::settings::Settings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, Device, Experiment};
-use crate::estimate::{EstimateError, Progress};
+use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
-use crate::rigs::shared_scanner::data::estimate_segments;
-use crate::rigs::shared_scanner::{columns, wanted};
-use crate::rigs::{Axis, Rig, SegmentEstimate};
+use crate::rigs::Rig;
+use crate::rigs::shared_scanner::{columns, estimate_driven, wanted};
 use crate::simulate::{SimulateError, Simulation};
 
 /// The rig.
@@ -51,11 +50,11 @@ impl Rig for TwoAxesRig {
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        estimate_segments((experiment, index), recording, settings.skip_s, |place, data| {
+        estimate_driven((experiment, index), recording, settings.skip_s, |place, data| {
             let TwoAxisEstimate { drive, trajectories } = estimate(&settings, place, data, progress)?;
             let [x, y] = drive.motions();
             let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
-            Ok((axis(0, x), vec![axis(1, y)], trajectories))
+            Ok(((axis(0, x), vec![axis(1, y)]), trajectories))
         })
     }
 

@@ -5,9 +5,8 @@ use super::plant::{both, both_with};
 use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
+use crate::estimate::driven::{Augmentation, DrivenSegment, Plant};
 use crate::estimate::{EstimateError, Progress, Trajectory, judge_lock};
-use crate::rigs::shared_scanner::data::SegmentData;
-use crate::rigs::shared_scanner::plant::{Augmentation, Plant};
 use crate::rigs::shared_scanner::segment::{Follower, orient};
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::dynamics::TwoAxisDriveGain;
@@ -27,14 +26,15 @@ pub struct TwoAxisEstimate {
 pub fn estimate(
     settings: &Settings,
     place: &str,
-    data: &SegmentData,
+    data: &DrivenSegment,
     progress: &dyn Progress,
 ) -> Result<TwoAxisEstimate, EstimateError> {
     let drive = DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
         .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?;
     let motions = drive.motions();
     let slowest_hz = motions.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
-    let start_s = data.scored_from(place, settings.skip_s, slowest_hz)?;
+    data.require_cycles(place, settings.skip_s, slowest_hz)?;
+    let start_s = data.scored_from(settings.skip_s);
     let mut trajectories = Vec::new();
     for filter in &settings.filters {
         let mut found = Task { settings, filter, data, drive: &drive, place, progress }.one()?;
@@ -64,7 +64,7 @@ const WINDOW_S: f64 = 2e-3;
 struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
-    data: &'a SegmentData<'a>,
+    data: &'a DrivenSegment<'a>,
     drive: &'a DriveTones,
     place: &'a str,
     progress: &'a dyn Progress,

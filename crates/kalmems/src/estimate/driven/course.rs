@@ -1,16 +1,14 @@
-//! The scanner's way through one segment.
+//! A driven device on its way through one segment.
 
-use super::data::SegmentData;
-use super::drive::Drive;
-use super::plant::Plant;
+use super::{Drive, DrivenSegment, Plant};
 use crate::estimate::{Counts, Course};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Filter, FilterError, Mat, Nodes, Over, Process, ProcessNoise};
 
 /// Model, drive and signal of one segment.
-pub struct ScannerCourse<'a, P: Plant<N>, const N: usize> {
+pub struct DrivenCourse<'a, P: Plant<N>, const N: usize> {
     plant: &'a P,
-    data: &'a SegmentData<'a>,
+    data: &'a DrivenSegment<'a>,
     noise_variance: f64,
     usual: P::Process,
 }
@@ -19,18 +17,18 @@ pub struct ScannerCourse<'a, P: Plant<N>, const N: usize> {
 /// times written in decimals round to.
 const SAME: f64 = 1e-6;
 
-impl<'a, P: Plant<N>, const N: usize> ScannerCourse<'a, P, N> {
+impl<'a, P: Plant<N>, const N: usize> DrivenCourse<'a, P, N> {
     /// A way through this segment.
     pub fn new(
         plant: &'a P,
         noise_variance: f64,
-        data: &'a SegmentData<'a>,
+        data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         Ok(Self { plant, data, noise_variance, usual: plant.over(data.interval_s)? })
     }
 }
 
-impl<P: Plant<N>, const N: usize> Course<N> for ScannerCourse<'_, P, N> {
+impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
     type Measurement = P::Readout;
 
     fn time_s(&self) -> &[f64] {

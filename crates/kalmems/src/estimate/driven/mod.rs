@@ -1,0 +1,11 @@
+//! Devices that a recorded voltage drives.
+
+mod course;
+mod drive;
+mod plant;
+mod segment;
+
+pub use course::DrivenCourse;
+pub use drive::Drive;
+pub use plant::{Augmentation, Plain, Plant, WithParameters, step};
+pub use segment::DrivenSegment;

@@ -1,0 +1,86 @@
+//! What the estimators see of a segment with a drive.
+
+use super::Drive;
+use crate::estimate::segments::require_after_settling;
+use crate::estimate::{Axis, EstimateError, Motion, SegmentEstimate, SignalSegment, Trajectory};
+use crate::recording::Recording;
+use crate::units::kind;
+
+/// One segment of a recording with a drive voltage, as the estimators see it.
+#[derive(Clone, Debug)]
+pub struct DrivenSegment<'a> {
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// The signal in V.
+    pub signal: &'a [f64],
+    /// The drive.
+    pub drive: Drive<'a>,
+    /// The usual interval between samples in s.
+    pub interval_s: f64,
+}
+
+impl<'a> DrivenSegment<'a> {
+    /// Takes the samples: time in s, drive and signal in V; `interval_s` is the usual one.
+    pub fn new(time_s: &'a [f64], drive: &'a [f64], signal: &'a [f64], interval_s: f64) -> Self {
+        Self { time_s, signal, drive: Drive::new(time_s, drive, interval_s), interval_s }
+    }
+
+    /// A segment with the drive in this column; refused where the drive is not known throughout.
+    pub fn of(
+        recording: &'a Recording,
+        segment: &SignalSegment<'a>,
+        drive_column: &str,
+    ) -> Result<Self, EstimateError> {
+        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
+        let data = Self::new(segment.time_s, drive, segment.signal, segment.interval_s);
+        if let Some((first_s, count)) = data.drive.unknown(segment.interval_s) {
+            let (place, column) = (segment.place.to_owned(), drive_column.to_owned());
+            return Err(EstimateError::DriveUnknown { place, column, count, first_s });
+        }
+        Ok(data)
+    }
+
+    /// How fast a device moves that is driven at twice its frequency: at half that of a steady drive, else at its own.
+    pub fn motion(&self, natural_hz: f64) -> Motion {
+        match self.drive.sine() {
+            Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
+            None => Motion { frequency_hz: natural_hz, is_driven: false },
+        }
+    }
+
+    /// The end of the settling time in s.
+    pub fn scored_from(&self, skip_s: f64) -> f64 {
+        self.time_s.first().copied().unwrap_or(0.0) + skip_s
+    }
+
+    /// Refuses a segment, which `place` names, in which ten cycles of the slowest motion do not follow the settling time.
+    pub fn require_cycles(&self, place: &str, skip_s: f64, slowest_hz: f64) -> Result<(), EstimateError> {
+        require_after_settling(place, self.time_s, skip_s, CYCLES / slowest_hz)
+    }
+
+    /// The first drive peak after the settling time; the end of the settling time where there is none.
+    pub fn first_drive_peak(&self, skip_s: f64) -> f64 {
+        let start = self.scored_from(skip_s);
+        self.drive.sine().map_or(start, |sine| sine.peak_after(start))
+    }
+}
+
+/// Cycles of the slowest motion that have to follow the settling time.
+const CYCLES: f64 = 10.0;
+
+impl SignalSegment<'_> {
+    /// What the filters say of it, of a device with a drive: of its first axis, and of others.
+    pub fn estimated_under(
+        &self,
+        drive_column: &str,
+        (axis, other_axes): (Axis, Vec<Axis>),
+        trajectories: Vec<Trajectory>,
+    ) -> SegmentEstimate {
+        SegmentEstimate {
+            drive_column: drive_column.to_owned(),
+            drive: axis.drive,
+            other_axes,
+            ..self.estimated(axis.motion, trajectories)
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! What the table of a filter says, whatever the device.
+
+use super::tracked::{Parameter, Tracked, tracked};
+use super::{EstimateError, StateName};
+use crate::config::{ConfigError, Estimate, Experiment, Filter, Key, Method, Quantity, Values};
+use crate::units::kind;
+use kalmems_core::SigmaPoints;
+use kalmems_core::augmentation::AugmentationError;
+
+/// What every filter has.
+#[derive(Clone, Debug)]
+pub struct FilterBasics {
+    /// Its name in files.
+    pub key: String,
+    /// Its name for people.
+    pub name: String,
+    /// How it estimates.
+    pub method: Method,
+    /// The parameters that are states, in the order in which the rig lists them.
+    pub tracked: Vec<Tracked>,
+    /// How sigma points are spread.
+    pub points: SigmaPoints<f64>,
+    /// Whether it is smoothed over the whole recording.
+    pub smooth: bool,
+    /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
+    pub lag_s: Option<f64>,
+}
+
+impl FilterBasics {
+    /// Reads and checks them; a deviation of 1 of each of the rig's parameters adds its scale.
+    pub fn of(
+        experiment: &Experiment,
+        at: &Key,
+        filter: &Filter,
+        parameters: (&'static [Parameter], &[f64]),
+    ) -> Result<Self, ConfigError> {
+        Ok(Self {
+            key: filter.name.key(),
+            name: filter.name.to_string(),
+            method: filter.method,
+            tracked: tracked(experiment, at, filter, parameters)?,
+            points: SigmaPoints {
+                alpha: filter.alpha.unwrap_or(1.0),
+                beta: filter.beta.unwrap_or(2.0),
+                kappa: filter.kappa.unwrap_or(1.0),
+            },
+            smooth: filter.smooth,
+            lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
+        })
+    }
+
+    /// The names of its `N` states, the parameters behind those of the motion.
+    pub fn states<const N: usize>(&self, motion: &[StateName]) -> [StateName; N] {
+        let parameters = self
+            .tracked
+            .iter()
+            .map(|Tracked { parameter, .. }| (parameter.name, parameter.unit, parameter.kind));
+        let mut all = motion.iter().copied().chain(parameters);
+        std::array::from_fn(|_| all.next().unwrap_or(("", "1", &kind::RATIO)))
+    }
+
+    /// How many samples of this interval in s a smoother with a fixed lag looks ahead, where one is wanted.
+    pub(super) fn lag_samples(&self, interval_s: f64) -> Option<usize> {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // positive; beyond the segment is its end
+        self.lag_s.map(|lag_s| (lag_s / interval_s).round() as usize)
+    }
+
+    /// The model that this filter asks for cannot be made.
+    pub fn no_model(&self, why: AugmentationError) -> EstimateError {
+        EstimateError::Model { filter: self.name.clone(), why }
+    }
+}
+
+/// Where the file has a filter's process noise, its own or that of all, and what it says.
+pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a Filter) -> (Key, &'a Values) {
+    if filter.process_noise.is_empty() {
+        (Key::from("estimate.process_noise"), &estimate.process_noise)
+    } else {
+        (at.clone().child("process_noise"), &filter.process_noise)
+    }
+}

@@ -1,0 +1,109 @@
+//! Parameters of a device that are states of a filter.
+
+use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Sign, TrackedState};
+use crate::units::{Kind, kind};
+use kalmems_core::augmentation::{AddedState, Drift};
+
+/// A parameter that is a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Tracked {
+    /// Which.
+    pub parameter: &'static Parameter,
+    /// Its scale and drift.
+    pub added: AddedState<f64>,
+    /// Its first standard deviation.
+    pub sd: f64,
+}
+
+/// A parameter of the device that can be a state. As one it is the deviation from what the device table says: of a
+/// factor relative to it, of an offset in V.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its name in the experiment file and in trajectories.
+    pub name: &'static str,
+    /// Its name in the model of the motion, if it is there.
+    pub in_motion: Option<&'static str>,
+    /// Its name in the model of the readout.
+    pub in_readout: Option<&'static str>,
+    /// Its name in the model of both in one, of a readout that has states of its own.
+    pub in_whole: Option<&'static str>,
+    /// What its deviation is.
+    pub kind: &'static Kind,
+    /// The unit of that in column names.
+    pub unit: &'static str,
+    /// What its drift is.
+    pub drift: &'static Kind,
+}
+
+impl Parameter {
+    /// A factor, relative to what the device table says.
+    pub const fn factor(name: &'static str) -> Self {
+        Self::new(name, (&kind::RATIO, "1", &kind::RATIO_DRIFT))
+    }
+
+    /// A voltage.
+    pub const fn volts(name: &'static str) -> Self {
+        Self::new(name, (&kind::VOLTAGE, "V", &kind::VOLTAGE_DRIFT))
+    }
+
+    const fn new(
+        name: &'static str,
+        (kind, unit, drift): (&'static Kind, &'static str, &'static Kind),
+    ) -> Self {
+        Self { name, in_motion: None, in_readout: None, in_whole: None, kind, unit, drift }
+    }
+
+    /// The same, which the motion depends on under this name.
+    #[must_use]
+    pub const fn in_motion(self, name: &'static str) -> Self {
+        Self { in_motion: Some(name), ..self }
+    }
+
+    /// The same, which the readout depends on under this name.
+    #[must_use]
+    pub const fn in_readout(self, name: &'static str) -> Self {
+        Self { in_readout: Some(name), ..self }
+    }
+
+    /// The same, which the model of both in one depends on under this name.
+    #[must_use]
+    pub const fn in_whole(self, name: &'static str) -> Self {
+        Self { in_whole: Some(name), ..self }
+    }
+}
+
+/// The parameters that are states.
+pub(super) fn tracked(
+    experiment: &Experiment,
+    at: &Key,
+    filter: &Filter,
+    (parameters, scales): (&'static [Parameter], &[f64]),
+) -> Result<Vec<Tracked>, ConfigError> {
+    let at = at.clone().child("states");
+    let known = || parameters.iter().map(|parameter| parameter.name);
+    if let Some(name) = filter.states.keys().find(|name| known().all(|known| known != name.as_str())) {
+        return Err(experiment.error(at.child(name), Fault::unknown_key(name, known())));
+    }
+    let mut all = Vec::new();
+    for (parameter, &scale) in parameters.iter().zip(scales) {
+        let Some(TrackedState { start_sd, drift }) = filter.states.get(parameter.name) else { continue };
+        let key = at.clone().child(parameter.name);
+        let sd = experiment.value(key.clone().child("start_sd"), start_sd, parameter.kind, Sign::Positive)?;
+        let density = match drift {
+            Some(drift) => {
+                experiment.value(key.clone().child("drift"), drift, parameter.drift, Sign::NotNegative)?
+            }
+            None => 0.0,
+        };
+        if scale == 0.0 {
+            let name = parameter.name;
+            let why = format!(
+                "the device's {name} is 0, of which no other {name} is a multiple; give the device one above 0"
+            );
+            return Err(experiment.error(key, Fault::Value { why }));
+        }
+        let added = AddedState { scale, drift: Drift::RandomWalk { density } };
+        all.push(Tracked { parameter, added, sd });
+    }
+    Ok(all)
+}
