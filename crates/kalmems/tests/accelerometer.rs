@@ -354,13 +354,17 @@ fn a_wrong_feedback_is_recognised() {
     }
     // An identification would find an instrument that is not there; it says the same.
     let mut turned = recorded.clone();
-    turned.iter_mut().for_each(|row| row[1] = -row[1]);
+    for row in &mut turned {
+        row[1] = -row[1];
+    }
     let wrong = from_files(folder.path(), &experiment, &turned, &truth);
     let why = rigs::of(&wrong).unwrap().identify(&wrong, &Silent).unwrap_err().to_string();
     assert!(why.contains("opposite sign"), "{why}");
     // A mass on its plate: 7.47e5 V/m times 0.9 gap, over 1 − 0.9².
     let mut stuck = recorded.clone();
-    stuck[5000..].iter_mut().for_each(|row| row[2] = 8.2);
+    for row in &mut stuck[5000..] {
+        row[2] = 8.2;
+    }
     let wrong = from_files(folder.path(), &experiment, &stuck, &truth);
     let Err(WorkflowError::Estimate(why @ EstimateError::PulledIn { time_s, count: 5001, .. })) =
         workflow::estimate(&wrong, &Silent)

@@ -32,6 +32,8 @@ pub struct Found {
     pub moves: Covariance<f64, COUNT>,
     /// Likelihoods that were computed.
     pub passes: usize,
+    /// Whether the search came to its end, and not to its last step.
+    pub is_settled: bool,
 }
 
 /// Why the search has no end.
@@ -46,11 +48,6 @@ pub enum SearchError {
          for longer"
     )]
     Inseparable,
-    /// It ran away, or crept.
-    #[error(
-        "the likelihood has no maximum near the values of the experiment after {0} steps; give better ones"
-    )]
-    Endless(usize),
     /// Stopped from outside.
     #[error("interrupted")]
     Interrupted,
@@ -62,6 +59,8 @@ const LONGEST: f64 = 0.5;
 const FARTHEST: f64 = 1.386;
 /// A step below this share of the standard error ends the search.
 const SETTLED: f64 = 1e-3;
+/// A gain of ln p below this is none: a step of a seventieth of a standard error.
+const NEXT_TO_NOTHING: f64 = 1e-4;
 /// Steps, and halvings of one.
 const STEPS: usize = 60;
 const HALVINGS: usize = 30;
@@ -72,18 +71,21 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
     let mut at = Pass::of(likelihood, [0.0; COUNT])?;
     let at_start = at.log_likelihood;
     let mut passes = 1;
-    for _ in 0..STEPS {
+    let mut gain = f64::INFINITY;
+    let mut taken = 0;
+    loop {
         if progress.reached(0) == ControlFlow::Break(()) {
             return Err(SearchError::Interrupted);
         }
         let held = at.held();
-        let covariance = inverse(at.score.information(), &held).ok_or(SearchError::Inseparable)?;
+        let covariance = inverse(at.score.information(), held).ok_or(SearchError::Inseparable)?;
         let score = at.score.score();
         let change: [f64; COUNT] =
             std::array::from_fn(|i| (0..COUNT).map(|j| covariance.get(i, j) * score[j]).sum());
         let settled = |i: usize| change[i].abs() <= SETTLED * covariance.standard_deviation(i);
-        if (0..COUNT).all(settled) {
-            return at.end(likelihood, (held, covariance), at_start, passes);
+        let is_settled = (0..COUNT).all(settled) || gain < NEXT_TO_NOTHING;
+        if is_settled || taken == STEPS {
+            return at.end(likelihood, (held, covariance), at_start, (passes, is_settled));
         }
         let longest = change.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
         let mut share = (LONGEST / longest).min(1.0);
@@ -99,12 +101,15 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
             share *= 0.5;
         }
         match better {
-            Some(next) => at = next,
+            Some(next) => {
+                gain = next.log_likelihood - at.log_likelihood;
+                at = next;
+            }
             // No digit of the likelihood is left to gain.
-            None => return at.end(likelihood, (held, covariance), at_start, passes),
+            None => return at.end(likelihood, (held, covariance), at_start, (passes, true)),
         }
+        taken += 1;
     }
-    Err(SearchError::Endless(STEPS))
 }
 
 /// The likelihood at one set of parameters with its slope.
@@ -119,7 +124,7 @@ struct Pass {
 
 impl Pass {
     fn of(likelihood: &Likelihood, logs: [f64; COUNT]) -> Result<Self, LikelihoodError> {
-        let (mut total, mut samples, mut score) = (0.0, 0, Score::new());
+        let (mut total, mut samples, mut score) = (0.0, 0_usize, Score::new());
         let mut moves = Covariance::<f64, COUNT>::zero();
         let claimed = likelihood.follow(&Number::variables(&logs), &mut |innovation, acceleration| {
             score.add(innovation);
@@ -128,14 +133,14 @@ impl Pass {
             let by = acceleration.gradient();
             moves = moves.plus(&Covariance::from_lower(Mat::from_fn(|i, j| by[i] * by[j])));
         })?;
-        let mean = |i: usize, j: usize| moves.get(i, j) / f64::from(samples.max(1));
+        let mean = |i: usize, j: usize| moves.get(i, j) / samples.max(1) as f64;
         Ok(Self {
             logs,
             log_likelihood: total,
             score,
             moves: Covariance::from_lower(Mat::from_fn(mean)),
             claimed: claimed.value(),
-            samples: samples as usize,
+            samples,
         })
     }
 
@@ -150,7 +155,7 @@ impl Pass {
         likelihood: &Likelihood,
         (at_bound, covariance): ([bool; COUNT], Covariance<f64, COUNT>),
         at_start: f64,
-        passes: usize,
+        (passes, is_settled): (usize, bool),
     ) -> Result<Found, SearchError> {
         let mut innovations = Vec::with_capacity(self.samples);
         likelihood.follow(&self.logs, &mut |innovation, _: f64| {
@@ -167,13 +172,14 @@ impl Pass {
             claimed: self.claimed,
             moves: self.moves,
             passes,
+            is_settled,
         })
     }
 }
 
 /// The inverse of an information, in units of each parameter's own; zero for those that are held. `None` where some
 /// parameter keeps next to nothing of its information when the others are unknown as well.
-fn inverse(information: &Covariance<f64, COUNT>, held: &[bool; COUNT]) -> Option<Covariance<f64, COUNT>> {
+fn inverse(information: &Covariance<f64, COUNT>, held: [bool; COUNT]) -> Option<Covariance<f64, COUNT>> {
     const SEPARABLE: f64 = 1e-9;
     let unit: [f64; COUNT] =
         std::array::from_fn(|i| if held[i] { 0.0 } else { information.get(i, i).sqrt().recip() });

@@ -53,6 +53,13 @@ pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcom
             whiteness.durbin_watson, whiteness.probability
         ));
     }
+    if !found.is_settled {
+        identification.warnings.push(format!(
+            "{place}: the search was given up after {} passes while ln p still grew: the recording hardly tells the \
+             parameters apart; record with a dither on the feedback, or for longer",
+            found.passes
+        ));
+    }
     // tr(M·C): what the errors of the parameters move the acceleration by.
     let square: f64 = (0..unknown::COUNT)
         .flat_map(|i| (0..unknown::COUNT).map(move |j| (i, j)))
