@@ -14,6 +14,7 @@ mod piezo_stage;
 mod proof_mass;
 mod resonator;
 mod two_axis;
+mod uncertain;
 
 pub use accelerometer::{Accelerometer, CarrierDriven, SensedAcceleration, StaticPullIn};
 pub use comb_driven::CombDrivenMirror;
@@ -29,3 +30,4 @@ pub use piezo_stage::{PiezoStage, TiltAndPiston};
 pub use proof_mass::ProofMass;
 pub use resonator::TorsionalResonator;
 pub use two_axis::{TwoAxisDriveGain, TwoAxisScanner};
+pub use uncertain::UncertainMechanics;

@@ -84,6 +84,7 @@ impl Experiment {
         }
         if let Some(simulate) = &self.simulate {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
+            self.check_dither(simulate)?;
         }
         Ok(())
     }
@@ -137,12 +138,27 @@ impl Experiment {
                 let why = format!("the method `{word}` is for the accelerometer alone; use `ekf`");
                 return Err(self.error(key.child("method"), Fault::Value { why }));
             }
+            if filter.noise_memory.is_some() {
+                let why = "only the accelerometer's filters estimate the variance of a sample; leave it out";
+                return Err(self.error(key.child("noise_memory"), Fault::Value { why: why.to_owned() }));
+            }
             if filter.known_acceleration {
                 let why = "only the accelerometer has an acceleration that could be known; leave it out";
                 return Err(self.error(key.child("known_acceleration"), Fault::Value { why: why.to_owned() }));
             }
         }
         Ok(())
+    }
+
+    /// What can be added to a feedback is refused where there is none.
+    fn check_dither(&self, simulate: &Simulate) -> Result<(), ConfigError> {
+        let has_feedback = matches!(&self.device, Device::Accelerometer(device) if device.feedback.is_some());
+        if has_feedback || simulate.dither.is_none() {
+            return Ok(());
+        }
+        let why = "a dither is added to the feedback of an accelerometer, and there is none; leave it out, or write \
+                   `[device.accelerometer.feedback]`";
+        Err(self.error("simulate.dither", Fault::Value { why: why.to_owned() }))
     }
 
     fn check_names(&self) -> Result<(), ConfigError> {

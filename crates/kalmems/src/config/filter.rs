@@ -62,6 +62,11 @@ pub struct Filter {
     /// if left out.
     #[serde(default, skip_serializing_if = "is_false")]
     pub known_acceleration: bool,
+    /// Over how long the variance of a sample is estimated from the innovations, by recursive least squares that forget;
+    /// it is the readout's if left out. For the accelerometer alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"20 ms")]
+    pub noise_memory: Option<Quantity<Time, Positive>>,
     /// How fast the error of the method `luenberger` decays: the corner of a Butterworth pattern of its poles.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2 kHz")]
@@ -127,6 +132,12 @@ pub enum Method {
     Luenberger,
     /// Each sample by itself, the sensor's law inverted.
     DirectInversion,
+    /// The extended Kalman filter that considers the parameters in `states` uncertain and estimates none of them
+    /// (Schmidt's).
+    ConsiderEkf,
+    /// Extended Kalman filters side by side, weighed by their likelihood: each of the parameters in `states` as the device
+    /// table has it, and off by its `start_sd` to both sides, in all combinations.
+    Bank,
 }
 
 impl Method {
@@ -149,6 +160,8 @@ impl Method {
             Self::KalmanBucy => "kalman_bucy",
             Self::Luenberger => "luenberger",
             Self::DirectInversion => "direct_inversion",
+            Self::ConsiderEkf => "consider_ekf",
+            Self::Bank => "bank",
         }
     }
 
@@ -182,7 +195,7 @@ impl Method {
 
     /// Whether it is for a device that is linear but for a small part: the accelerometer alone.
     pub const fn is_for_nearly_linear(self) -> bool {
-        self.has_fixed_gain() || matches!(self, Self::HybridEkf)
+        self.has_fixed_gain() || matches!(self, Self::HybridEkf | Self::ConsiderEkf | Self::Bank)
     }
 
     /// Whether it says how uncertain it is.
@@ -367,6 +380,7 @@ impl Filter {
                 ("start_sd", !self.start_sd.is_empty()),
                 ("process_noise", !self.process_noise.is_empty()),
                 ("states", !self.states.is_empty()),
+                ("noise_memory", self.noise_memory.is_some()),
                 ("smooth", self.smooth),
                 ("smooth_lag", self.smooth_lag.is_some()),
             ];
@@ -387,13 +401,23 @@ impl Filter {
             let why = "the method `square_root_ukf` tracks no parameters; use `ukf`, which says the same to rounding";
             return refuse("states", why.to_owned());
         }
-        if self.method.has_fixed_gain() {
+        if self.method.has_fixed_gain() || matches!(self.method, Method::ConsiderEkf | Method::Bank) {
             let more = [("smooth", self.smooth), ("smooth_lag", self.smooth_lag.is_some())];
             if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
                 let why =
                     format!("the method `{word}` has no covariances that a smoother could use; leave it out");
                 return refuse(name, why);
             }
+        }
+        let has_no_covariance = self.method.has_fixed_gain() || self.method == Method::Bank;
+        if has_no_covariance && self.noise_memory.is_some() {
+            let why = format!("the method `{word}` has gains for one variance of a sample; leave it out");
+            return refuse("noise_memory", why);
+        }
+        if self.noise_memory.is_some() && (self.smooth || self.smooth_lag.is_some()) {
+            let why =
+                "a filter that finds the variance of a sample is not smoothed; leave out one of the two";
+            return refuse("noise_memory", why.to_owned());
         }
         match (self.method == Method::Luenberger, self.observer_bandwidth.is_some()) {
             (true, false) => return missing("observer_bandwidth", "write `observer_bandwidth = \"2 kHz\"`"),

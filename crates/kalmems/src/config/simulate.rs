@@ -37,6 +37,9 @@ pub struct Simulate {
     /// A converter that rounds the signal; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adc: Option<Adc>,
+    /// What is added to the feedback of an accelerometer, so that its parameters can be identified; nothing if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dither: Option<Dither>,
     /// What a micro-stage is recorded under; ideal if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageConditions>,
@@ -87,6 +90,26 @@ pub struct Adc {
     pub low: Quantity<Voltage>,
     /// The highest level. What lies above is clipped to it.
     pub high: Quantity<Voltage>,
+}
+
+/// Sines of equal amplitude on top of a feedback voltage: their frequencies are in geometric progression, their phases
+/// chance by the seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Dither {
+    /// The root mean square of their sum.
+    #[schemars(example = &"4 mV")]
+    pub rms: Quantity<Voltage, Positive>,
+    /// The lowest frequency.
+    #[schemars(example = &"200 Hz")]
+    pub from: Quantity<Frequency, Positive>,
+    /// The highest frequency, below half the sampling rate.
+    #[schemars(example = &"40 kHz")]
+    pub to: Quantity<Frequency, Positive>,
+    /// How many, 2 to 1000.
+    #[serde(deserialize_with = "tones")]
+    #[schemars(range(min = 2, max = 1000))]
+    pub tones: u32,
 }
 
 /// What drives the device.
@@ -397,6 +420,17 @@ impl Simulate {
                 "averaging needs the noise that is averaged; write `single_shot_noise = \"1.6e-8 V^2\"` too";
             return at("stage.averages", why.to_owned());
         }
+        if let Some(dither) = &self.dither {
+            let (from, to) = (&dither.from, &dither.to);
+            if to.si() >= 0.5 * self.sampling_rate.si() {
+                let why = format!("`{}` is not below half of `sampling_rate`", to.text());
+                return at("dither.to", why);
+            }
+            if from.si() >= to.si() {
+                let why = format!("`{}` is not below `to`, `{}`", from.text(), to.text());
+                return at("dither.from", why);
+            }
+        }
         if let DriveSource::Square(square) = &self.drive
             && square.duty_cycle.si() >= 1.0
         {
@@ -436,6 +470,14 @@ fn averages<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D
     count.map(Some).ok_or_else(|| {
         D::Error::custom(format!("`{number}` is not 1 to 65536; write the number of periods, such as `1024`"))
     })
+}
+
+fn tones<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = i64::deserialize(deserializer)?;
+    u32::try_from(number)
+        .ok()
+        .filter(|tones| (2..=1000).contains(tones))
+        .ok_or_else(|| D::Error::custom(format!("`{number}` is not 2 to 1000; write how many, such as `16`")))
 }
 
 fn start() -> serde_json::Value {

@@ -70,7 +70,9 @@ impl<const N: usize> AnyFilter<N> {
             | Method::HybridEkf
             | Method::SteadyState
             | Method::KalmanBucy
-            | Method::Luenberger => Self::Ekf(Ekf::new(mean, covariance)),
+            | Method::Luenberger
+            | Method::ConsiderEkf
+            | Method::Bank => Self::Ekf(Ekf::new(mean, covariance)),
             Method::IteratedEkf => Self::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
             Method::SquareRootEkf => Self::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
             Method::Ukf | Method::SquareRootUkf => Self::Ukf(Ukf::new(mean, covariance, points)),

@@ -164,9 +164,30 @@ pub enum EstimateError {
         /// How many samples.
         count: usize,
     },
+    /// The mass lay on a plate.
+    #[error(
+        "{place}: the mass was pulled in to a plate at {time_s} s: the signal `{column}` is {volts:.3} V there, and so in \
+         {count} samples, where a mass at its stops gives ±{stopped_v:.3} V; it measures nothing from there on: shorten the \
+         recording, or lower acceleration, carrier or bias"
+    )]
+    PulledIn {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// When first.
+        time_s: f64,
+        /// What was read there.
+        volts: f64,
+        /// What is read of a mass at its stops.
+        stopped_v: f64,
+        /// In how many samples.
+        count: usize,
+    },
     /// There are too few samples per cycle to follow the motion.
     #[error(
-        "{place}: sampled at {rate_hz} Hz, which is not above twice the {motion_hz} Hz of the motion: its frequency would be          taken for {alias_hz} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
+        "{place}: sampled at {rate_hz} Hz, which is not above twice the {motion_hz} Hz of the motion: its frequency would be \
+         taken for {alias_hz} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
     )]
     SampledTooSlowly {
         /// The recording and its segment.

@@ -46,7 +46,7 @@ impl WhiteNoise {
     }
 
     /// In [0, 1), from the upper 53 bits.
-    fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }

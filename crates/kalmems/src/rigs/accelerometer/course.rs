@@ -2,8 +2,9 @@
 
 use super::data::{Input, SegmentData};
 use super::instrument::{Exact, Instrument, Observing, Readout};
+use super::noise_estimate::NoiseEstimate;
 use crate::estimate::{Counts, Course};
-use kalmems_core::{ContinuousDiscrete, Dynamics, Filter, FilterError, Scaled};
+use kalmems_core::{ContinuousDiscrete, Covariance, Dynamics, Filter, FilterError, Innovation, Scaled};
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
 /// times written in decimals round to.
@@ -79,13 +80,38 @@ pub struct AccelerometerCourse<'a, D, S, const N: usize> {
     instrument: &'a Instrument<D, N>,
     data: &'a SegmentData<'a>,
     step: S,
+    noise: Option<NoiseEstimate>,
 }
 
 impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
     /// A way through this segment.
     pub fn new(instrument: &'a Instrument<D, N>, data: &'a SegmentData<'a>, step: S) -> Self {
-        Self { instrument, data, step }
+        Self { instrument, data, step, noise: None }
     }
+
+    /// The same with the variance of a sample estimated on the way.
+    #[must_use]
+    pub fn with_noise(self, noise: Option<NoiseEstimate>) -> Self {
+        Self { noise, ..self }
+    }
+
+    /// What was estimated of it.
+    pub fn into_noise(self) -> Option<NoiseEstimate> {
+        self.noise
+    }
+}
+
+/// The time to sample `to` where it is not the usual one, what is missing in between counted.
+pub fn unusual_interval(data: &SegmentData, to: usize, counts: &mut Counts) -> Option<f64> {
+    let interval = data.time_s[to] - data.time_s[to - 1];
+    let intervals = interval / data.interval_s;
+    if (intervals - 1.0).abs() <= SAME {
+        return None;
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
+    let missing = intervals.round().max(1.0) as usize - 1;
+    counts.bridged += missing;
+    Some(interval)
 }
 
 impl<D, S, const N: usize> Course<N> for AccelerometerCourse<'_, D, S, N>
@@ -104,7 +130,8 @@ where
     }
 
     fn measurement(&self) -> (&Readout<N>, f64) {
-        (&self.instrument.readout, self.instrument.noise_variance)
+        let variance = self.noise.as_ref().map_or(self.instrument.noise_variance, NoiseEstimate::variance);
+        (&self.instrument.readout, variance)
     }
 
     fn advance<F: Filter<f64, N>>(
@@ -114,17 +141,32 @@ where
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
         let input = Input::after(self.data, to - 1);
-        let interval = self.data.time_s[to] - self.data.time_s[to - 1];
-        let intervals = interval / self.data.interval_s;
-        if (intervals - 1.0).abs() <= SAME {
-            let taken = self.step.predict(filter, input, self.data.signal[to - 1]);
-            if let Some(taken) = taken {
-                return taken;
-            }
+        let unusual = unusual_interval(self.data, to, counts);
+        if unusual.is_none()
+            && let Some(taken) = self.step.predict(filter, input, self.data.signal[to - 1])
+        {
+            return taken;
         }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
-        let missing = intervals.round().max(1.0) as usize - 1;
-        counts.bridged += missing;
+        let interval = unusual.unwrap_or(self.data.time_s[to] - self.data.time_s[to - 1]);
         filter.predict_linked(&self.instrument.over(interval), &input).map(drop)
+    }
+
+    fn correct<F: Filter<f64, N>>(
+        &mut self,
+        filter: &mut F,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let y = self.data.signal[k];
+        let innovation = if y.is_finite() {
+            let (readout, variance) = self.measurement();
+            Some(filter.update(readout, &[y], &Covariance::from_variances([variance]))?)
+        } else {
+            None
+        };
+        if let Some(noise) = &mut self.noise {
+            noise.add(innovation.as_ref());
+        }
+        Ok(innovation)
     }
 }

@@ -1,8 +1,12 @@
 //! What the rig takes from the tables of filters, in SI.
 
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Sign, Start};
+use super::uncertainty;
+use crate::config::{
+    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+};
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// One filter.
@@ -18,14 +22,22 @@ pub struct FilterSettings {
     pub start_sd: [f64; 4],
     /// The corner of a Luenberger observer's poles in rad/s.
     pub observer_rate: f64,
+    /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
+    /// that or choose among models.
+    pub spread: [f64; 3],
+    /// Over how long the variance of a sample is estimated, in s, where it is.
+    pub noise_memory_s: Option<f64>,
 }
 
 /// The states, as trajectories name them.
-const STATES: [StateName; 4] = [
+const STATES: [StateName; 7] = [
     ("displacement", "m", &kind::LENGTH),
     ("velocity", "m_per_s", &kind::VELOCITY),
     ("acceleration", "m_per_s2", &kind::ACCELERATION),
     ("jerk", "m_per_s3", &kind::JERK),
+    ("spring_deviation", "1", &kind::RATIO),
+    ("damping_deviation", "1", &kind::RATIO),
+    ("mass_deviation", "1", &kind::RATIO),
 ];
 
 /// The first `N` states, as tables of values name them.
@@ -53,11 +65,8 @@ impl FilterSettings {
         if unsuited {
             return refuse("method", "there is no such estimator for an accelerometer; use `ekf`");
         }
-        let unused = [
-            ("process_noise", !filter.process_noise.is_empty()),
-            ("states", !filter.states.is_empty()),
-            ("demodulator", filter.demodulator),
-        ];
+        let unused =
+            [("process_noise", !filter.process_noise.is_empty()), ("demodulator", filter.demodulator)];
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
             return refuse(name, "the accelerometer's filters have no such setting; leave it out");
         }
@@ -80,7 +89,10 @@ impl FilterSettings {
         } else {
             [0.0; 4]
         };
-        let mut basics = FilterBasics::of(experiment, &at, filter, (&[], &[]))?;
+        let spread = uncertainty::spread(experiment, &at, filter)?;
+        // What is uncertain is not tracked.
+        let untracked = Filter { states: BTreeMap::new(), ..filter.clone() };
+        let mut basics = FilterBasics::of(experiment, &at, &untracked, (&[], &[]))?;
         if known {
             basics.name.push_str(", acceleration known");
         }
@@ -89,6 +101,8 @@ impl FilterSettings {
             known_acceleration: known,
             start,
             start_sd,
+            spread,
+            noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
         })
     }

@@ -11,7 +11,7 @@ use kalmems_core::{
     Covariance, Dynamics, Exponential, FixedGain, Mat, Measurement, NoiseDensity, NotAScale, OperatingPoint,
     Process, Scaled, Scales,
 };
-use kalmems_models::dynamics::{Accelerometer, SensedAcceleration};
+use kalmems_models::dynamics::{Accelerometer, SensedAcceleration, UncertainMechanics};
 use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::PI;
 
@@ -45,6 +45,18 @@ impl Instrument<SensedAcceleration<f64>, 4> {
     pub fn sensed(hardware: &Hardware) -> Result<Self, NotAScale> {
         let noise = hardware.sensed.noise(hardware.force_density);
         Self::new(hardware.sensed, hardware, &noise)
+    }
+}
+
+impl Instrument<UncertainMechanics<f64>, 7> {
+    /// With the acceleration and deviations of spring, damping and mass as states.
+    ///
+    /// The step is exact for the mechanics as they are stated; what a deviation does to it is held at the start of the
+    /// interval, which is right for all that is slow against the fastest decay.
+    pub fn uncertain(hardware: &Hardware) -> Result<Self, NotAScale> {
+        let stated = hardware.sensed.noise(hardware.force_density);
+        let density = NoiseDensity::none().on::<1>(stated.get(1, 1)).on::<3>(stated.get(3, 3));
+        Self::new(UncertainMechanics { sensed: hardware.sensed }, hardware, &density)
     }
 }
 

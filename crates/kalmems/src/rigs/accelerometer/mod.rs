@@ -4,22 +4,30 @@
 //! acceleration as a known input. An instrument that is to measure it does not have it: here the acceleration is a state,
 //! and the known input is there for comparison, under a name that says so.
 
+mod bank;
 mod course;
 mod data;
+mod dither;
 mod feedback;
 mod filters;
+mod identification;
 mod instrument;
+mod noise_estimate;
 mod outlook;
+mod pull_in;
 mod reproduction;
 mod run;
 mod segment;
 mod settings;
 mod simulation;
+mod uncertainty;
+mod varied;
 
 use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
 use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording};
 use crate::reproduce::Program;
@@ -106,6 +114,7 @@ impl Rig for AccelerometerRig {
             {
                 data.require_whole(values, name.unwrap_or_default(), segment.place)?;
             }
+            pull_in::require_free(&settings.hardware, &data, columns.signal, segment.place)?;
             if settings.hardware.has_feedback
                 && let Ok(instrument) = Instrument::sensed(&settings.hardware)
             {
@@ -115,6 +124,14 @@ impl Rig for AccelerometerRig {
             let estimate = segment.estimated(segment::motion(&settings), trajectories);
             Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
         })
+    }
+
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment, progress)
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

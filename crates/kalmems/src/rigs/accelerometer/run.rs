@@ -3,7 +3,7 @@
 use super::data::Input;
 use super::instrument::{Exact, Instrument};
 use super::settings::Hardware;
-use crate::simulate::{SimulateError, WhiteNoise};
+use crate::simulate::{Drive, SimulateError, WhiteNoise};
 use kalmems_core::{
     Dynamics, FilterError, FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, NotAScale, Process,
     Scalar,
@@ -35,6 +35,8 @@ pub struct Run {
     pub noise: bool,
     /// The frequency of a carrier in full; `None` for its mean square.
     pub carrier_hz: Option<f64>,
+    /// What is added to the feedback of a sampled controller.
+    pub dither: Option<Drive>,
     /// Of the noise, and of an acceleration by chance.
     pub seed: u64,
 }
@@ -127,7 +129,8 @@ impl Run {
         for (k, acceleration) in accelerations.iter().enumerate() {
             let output = run.read(noise_sd * signal_noise.sample());
             let seen = observer.see(output);
-            let feedback = run.answer(seen);
+            let time_s = k as f64 * self.interval_s;
+            let feedback = run.answer(seen) + self.dither.as_ref().map_or(0.0, |dither| dither.at(time_s));
             emit(each, self.moment(k, *acceleration, run.state(), [output, seen, feedback]))?;
             observer.expect(*acceleration, feedback);
             let Some(next) = accelerations.get(k + 1) else { break };

@@ -1,18 +1,22 @@
 //! The estimates of one segment.
 
+use super::bank::BankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Step};
 use super::data::{Input, SegmentData};
 use super::filters::{FilterSettings, states};
 use super::instrument::Instrument;
-use super::settings::Settings;
+use super::noise_estimate::NoiseEstimate;
+use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, FilterBasics, Motion, Progress, Trajectory, TrajectoryKind,
-    answers, follow, judge_lock,
+    AnyFilter, ConstantGain, EstimateError, FilterBasics, Motion, Progress, StateSeries, Trajectory,
+    TrajectoryKind, answers, follow, judge_lock,
 };
-use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales};
-use std::array;
+use crate::units::kind;
+use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales, SchmidtEkf};
+use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
+use std::{array, iter};
 
 /// Runs the wanted filters over a segment.
 pub fn estimate(
@@ -24,7 +28,12 @@ pub fn estimate(
     for filter in &settings.filters {
         let task = Task { filter, data, progress };
         let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
-        let mut trajectories = if filter.known_acceleration {
+        let mut trajectories = if filter.basics.method == Method::ConsiderEkf {
+            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?)?
+        } else if filter.basics.method == Method::Bank {
+            let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
+            vec![task.bank(&settings.hardware, &instrument)?]
+        } else if filter.known_acceleration {
             task.run(&Instrument::known(&settings.hardware).map_err(scale)?)?
         } else {
             task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?)?
@@ -90,6 +99,10 @@ impl Task<'_> {
                 let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
                 self.filtered(instrument, observer, none)
             }
+            _ if self.filter.noise_memory_s.is_some() => {
+                let filter = AnyFilter::of(method, points, mean, covariance);
+                self.filtered(instrument, instrument.over(h), filter)
+            }
             _ => {
                 let filter = AnyFilter::of(method, points, mean, covariance);
                 let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(h));
@@ -101,9 +114,12 @@ impl Task<'_> {
 
     /// The first mean and covariance, in scaled states.
     fn start<const N: usize>(&self, scales: &Scales<f64, N>) -> ([f64; N], Covariance<f64, N>) {
-        let first = |values: &[f64; 4]| array::from_fn(|i| values.get(i).copied().unwrap_or(0.0));
-        let covariance = Covariance::from_standard_deviations(first(&self.filter.start_sd));
-        (scales.scale_state(&first(&self.filter.start)), scales.scale_covariance(&covariance))
+        let first = |values: &[f64; 4], deviations: &[f64; 3]| {
+            array::from_fn(|i| values.iter().chain(deviations).nth(i).copied().unwrap_or(0.0))
+        };
+        let start_sd = first(&self.filter.start_sd, &self.filter.spread);
+        let covariance = Covariance::from_standard_deviations(start_sd);
+        (scales.scale_state(&first(&self.filter.start, &[0.0; 3])), scales.scale_covariance(&covariance))
     }
 
     /// A filter that is not smoothed.
@@ -119,9 +135,45 @@ impl Task<'_> {
         F: Filter<f64, N>,
     {
         let FilterBasics { key, name, .. } = &self.filter.basics;
-        let mut course = AccelerometerCourse::new(instrument, self.data, step);
+        let noise = self
+            .filter
+            .noise_memory_s
+            .map(|memory_s| NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s));
+        let mut course = AccelerometerCourse::new(instrument, self.data, step).with_noise(noise);
         let followed = follow((key, name), filter, &mut course, &states(), self.progress);
-        Ok(vec![restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales)])
+        let mut trajectory = restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales);
+        if let Some(noise) = course.into_noise() {
+            let mut all = noise.history.iter().copied().chain(iter::repeat([f64::NAN; 2]));
+            let (mean, sd) = all.by_ref().take(trajectory.time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
+            let (name, unit) = ("noise_variance", "V2");
+            trajectory.states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
+        }
+        Ok(vec![trajectory])
+    }
+
+    /// With spring, damping and mass uncertain, and not estimated.
+    fn considered(
+        &self,
+        instrument: &Instrument<UncertainMechanics<f64>, 7>,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let (mean, covariance) = self.start(&instrument.scales);
+        let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
+        self.filtered(instrument, instrument.over(self.data.interval_s), filter)
+    }
+
+    /// Filters of several models, weighed.
+    fn bank(
+        &self,
+        hardware: &Hardware,
+        instrument: &Instrument<SensedAcceleration<f64>, 4>,
+    ) -> Result<Trajectory, EstimateError> {
+        let (mean, covariance) = self.start(&instrument.scales);
+        let FilterBasics { key, name, .. } = &self.filter.basics;
+        let filter = Ekf::new(mean, covariance);
+        let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
+            .map_err(|why| self.no_gain(&why))?;
+        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
+        Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
     }
 
     fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {

@@ -1,5 +1,6 @@
 //! A recording of the accelerometer that is computed, from what the experiment says of it.
 
+use super::dither;
 use super::filters::entries;
 use super::run::{Acceleration, Acting, Observed, Run};
 use super::settings::{Hardware, Settings};
@@ -131,6 +132,14 @@ impl AccelerometerSimulation {
             steps: u32::try_from(simulate.steps_per_sample()).unwrap_or(u32::MAX),
             noise: simulate.noise,
             carrier_hz: if full_carrier { Some(carrier(experiment, simulate)?) } else { None },
+            dither: match (&simulate.dither, acting) {
+                (Some(dither), Acting::Sampled) => Some(dither::tones(dither, simulate.seed)),
+                (Some(_), _) => {
+                    let why = "a dither is added to what a sampled controller holds; leave out `continuous` and `one_bit`";
+                    return Err(experiment.error("simulate.dither", Fault::Value { why: why.to_owned() }).into());
+                }
+                (None, _) => None,
+            },
             seed: simulate.seed,
         };
         Ok(Self { run, records_acceleration })

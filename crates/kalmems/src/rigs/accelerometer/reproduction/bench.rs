@@ -102,6 +102,7 @@ impl Bench {
             steps: 1,
             noise: true,
             carrier_hz: None,
+            dither: None,
             seed,
         }
     }

@@ -1,0 +1,144 @@
+//! Several models of the instrument side by side.
+
+use super::course::unusual_interval;
+use super::data::SegmentData;
+use super::settings::Hardware;
+use super::varied::{Factors, Step, Varied};
+use crate::estimate::{Counts, Course};
+use kalmems_core::adapt::Bank;
+use kalmems_core::{
+    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, NotAScale, Over, Process, ProcessNoise,
+    Scaled,
+};
+use kalmems_models::readout::DifferentialReadout;
+
+/// Three values of each of three parameters.
+const MODELS: usize = 27;
+
+type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
+
+/// A bank on its way through a segment. The filter that is led through it takes over what the bank says.
+pub struct BankCourse<'a> {
+    hardware: &'a Hardware,
+    data: &'a SegmentData<'a>,
+    factors: Vec<Factors<f64>>,
+    bank: Box<Bank<Ekf<f64, 4>, f64, 4, MODELS>>,
+    processes: Box<[Step<f64>; MODELS]>,
+    readouts: [Readout; MODELS],
+    noise: [Covariance<f64, 1>; MODELS],
+}
+
+impl<'a> BankCourse<'a> {
+    /// Each of spring, damping and mass as stated and off by its spread to both sides, in all combinations, all equally
+    /// likely at first and from one start. A spread of 0 counts once.
+    pub fn new(
+        hardware: &'a Hardware,
+        data: &'a SegmentData<'a>,
+        start: Ekf<f64, 4>,
+        spread: &[f64; 3],
+    ) -> Result<Self, NotAScale> {
+        let digits = |model: usize| [model % 3, model / 3 % 3, model / 9];
+        let factors: Vec<Factors<f64>> = (0..MODELS)
+            .map(|model| {
+                let steps = digits(model);
+                let [spring, damping, mass] =
+                    std::array::from_fn(|i| 1.0 + spread[i] * [0.0, -1.0, 1.0][steps[i]]);
+                Factors { spring, damping, mass, noise: 1.0, acceleration: 1.0 }
+            })
+            .collect();
+        let varied = factors.iter().map(|factors| Varied::of(hardware, factors, data.interval_s));
+        let varied = varied.collect::<Result<Vec<_>, _>>()?;
+        // What does not differ from another model is none of its own.
+        let prior = std::array::from_fn(|model| {
+            let twice = digits(model).iter().zip(spread).any(|(digit, spread)| *digit > 0 && *spread == 0.0);
+            if twice { 0.0 } else { 1.0 }
+        });
+        Ok(Self {
+            hardware,
+            data,
+            bank: Box::new(Bank::new([start; MODELS], prior)),
+            processes: Box::new(std::array::from_fn(|model| varied[model].process)),
+            readouts: std::array::from_fn(|model| varied[model].readout),
+            noise: std::array::from_fn(|model| varied[model].noise),
+            factors,
+        })
+    }
+}
+
+/// A step to a known state, whatever was before.
+struct TakenOver {
+    mean: [f64; 4],
+    noise: ProcessNoise<f64, 4>,
+}
+
+impl From<Gaussian<f64, 4>> for TakenOver {
+    fn from(Gaussian { mean, covariance }: Gaussian<f64, 4>) -> Self {
+        Self { mean, noise: covariance.into() }
+    }
+}
+
+impl Process<f64, 4> for TakenOver {
+    type Input = ();
+
+    fn step<S: Over<f64>>(&self, _: &[S; 4], (): &()) -> [S; 4] {
+        self.mean.map(S::lift)
+    }
+
+    fn noise(&self) -> &ProcessNoise<f64, 4> {
+        &self.noise
+    }
+}
+
+impl Course<4> for BankCourse<'_> {
+    type Measurement = Readout;
+
+    fn time_s(&self) -> &[f64] {
+        self.data.time_s
+    }
+
+    fn signal(&self) -> &[f64] {
+        self.data.signal
+    }
+
+    fn measurement(&self) -> (&Readout, f64) {
+        (&self.readouts[0], self.noise[0].get(0, 0))
+    }
+
+    fn advance<F: Filter<f64, 4>>(
+        &mut self,
+        filter: &mut F,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        let feedback = self.data.feedback(to - 1);
+        match unusual_interval(self.data, to, counts) {
+            None => self.bank.predict(&self.processes, &feedback)?,
+            Some(interval) => {
+                // The scales were found to be some with the bank.
+                let over = |model: usize| Varied::of(self.hardware, &self.factors[model], interval).ok();
+                let other = std::array::from_fn(|model| {
+                    over(model).map_or(self.processes[model], |varied| varied.process)
+                });
+                self.bank.predict(&other, &feedback)?
+            }
+        };
+        filter.predict(&TakenOver::from(self.bank.mixture()), &()).map(drop)
+    }
+
+    /// The innovation is that of the mixture.
+    fn correct<F: Filter<f64, 4>>(
+        &mut self,
+        filter: &mut F,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let y = self.data.signal[k];
+        if !y.is_finite() {
+            return Ok(None);
+        }
+        let innovation = filter.update(&self.readouts[0], &[y], &self.noise[0])?;
+        self.bank.update(&self.readouts, &[y], &self.noise)?;
+        filter.predict(&TakenOver::from(self.bank.mixture()), &())?;
+        Ok(Some(innovation))
+    }
+}

@@ -1,0 +1,147 @@
+//! The instrument's parameters from a recording of its own: those under which the innovations are most likely.
+//!
+//! The acceleration is unknown throughout: it is a state of stated bandwidth, and how large it was is sought with the
+//! rest. What tells spring, damping and mass is the answer to the feedback, best to one with a dither of known tones.
+
+mod figures;
+mod likelihood;
+mod record;
+mod search;
+mod visibility;
+mod words;
+
+use super::feedback;
+use super::instrument::Instrument;
+use super::pull_in;
+use super::settings::Hardware;
+use crate::config::kinds::KindOf;
+use crate::config::{Device, Experiment, Fault, Quantity, SignOf};
+use crate::estimate::Progress;
+use crate::identify::{Identification, IdentifyError, Whiteness};
+use kalmems_core::Scalar;
+use likelihood::{Likelihood, forgotten_after, unknown};
+use record::Record;
+use search::{Found, SearchError, search};
+use visibility::{Visibility, visibility};
+
+/// What the recording gave.
+struct Outcome {
+    found: Found,
+    /// Of spring, damping and mass.
+    visibility: [Visibility; 3],
+    whiteness: Whiteness,
+    /// What the experiment said of each unknown, in SI.
+    stated: [f64; unknown::COUNT],
+}
+
+/// A parameter known worse than this, relative to itself, is not put into the experiment.
+const WORTH_SETTING: f64 = 0.1;
+
+impl Outcome {
+    /// In SI.
+    fn value(&self, index: usize) -> f64 {
+        self.stated[index] * Scalar::exp(self.found.logs[index])
+    }
+
+    /// Relative to the value; infinite for what the recording does not tell.
+    fn deviation(&self, index: usize) -> f64 {
+        if self.found.at_bound[index] {
+            f64::INFINITY
+        } else {
+            self.found.covariance.standard_deviation(index)
+        }
+    }
+
+    fn is_known(&self, index: usize) -> bool {
+        self.deviation(index) < WORTH_SETTING
+    }
+}
+
+/// Identifies the instrument from the experiment's recording.
+pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
+    let hardware = Hardware::of(experiment)?;
+    let record = Record::read(experiment, hardware.has_feedback, progress)?;
+    let data = record.data();
+    let unfit = |why: String| record.material.unfit(why);
+    pull_in::require_free(&hardware, &data, &record.signal_column, &record.material.name)
+        .map_err(|why| unfit(why.to_string()))?;
+    if hardware.has_feedback
+        && let Ok(instrument) = Instrument::sensed(&hardware)
+    {
+        feedback::require_right(&instrument, &data, &record.feedback_column, &record.material.name)
+            .map_err(|why| unfit(why.to_string()))?;
+    }
+    let forgotten = forgotten_after(&hardware, data.interval_s)
+        .map_err(|why| unfit(SearchError::from(why).to_string()))?;
+    if data.signal.len() < 2 * forgotten {
+        return Err(unfit(format!(
+            "it has {} samples, and a filter forgets its start after {forgotten}; expected twice as many at least",
+            data.signal.len()
+        )));
+    }
+    let likelihood = Likelihood { hardware: &hardware, data: &data, forgotten };
+    progress.begin("likelihood", 0);
+    let found = search(&likelihood, progress).map_err(|why| match why {
+        SearchError::Interrupted => IdentifyError::Interrupted,
+        why => unfit(why.to_string()),
+    })?;
+    let visibility =
+        visibility(&likelihood, &found.logs).map_err(|why| unfit(SearchError::from(why).to_string()))?;
+    let mass = &hardware.sensed.device.mass;
+    let outcome = Outcome {
+        whiteness: Whiteness::of(&found.innovations),
+        stated: [mass.spring, mass.damping, mass.mass, hardware.noise_variance, hardware.sensed.prior.rms],
+        found,
+        visibility,
+    };
+    let mut identification = Identification {
+        rig: "accelerometer",
+        parameters: Vec::new(),
+        undetermined: Vec::new(),
+        worst_pairs: Vec::new(),
+        warnings: Vec::new(),
+        notes: Vec::new(),
+        figures: vec![figures::of(&outcome)],
+        experiment: experiment.clone(),
+        materials: Vec::new(),
+    };
+    words::of(&mut identification, &record, &outcome);
+    apply(&mut identification.experiment, &outcome)?;
+    identification.materials.push(record.material);
+    Ok(identification)
+}
+
+/// Puts what is known well enough into the device table.
+fn apply(experiment: &mut Experiment, outcome: &Outcome) -> Result<(), IdentifyError> {
+    let Device::Accelerometer(device) = &experiment.device else { return Ok(()) };
+    let mut device = device.clone();
+    let mut entries = Entries { experiment, outcome };
+    entries.set(unknown::SPRING, &mut device.proof_mass.spring, "N/m")?;
+    entries.set(unknown::DAMPING, &mut device.proof_mass.damping, "N s/m")?;
+    entries.set(unknown::MASS, &mut device.proof_mass.mass, "kg")?;
+    entries.set(unknown::NOISE, &mut device.readout.noise_variance, "V^2")?;
+    entries.set(unknown::ACCELERATION, &mut device.acceleration.rms, "m/s^2")?;
+    entries.experiment.device = Device::Accelerometer(device);
+    Ok(())
+}
+
+/// Where values are put.
+struct Entries<'a> {
+    experiment: &'a mut Experiment,
+    outcome: &'a Outcome,
+}
+
+impl Entries<'_> {
+    fn set<K: KindOf, S: SignOf>(
+        &mut self,
+        index: usize,
+        place: &mut Quantity<K, S>,
+        unit: &str,
+    ) -> Result<(), IdentifyError> {
+        if self.outcome.is_known(index) {
+            let refuse = |why| self.experiment.error("device.accelerometer", Fault::Value { why });
+            *place = Quantity::of(self.outcome.value(index), unit).map_err(refuse)?;
+        }
+        Ok(())
+    }
+}

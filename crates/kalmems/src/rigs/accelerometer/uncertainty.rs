@@ -1,0 +1,49 @@
+//! Which parameters of the mechanics a filter takes for uncertain.
+
+use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Method, Sign, TrackedState};
+use crate::units::kind;
+
+/// The parameters, in the order of their states.
+pub const NAMES: [&str; 3] = ["spring", "damping", "mass"];
+
+/// How far each of them may be off, relative to what the device table says; 0 where the filter does not ask.
+pub fn spread(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<[f64; 3], ConfigError> {
+    let at = at.clone().child("states");
+    let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+    if !matches!(filter.method, Method::ConsiderEkf | Method::Bank) {
+        if filter.states.is_empty() {
+            return Ok([0.0; 3]);
+        }
+        let why = "the accelerometer's parameters are no states of this method: the innovations hardly tell them; use \
+                   `consider_ekf` or `bank`, or identify them";
+        return refuse(at, why);
+    }
+    if filter.known_acceleration {
+        return refuse(at, "this method has the acceleration as a state; leave `known_acceleration` out");
+    }
+    if let Some(name) = filter.states.keys().find(|name| !NAMES.contains(&name.as_str())) {
+        return Err(experiment.error(at.child(name), Fault::unknown_key(name, NAMES)));
+    }
+    if filter.states.is_empty() {
+        let remedy =
+            "write which parameters may be off, such as `states = { mass = { start_sd = \"20 %\" } }`";
+        return Err(experiment.error(at, Fault::MissingKey { remedy: remedy.to_owned() }));
+    }
+    let mut spread = [0.0; 3];
+    for (slot, name) in spread.iter_mut().zip(NAMES) {
+        let Some(TrackedState { start_sd, drift }) = filter.states.get(name) else { continue };
+        let key = at.clone().child(name);
+        if drift.is_some() {
+            return refuse(key.child("drift"), "the parameter is a constant here; leave it out");
+        }
+        let start_sd_key = key.child("start_sd");
+        *slot = experiment.value(start_sd_key.clone(), start_sd, &kind::RATIO, Sign::Positive)?;
+        if *slot >= 1.0 {
+            return refuse(
+                start_sd_key,
+                "a parameter that is off by all of itself may be 0; write less than 100 %",
+            );
+        }
+    }
+    Ok(spread)
+}
