@@ -107,7 +107,7 @@ impl<T: Scalar<Mask = bool>> Sensed<T> {
 
     /// The extended filter with the exact step, linearised anew at each.
     pub fn exact(&self) -> Result<T, FilterError> {
-        let (mut filter, r) = self.full();
+        let (mut filter, r) = Self::full();
         for sample in &self.signal {
             filter.update(&self.readout, &[*sample], &r)?;
             filter.predict(&self.exact, &Self::feedback(*sample))?;
@@ -117,7 +117,7 @@ impl<T: Scalar<Mask = bool>> Sensed<T> {
 
     /// The hybrid filter: mean and covariance by their differential equations, in steps of 2.5 µs.
     pub fn hybrid(&self) -> Result<T, FilterError> {
-        let (mut filter, r) = self.full();
+        let (mut filter, r) = Self::full();
         let maker =
             ContinuousDiscrete::new(self.dynamics, self.density, 0.5 * INTERVAL).expect("an interval");
         for sample in &self.signal {
@@ -129,7 +129,7 @@ impl<T: Scalar<Mask = bool>> Sensed<T> {
         Ok(filter.mean()[2])
     }
 
-    fn full(&self) -> (Ekf<T, 4>, Covariance<T, 1>) {
+    fn full() -> (Ekf<T, 4>, Covariance<T, 1>) {
         let start = Covariance::from_variances([T::of(1.0); 4]);
         (Ekf::new([T::of(0.0); 4], start), Covariance::from_variances([T::of(VARIANCE)]))
     }
