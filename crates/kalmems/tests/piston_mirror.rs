@@ -359,7 +359,7 @@ fn a_trigger_gives_the_start_that_the_spectrum_gives() {
     };
     let (a, b) = (last(&told), last(&not_told));
     assert!((a - b).abs() < 1e-12, "{a} {b}");
-    // Noise three times the base capacitance in each sample: the largest line is one of noise, the trigger's is not.
+    // Noise of twice the base capacitance in each sample: the largest line is one of noise, the trigger's is not.
     let verdict = |told: &Experiment| {
         let metrics = Metrics::of(&run(told, told));
         let five = metrics.estimators().next().unwrap();
