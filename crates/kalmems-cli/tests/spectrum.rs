@@ -76,7 +76,6 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
         "spectrum.csv",
         "scans.csv",
         "spectrum.jdx",
-        "metrics.json",
         "figures/spectrum.png",
         "figures/interferogram.svg",
         "figures/coadding.png",
