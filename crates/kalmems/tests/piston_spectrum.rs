@@ -204,7 +204,7 @@ rate = "2 MHz"
 noise = 0.05
 seed = {seed}
 start = "0.2 s"
-bursts = {{ duration = "10 ms", period = "39 ms", count = 5 }}
+bursts = {{ duration = "4 ms", period = "39 ms", count = 5 }}
 sources = [
     {{ wavenumber = "2000 1/cm", height = 1 }},
     {{ wavenumber = "1600 1/cm", width = "30 1/cm", height = 5 }},
@@ -218,7 +218,7 @@ column = "position_m"
 apodisation = "norton_beer_medium"
 phase = "none"
 largest_path_difference = "0.95 mm"
-band = {{ from = "1500 1/cm", to = "2100 1/cm" }}
+band = {{ from = "1540 1/cm", to = "2030 1/cm" }}
 zero_filling = 32
 [[line]]
 wavenumber = "2000 1/cm"
