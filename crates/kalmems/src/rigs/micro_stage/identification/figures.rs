@@ -54,7 +54,7 @@ pub fn sweep(points: &[SweepPoint], fitted: &SweepFit) -> Figure {
     let plane: Vec<(f64, f64)> = points.iter().map(|p| (p.re, p.im)).collect();
     let caption = "The angular rate per volt of drive, the vibrometer's stated delay taken off: amplitude and phase over the \
                    drive's frequency with the fitted response, and the same points in the complex plane with the fitted \
-                   circle.";
+                   circle, its axes not to one scale.";
     Figure::new("resonance", "Tilting mode: response to the drive", caption)
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("amplitude", "rad/s/V"))
@@ -133,7 +133,7 @@ fn crest_distance(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
     let caption = "How far the trough is behind the crest of a signal, as a part of the cycle, over the gap, for the motion \
                    of each record; the points are the records at the gap that was found by this distance.";
     let gap = by.crests?.gap.value;
-    let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough", "% of the cycle"));
+    let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough, of the cycle", "%"));
     let sign = channel.current.gain.signum();
     let at = |record: &super::WaveRecord, gap: f64| {
         100.0 * expected(&TiltingPlate { gap, ..channel.current.plate }, &record.angle, sign)[0]

@@ -9,6 +9,7 @@ use crate::fit::Derived;
 use crate::identify::{Correlated, Identification, Identified, Still, Undetermined};
 use crate::rigs::micro_stage::hardware::Hardware;
 use crate::rigs::micro_stage::records::Records;
+use std::f64::consts::TAU;
 
 fn say(found: &mut Identification, name: &str, value: Derived, unit: &'static str, recording: &str) {
     found.parameters.push(Identified::gaussian(name, value, unit, recording));
@@ -39,13 +40,14 @@ pub fn sweep(found: &mut Identification, records: &Records, fitted: &SweepFit) {
     let mean = offsets.iter().sum::<f64>() / count;
     let variance = offsets.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (count - 1.0) / count;
     add("offset of the vibrometer", Derived { value: mean, deviation: variance.sqrt() }, "rad/s");
-    let phase = fitted.phase_at_resonance().value;
     let natural = fitted.natural_frequency_hz().value;
+    // As the instruments show it, with all of the vibrometer's delay in it.
+    let phase = fitted.phase_at_resonance().value - TAU * natural * records.delay_s;
     // The phase of the rate falls by 1/(ζ·f_n) rad per Hz there.
     let moved = phase * fitted.damping_ratio().value * natural;
     found.notes.push(format!(
-        "{place}: at resonance the rate's phase is {phase:+.4} rad beyond the stated delay; the frequency at which it is 0 is \
-         {moved:+.2} Hz from f_n and no resonance"
+        "{place}: at resonance the rate that the vibrometer shows has the phase {phase:+.4} rad, because it is late; the \
+         frequency at which that is 0 is {moved:+.2} Hz from f_n and no resonance"
     ));
     let leftover = fitted.response.fit.residual_deviation();
     if leftover > UNEXPLAINED {

@@ -96,7 +96,7 @@ fn crest_distance() -> Item {
         100.0 * expected(&TiltingPlate { gap, ..channel.plate }, &angle(volts), GAIN.signum())[0]
     };
     let gaps = (0..=40_u32).map(|k| GAP * (0.8 + 0.01 * f64::from(k)));
-    let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough", "% of the cycle"));
+    let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough, of the cycle", "%"));
     for volts in [1.0, 1.3] {
         let curve: Vec<(f64, f64)> = gaps.clone().map(|gap| (gap, at(gap, volts))).collect();
         panel = panel.with(Series::line(format!("{volts} V"), Role::Model, curve));
