@@ -154,7 +154,7 @@ fn noise() -> Result<Vec<NoiseShare>, Box<dyn Error>> {
         drive_variance: (3782.5_f64 * 3e-4).powi(2),
     };
     let levels = [1e-6, 3e-6, 1e-5, 3e-5, 1e-4];
-    levels.iter().zip(1..).map(|(noise, seed)| Ok(study.run(*noise, 100, seed)?)).collect()
+    levels.iter().zip(1..).map(|(noise, seed)| Ok(study.run(*noise, 50, seed)?)).collect()
 }
 
 fn noise_table(shares: &[NoiseShare]) -> String {

@@ -255,6 +255,31 @@ fn one_axis_is_a_weighted_mean_of_quotients() {
     assert!((matrix.shown_part - part).abs() < 1e-4);
 }
 
+/// Two rotations in quadrature, always in one proportion, and one gyroscope: the phase of its clock could be either's, so
+/// that only k_xx² + k_xy²/4 is told. Records in phase tell both.
+#[test]
+fn an_unknown_phase_hides_what_is_in_quadrature() {
+    let of = |size: f64, phase: f64| {
+        let y = Complex64::from_polar(0.5 * size, phase);
+        let zero = Complex64::new(0.0, 0.0);
+        Pair {
+            reference: [Complex64::new(size, 0.0), y, zero],
+            reference_deviation: [1e-5; 3],
+            shown: [Some(Complex64::from_polar(1.0, 0.7 + size) * (size * 1.01 + y * 0.02)), None, None],
+            shown_deviation: [1e-5; 3],
+        }
+    };
+    let quarter = TAU / 4.0;
+    let hidden = [of(15.0, quarter), of(18.0, quarter), of(21.0, quarter)];
+    let matrix = Matrix::fit(&hidden, [true, true, false]).unwrap();
+    assert!(matrix.entry(0, 1).is_none(), "{:?}", matrix.entry(0, 1));
+    let told = [of(15.0, quarter), of(18.0, 0.0), of(21.0, 0.5)];
+    let matrix = Matrix::fit(&told, [true, true, false]).unwrap();
+    let [x, y] = [0, 1].map(|column| matrix.entry(0, column).unwrap());
+    assert!((x.0 - 1.01).abs() < 1e-8 && (y.0 - 0.02).abs() < 1e-7, "{x:?} {y:?}");
+    assert!(y.1 > 1e-7 && y.1 < 1e-4);
+}
+
 /// A sine with noise: its parts and what they are known to.
 #[test]
 fn a_tone_is_known_to_what_it_says() {

@@ -217,7 +217,7 @@ fn geometry(result: &Calibrated) -> Vec<String> {
         let known = centre.arm.iter().zip(AXES).filter_map(|(arm, axis)| {
             let arm = (*arm)?;
             let half = 0.5 * (arm.interval[1] - arm.interval[0]);
-            Some(format!("{axis} {:.4} ± {:.4} mm", 1e3 * arm.value, 1e3 * half))
+            Some(format!("{axis} {:.2} ± {:.2} µm", 1e6 * arm.value, 1e6 * half))
         });
         lines.push(format!(
             "accelerometers from the centre of rotation: {} (χ² {:.1} at {} degrees of freedom)",

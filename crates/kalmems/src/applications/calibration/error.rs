@@ -78,7 +78,7 @@ pub enum CalibrationError {
     /// No axis is common to both.
     #[error(
         "condition `{condition}`: the gyroscope has the axes {shown} and {reference} has {known}; expected an axis that both \
-         have, and that moves most"
+         have, and records that turn about it alone, or about several with phases that differ from record to record"
     )]
     NoCommonAxis {
         /// The condition.
