@@ -35,7 +35,7 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
 
 /// In Hz.
 fn bandwidth(closed: &RebalanceLoop<f64>) -> f64 {
-    closed.bandwidth(TAU * 0.1, TAU * 1e7).map_or(f64::NAN, |rate| rate / TAU)
+    closed.bandwidth(TAU, TAU * 1e7).map_or(f64::NAN, |rate| rate / TAU)
 }
 
 /// A loop that is computed without a delay, as the thesis's figures are.
