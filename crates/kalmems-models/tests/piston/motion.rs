@@ -110,10 +110,11 @@ impl Case {
         let mut lock = FixedGain::<f64, 5, 3>::steady_state(start, &point).unwrap();
         let mut twin = Ekf::new(start, *settled.filtered_covariance());
         let mut bound = CramerRao::new(prior);
-        let samples = (self.rate_hz * self.duration_s).round();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some millions
+        let samples = (self.rate_hz * self.duration_s).round() as u64;
         let mut sums = [0.0; 6];
         let mut counted = 0.0;
-        for k in 0..samples as u64 {
+        for k in 0..samples {
             if k > 0 {
                 let turns = (truth[2] / TAU + truth[1] / self.rate_hz).round();
                 let (next, transition) = process.linearize(&truth, &turns);
