@@ -426,7 +426,7 @@ impl SpectrumFile {
                     refuse("reference", "expected exactly one of `trajectory` and `spectrum`")?;
                 }
                 (Some(_), None) if !along => {
-                    refuse("reference.trajectory", "the path is none of a trajectory")?
+                    refuse("reference.trajectory", "the path is none of a trajectory")?;
                 }
                 _ => {}
             }

@@ -58,7 +58,7 @@ pub fn detect(light: &Light, track: &PositionTrack) -> Detector {
             let shown = first + k as f64 * interval;
             let time = shown / (1.0 + skew);
             let clean = match kept {
-                Some(kept) => stage.to(time, interval / (1.0 + skew), kept, &seen),
+                Some(kept) => stage.to(time, interval / (1.0 + skew), kept, seen),
                 None => seen(time),
             };
             let value = clean + sd * noise.sample();

@@ -215,11 +215,32 @@ fn along_about(
         let value = &columns[pass.0].value[pass.1.rows.clone()];
         path_of(pass).iter().copied().zip(value.iter().copied()).collect()
     });
-    let every = (counts.used / SAMPLES).max(1);
-    let samples = passes.iter().flat_map(|pass| {
-        let time = &columns[pass.0].time_s[pass.1.rows.clone()];
-        let value = &columns[pass.0].value[pass.1.rows.clone()];
-        let path = path_of(pass);
+    Ok(Processed {
+        samples: path_samples(columns, &paths, &passes, counts.used, settings),
+        counts: Some(counts),
+        path_per_position: factor,
+        zero_m: zero_m.map(|zero| zero + finished.zero_m.unwrap_or(0.0) / factor),
+        largest_m,
+        limit_per_m: 0.5 / widest,
+        interferogram: interferogram.unwrap_or_default(),
+        ..finished
+    })
+}
+
+/// The samples of all passes, or some of many.
+fn path_samples(
+    columns: &[Detector],
+    paths: &[Vec<f64>],
+    passes: &[(usize, Scan)],
+    used: usize,
+    settings: &SpectrumTransform,
+) -> Vec<PathSample> {
+    let every = (used / SAMPLES).max(1);
+    let largest_m = settings.largest_path_difference.as_ref().map_or(0.0, Quantity::si);
+    let samples = passes.iter().flat_map(|(column, scan)| {
+        let time = &columns[*column].time_s[scan.rows.clone()];
+        let value = &columns[*column].value[scan.rows.clone()];
+        let path = &paths[*column][scan.rows.clone()];
         let mean = value.iter().sum::<f64>() / value.len() as f64;
         let speeds = time.windows(2).zip(path.windows(2)).zip(value).step_by(every);
         speeds.map(move |((t, x), y)| {
@@ -232,16 +253,7 @@ fn along_about(
             }
         })
     });
-    Ok(Processed {
-        samples: samples.collect(),
-        counts: Some(counts),
-        path_per_position: factor,
-        zero_m: zero_m.map(|zero| zero + finished.zero_m.unwrap_or(0.0) / factor),
-        largest_m,
-        limit_per_m: 0.5 / widest,
-        interferogram: interferogram.unwrap_or_default(),
-        ..finished
-    })
+    samples.collect()
 }
 
 /// The path at the sample that deviates most.

@@ -51,7 +51,7 @@ impl PositionTrack {
             return Err(PositionTrackError::Times);
         }
         let interval_s = usual_interval(&time_s);
-        let mut runs = vec![0..0];
+        let mut runs: Vec<Range<usize>> = Vec::new();
         for k in 0..time_s.len() {
             let joins = k > 0
                 && position_m[k - 1].is_finite()
