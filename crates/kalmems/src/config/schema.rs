@@ -1,5 +1,5 @@
-//! The JSON schemas of experiment, calibration and image files, and what those of other files are made with, from the types that read
-//! them.
+//! The JSON schemas of experiment, calibration and image files, and what those of other files are made with, from the
+//! types that read them.
 
 use super::key::Step;
 use super::{Experiment, GyroscopeCalibration, Image, Key};
