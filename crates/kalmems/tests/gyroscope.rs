@@ -49,7 +49,7 @@ fn write(path: &Path, records: &[(String, Signals, Option<Signals>)], time: bool
     let axes = ["x", "y", "z"];
     let header = |signals: &Signals, prefix: &str, unit: &str| -> String {
         let there = axes.iter().zip(&signals.axes).filter(|(_, values)| values.is_some());
-        there.map(|(axis, _)| format!(",{prefix}{axis}_{unit}")).collect()
+        there.fold(String::new(), |text, (axis, _)| text + &format!(",{prefix}{axis}_{unit}"))
     };
     text += &header(&records[0].1, "w", unit);
     if let Some(forces) = &records[0].2 {
@@ -63,7 +63,9 @@ fn write(path: &Path, records: &[(String, Signals, Option<Signals>)], time: bool
                 text += &format!(",{:e}", rates.time_s[k]);
             }
             let columns = rates.axes.iter().chain(forces.iter().flat_map(|f| &f.axes)).flatten();
-            columns.for_each(|values| text += &format!(",{:e}", values[k]));
+            for values in columns {
+                text += &format!(",{:e}", values[k]);
+            }
             text.push('\n');
         }
     }
@@ -131,11 +133,11 @@ fn three_axes_tell_everything() {
     let found = bench.calibrate().unwrap();
     let result = &found.results[0];
     let truth = [TRIAD.x, TRIAD.y, TRIAD.z];
-    for i in 0..3 {
-        for j in 0..3 {
+    for (i, row) in truth.iter().enumerate() {
+        for (j, truth) in row.iter().enumerate() {
             let entry = result.matrix[i][j].unwrap();
-            let off = (entry.value - truth[i][j]) / entry.uncertainty;
-            assert!(off.abs() < 4.0, "k{i}{j}: {entry:?} {}", truth[i][j]);
+            let off = (entry.value - truth) / entry.uncertainty;
+            assert!(off.abs() < 4.0, "k{i}{j}: {entry:?} {truth}");
             assert!(entry.uncertainty < 30e-6, "{entry:?}");
         }
         let bias = result.bias[i].unwrap();
@@ -182,9 +184,9 @@ fn what_is_not_excited_is_not_told() {
     let found = Bench::new(&unit, &one, [false, true, false], 2).calibrate().unwrap();
     let result = &found.results[0];
     let truth = [TRIAD.x[1], TRIAD.y[1], TRIAD.z[1]];
-    for i in 0..3 {
+    for (i, truth) in truth.iter().enumerate() {
         let entry = result.matrix[i][1].unwrap();
-        assert!((entry.value - truth[i]).abs() < 4.0 * entry.uncertainty, "{entry:?} {}", truth[i]);
+        assert!((entry.value - truth).abs() < 4.0 * entry.uncertainty, "{entry:?} {truth}");
         assert!(result.matrix[i][0].is_none() && result.matrix[i][2].is_none());
     }
     let said = result.not_observed.join("\n");
@@ -428,14 +430,14 @@ fn two_temperatures_and_every_kind_of_reference() {
         let cells: Vec<&str> = line.split(',').collect();
         let rate: f64 = cells[2].parse().unwrap();
         volts += &format!("{},{},{:e}\n", cells[0], cells[1], rate * 50.0 * 3e-3 / 2.0);
-        let k: f64 = cells[0][1..].parse().unwrap();
+        let k: usize = cells[0][1..].parse().unwrap();
         let t: f64 = cells[1].parse().unwrap();
-        angle += &format!("{},{},{:e}\n", cells[0], cells[1], vibrations[k as usize].tilt(t)[0] + 1e-3);
+        angle += &format!("{},{},{:e}\n", cells[0], cells[1], vibrations[k].tilt(t)[0] + 1e-3);
     }
     fs::write(bench.folder.path().join("ldv.csv"), volts).unwrap();
     fs::write(bench.folder.path().join("angle.csv"), angle).unwrap();
-    let rest: String = (0..500).map(|k| format!("{:e}\n", 1e-3 * f64::from(k % 7) + 0.01)).collect();
-    fs::write(bench.folder.path().join("rest.csv"), format!("wx_rad_per_s\n{rest}")).unwrap();
+    let rest: Vec<String> = (0..500).map(|k| format!("{:e}\n", 1e-3 * f64::from(k % 7) + 0.01)).collect();
+    fs::write(bench.folder.path().join("rest.csv"), format!("wx_rad_per_s\n{}", rest.concat())).unwrap();
     let more = |name: &str, file: &str, column: &str, more: &str| {
         format!(
             "[[condition.reference]]\nname = \"{name}\"\nfile = \"{file}\"\nsegments = {{ column = \"record\" }}\n\

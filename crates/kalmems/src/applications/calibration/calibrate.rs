@@ -76,18 +76,7 @@ const NORMAL: f64 = 1.959_963_984_540_054;
 
 impl Against<'_> {
     fn calibrate(&self, known: &[ReferenceRecord]) -> Result<Calibrated, CalibrationError> {
-        let tones: Vec<Tone> = known
-            .iter()
-            .zip(self.records)
-            .map(|(known, record)| {
-                let place = || format!("{}, record `{}`", known.place, record.name);
-                let tone = known.signals.tone(None);
-                tone.map_err(|fault| CalibrationError::Tone { place: place(), fault })
-            })
-            .collect::<Result<_, _>>()?;
-        for (tone, record) in tones.iter().zip(self.records.iter().zip(self.tones)) {
-            self.check_frequencies(tone, record.1, &record.0.name)?;
-        }
+        let tones = self.tones_of(known)?;
         let axes_of_reference =
             std::array::from_fn(|axis| self.reference.channels.column(AXES[axis]).is_some());
         let pairs: Vec<Pair> = tones
@@ -179,6 +168,23 @@ impl Against<'_> {
         }
         calibrated.warnings = self.warnings(&calibrated, &tones);
         Ok(calibrated)
+    }
+
+    /// The reference's vibrations, of the gyroscope's frequency.
+    fn tones_of(&self, known: &[ReferenceRecord]) -> Result<Vec<Tone>, CalibrationError> {
+        let tones: Vec<Tone> = known
+            .iter()
+            .zip(self.records)
+            .map(|(known, record)| {
+                let place = || format!("{}, record `{}`", known.place, record.name);
+                let tone = known.signals.tone(None);
+                tone.map_err(|fault| CalibrationError::Tone { place: place(), fault })
+            })
+            .collect::<Result<_, _>>()?;
+        for (tone, record) in tones.iter().zip(self.records.iter().zip(self.tones)) {
+            self.check_frequencies(tone, record.1, &record.0.name)?;
+        }
+        Ok(tones)
     }
 
     fn check_frequencies(&self, tone: &Tone, shown: &Tone, record: &str) -> Result<(), CalibrationError> {

@@ -56,7 +56,7 @@ impl Matrix {
         for axis in (0..3).filter(|axis| free[4 * axis]) {
             let size = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>();
             let along =
-                size(&|pair| pair.reference[axis].norm() * pair.shown[axis].map_or(0.0, |s| s.norm()));
+                size(&|pair| pair.reference[axis].norm() * pair.shown[axis].map_or(0.0, Complex64::norm));
             start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
         }
         let settings = FitSettings { free, ..FitSettings::from_start(start) };
@@ -102,7 +102,7 @@ impl Matrix {
         if !(0..9).all(|k| self.entry(k / 3, k % 3).is_some()) {
             return None;
         }
-        let of = |pick: &dyn Fn(&Alignment<Dual<f64, 9>>) -> [Dual<f64, 9>; 3]| {
+        let of = |pick: fn(&Alignment<Varied>) -> [Varied; 3]| {
             std::array::from_fn(|i| {
                 let derived = self.fit.derived(|k| {
                     pick(&Alignment::of(&[[k[0], k[1], k[2]], [k[3], k[4], k[5]], [k[6], k[7], k[8]]]))[i]
@@ -110,7 +110,7 @@ impl Matrix {
                 (derived.value, derived.deviation * self.by_noise)
             })
         };
-        Some([of(&|a| a.scale), of(&|a| a.non_orthogonality), of(&|a| a.mounting)])
+        Some([of(|a| a.scale), of(|a| a.non_orthogonality), of(|a| a.mounting)])
     }
 
     /// Of two axes with two columns: the sine of the angle by which they are closer than square, and the angle by which
@@ -135,6 +135,9 @@ impl Matrix {
     }
 }
 
+/// A number with its derivatives by the entries of K.
+type Varied = Dual<f64, 9>;
+
 /// Residuals of G = e^{jφ}·K·Ω, the phase φ of each record the best for the K at hand.
 struct Records<'a> {
     pairs: &'a [Pair],
@@ -148,7 +151,7 @@ impl Records<'_> {
         let of_reference = (0..3).map(|j| (self.at[3 * row + j] * pair.reference_deviation[j]).powi(2));
         let variance = pair.shown_deviation[row].powi(2) + of_reference.sum::<f64>();
         // A record without any noise has the weight of one with the noise of rounding.
-        let rounding = 1e-15 * pair.shown[row].map_or(0.0, |shown| shown.norm());
+        let rounding = 1e-15 * pair.shown[row].map_or(0.0, Complex64::norm);
         variance.sqrt().max(rounding).max(f64::MIN_POSITIVE)
     }
 
@@ -209,7 +212,9 @@ impl Regression<9> for Records<'_> {
             }
             for (parts, shown) in rows.chunks(2).zip(&pair.shown) {
                 if shown.is_some() {
-                    parts.iter().for_each(|(residual, gradient)| each(*residual, gradient));
+                    for (residual, gradient) in parts {
+                        each(*residual, gradient);
+                    }
                 }
             }
         }

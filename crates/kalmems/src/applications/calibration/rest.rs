@@ -44,7 +44,7 @@ impl Rest {
     pub fn of(axis: &'static str, values: &[f64], interval_s: f64) -> Option<Self> {
         let values: Vec<f64> = values.iter().copied().take_while(|v| v.is_finite()).collect();
         let samples = values.len();
-        if samples < 64 || !(interval_s > 0.0) {
+        if samples < 64 || interval_s.is_nan() || interval_s <= 0.0 {
             return None;
         }
         let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
