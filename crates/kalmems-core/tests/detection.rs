@@ -188,6 +188,18 @@ fn what_cannot_be_is_refused() {
     assert!((11.0..12.0).contains(&level), "{level}");
 }
 
+/// It owns its memory and is `Copy`: it cannot grow.
+#[test]
+fn a_detector_is_as_large_as_its_type() {
+    const fn copied<T: Copy>() -> usize {
+        size_of::<T>()
+    }
+    let bytes = copied::<Detector<f64, 60, 150, 400>>();
+    println!("{bytes} bytes");
+    // 400 samples twice, 60 weights, 150 maxima of four numbers, and less than 200 bytes besides.
+    assert!((8 * (800 + 60 + 600)..8 * (800 + 60 + 600) + 200).contains(&bytes), "{bytes}");
+}
+
 /// Times found in noisy copies of an edge: by the parabola, by the zero crossing, and the mean of the variances told.
 struct Timing {
     slope: (f64, f64),

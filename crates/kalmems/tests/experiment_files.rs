@@ -254,9 +254,13 @@ fn every_example_in_a_schema_is_accepted_by_it() {
             _ => {}
         }
     }
-    for (whole, least) in
-        [(schema(), 50), (kalmems::study::schema(), 8), (image_schema(), 4), (spectrum_schema(), 4), (gyroscope_schema(), 12)]
-    {
+    for (whole, least) in [
+        (schema(), 50),
+        (kalmems::study::schema(), 8),
+        (image_schema(), 4),
+        (spectrum_schema(), 4),
+        (gyroscope_schema(), 12),
+    ] {
         let mut count = 0;
         visit(&whole, &mut |part| {
             let Some(examples) = part.get("examples").and_then(|e| e.as_array()) else { return };

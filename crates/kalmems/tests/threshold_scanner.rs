@@ -148,9 +148,6 @@ fn a_sweep_captures_and_a_cut_off_frees() {
     let held = run("1266 Hz", "");
     assert!((0.13..0.18).contains(&largest(&held)), "{}", largest(&held));
     assert!(held.iter().all(|s| (0.0..=60.0).contains(&s.1)));
-    // Twice the resonance is 1249 Hz: above it the motion is held, the larger the nearer; below it is lost.
-    assert!(largest(&run("1255 Hz", "")) > largest(&held));
-    assert!(largest(&run("1244 Hz", "")) < 2e-2);
     assert!(largest(&run("1220 Hz", "")) < 1e-3);
 
     let freed = run("1266 Hz", "cut_off = { at = \"5 ms\", transient = \"20 us\" }\n");

@@ -61,8 +61,8 @@ pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
-    PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions, SweepDrive,
-    TonesDrive,
+    PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions,
+    SweepDrive, TonesDrive,
 };
 pub(crate) use source::Source;
 pub use spectrum::{

@@ -136,7 +136,9 @@ impl AccelerometerSimulation {
                 (Some(dither), Acting::Sampled) => Some(dither::tones(dither, simulate.seed)),
                 (Some(_), _) => {
                     let why = "a dither is added to what a sampled controller holds; leave out `continuous` and `one_bit`";
-                    return Err(experiment.error("simulate.dither", Fault::Value { why: why.to_owned() }).into());
+                    return Err(experiment
+                        .error("simulate.dither", Fault::Value { why: why.to_owned() })
+                        .into());
                 }
                 (None, _) => None,
             },

@@ -16,7 +16,7 @@ mod settings;
 mod simulation;
 
 use super::Rig;
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, Device, Experiment, Fault, Key, Method, Role};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, SignalSegment, estimate_segments};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
@@ -179,7 +179,7 @@ fn found(
     drive_slope: &[f64],
     (place, column): (&str, &str),
 ) -> Result<Vec<crossings::Crossing>, EstimateError> {
-    if settings.crossings.is_none() && settings.filters.iter().all(|filter| filter.is_model) {
+    if settings.crossings.is_none() && settings.filters.iter().all(|f| f.basics.method == Method::Model) {
         return Ok(Vec::new());
     }
     let detector = &settings.crossings.unwrap_or(DetectorSettings::usual(&settings.hardware));

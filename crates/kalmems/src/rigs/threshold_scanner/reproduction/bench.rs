@@ -7,9 +7,9 @@ use super::super::segment::{self, Samples};
 use super::super::settings::Settings;
 use super::failed;
 use crate::config::{ConfigError, Experiment, Timing};
+use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Motion, Progress, Trajectory};
 use crate::reproduce::ReproduceError;
-use crate::rigs::shared_scanner::data::SegmentData;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
@@ -68,7 +68,7 @@ impl Bench {
     pub fn told(&self, device: Hardware, names: &[&str]) -> Settings {
         let mut settings = self.settings.clone();
         settings.hardware = device;
-        settings.filters.retain(|filter| names.contains(&filter.name.as_str()));
+        settings.filters.retain(|filter| names.contains(&filter.basics.name.as_str()));
         settings
     }
 
@@ -232,7 +232,7 @@ pub fn follow(
     progress: &dyn Progress,
 ) -> Option<Vec<Trajectory>> {
     let off = vec![0.0; signal.len()];
-    let data = SegmentData::new(&decay.time_s, &off, signal, INTERVAL_S);
+    let data = DrivenSegment::new(&decay.time_s, &off, signal, INTERVAL_S);
     let mut settings = settings.clone();
     start_near(&mut settings.filters, decay.states[0], seed);
     let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };

@@ -112,7 +112,7 @@ fn likelihood(filter: &Trajectory) -> f64 {
 fn with_densities(mut settings: Settings) -> Settings {
     let filters = std::mem::take(&mut settings.filters);
     let each = |filter: FilterSettings| -> Vec<FilterSettings> {
-        if COMPARED.contains(&filter.name.as_str()) {
+        if COMPARED.contains(&filter.basics.name.as_str()) {
             let with = |density| FilterSettings { acceleration_density: density, ..filter.clone() };
             DENSITIES.into_iter().map(with).collect()
         } else {

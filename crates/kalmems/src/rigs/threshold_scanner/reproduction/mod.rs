@@ -7,8 +7,6 @@ mod decay_fit;
 mod edges;
 mod errors_table;
 mod fair;
-#[cfg(test)]
-mod false_crossings;
 mod lilliefors;
 mod normality;
 mod published;
@@ -17,6 +15,8 @@ mod snapshot;
 mod steady;
 mod steepness;
 mod temperature;
+#[cfg(test)]
+mod told_crossings;
 mod widths;
 
 use crate::reproduce::{Paper, Part, Program, ReproduceError};

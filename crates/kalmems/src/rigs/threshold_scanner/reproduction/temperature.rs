@@ -73,7 +73,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     let settings = bench.told(bench.device, &FILTERS);
     let order: Vec<usize> = FILTERS
         .iter()
-        .filter_map(|name| settings.filters.iter().position(|filter| filter.name == *name))
+        .filter_map(|name| settings.filters.iter().position(|filter| filter.basics.name == *name))
         .collect();
     // All temperatures, and the highest once more with the loose comb.
     let runs = WARMER_K.len() + 1;

@@ -1,6 +1,7 @@
-//! Detections that are none, told to the filters at random times.
+//! Detections as the filters are told of them: how certain they are, and those that are none, at random times.
 
 use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
+use crate::config::Timing;
 use crate::estimate::Silent;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
@@ -54,6 +55,31 @@ fn sixty_false_detections_at_random_times_do_no_harm_behind_a_gate() {
 fn slow_sixty_false_detections_do_no_harm_in_any_of_20_recordings() {
     for seed in 0..20 {
         check(seed);
+    }
+}
+
+/// The standard deviation that a filter is told for the angle at a zero crossing is what its errors have, in all four
+/// quarters.
+#[test]
+fn zero_crossings_are_as_certain_as_is_told() {
+    let bench = Bench::new().unwrap();
+    let settings = bench.told(bench.device, &[]);
+    let mut sums = [[0.0; 3]; 4];
+    for seed in 0..12 {
+        let decay = Decay::of(&bench.device, Decay::phase(seed as usize));
+        let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
+        for crossing in crossings(&settings, &decay, &signal).unwrap() {
+            let Some(instant) = crossing.at(Timing::ZeroCrossing) else { continue };
+            for miss in decay.misses(&bench.device, [instant.time_s]) {
+                let sum = &mut sums[miss.quarter];
+                *sum = [sum[0] + miss.angle.powi(2), sum[1] + instant.angle_variance, sum[2] + 1.0];
+            }
+        }
+    }
+    for (quarter, [square, told, count]) in sums.into_iter().enumerate() {
+        let (seen, told) = ((square / count).sqrt(), (told / count).sqrt());
+        println!("quarter {quarter}: {seen:.2e} rad, told {told:.2e}, {count} crossings");
+        assert!((told / seen - 1.0).abs() < 0.15, "{quarter}: {seen} {told}");
     }
 }
 
