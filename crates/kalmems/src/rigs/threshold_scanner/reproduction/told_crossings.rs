@@ -1,4 +1,5 @@
 //! Detections as the filters are told of them: how certain they are, and those that are none, at random times.
+#![allow(clippy::cast_possible_truncation)] // seeds and places: small
 
 use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
 use crate::config::Timing;
@@ -10,9 +11,12 @@ use rand_pcg::rand_core::Rng;
 const FALSE: usize = 60;
 const FILTERS: [&str; 3] = ["hybrid", "hybrid, resonance", "hybrid, resonance and gain"];
 
-/// What they do to the errors of each filter: without them, with them behind a gate of four standard deviations, and with
-/// them believed; and how many crossings each filter was told of and how many it refused, with and without them.
-fn harm(seed: u64) -> ([[f64; 3]; 3], [[(usize, usize); 2]; 3]) {
+/// Of one filter: its errors in rad without them, with them behind the gate, and with them believed; and how many crossings
+/// it was told of and refused, without and with them.
+type Harm = ([f64; 3], [(usize, usize); 2]);
+
+/// What they do to each filter, behind a gate of four standard deviations and without one.
+fn harm(seed: u64) -> [Harm; 3] {
     let bench = Bench::new().unwrap();
     let settings = bench.told(bench.device, &FILTERS);
     let decay = Decay::of(&bench.device, Decay::phase(seed as usize));
@@ -37,10 +41,9 @@ fn harm(seed: u64) -> ([[f64; 3]; 3], [[(usize, usize); 2]; 3]) {
         let counts = runs[run][i].counts;
         (counts.crossings, counts.crossings_refused)
     };
-    (
-        std::array::from_fn(|i| std::array::from_fn(|run| errors(&runs[run][i], &decay)[4])),
-        std::array::from_fn(|i| [counts(i, 0), counts(i, 1)]),
-    )
+    std::array::from_fn(|i| {
+        (std::array::from_fn(|run| errors(&runs[run][i], &decay)[4]), [counts(i, 0), counts(i, 1)])
+    })
 }
 
 #[test]
@@ -94,8 +97,7 @@ fn zero_crossings_are_as_certain_as_is_told() {
 }
 
 fn check(seed: u64) {
-    let (errors, counts) = harm(seed);
-    for ((name, [clean, gated, believed]), [before, with]) in FILTERS.iter().zip(errors).zip(counts) {
+    for (name, ([clean, gated, believed], [before, with])) in FILTERS.iter().zip(harm(seed)) {
         println!(
             "seed {seed}, {name}: {:.3} mrad, gated {:.3}, believed {:.3}; refused {} of {}, before {} of {}",
             1e3 * clean,
