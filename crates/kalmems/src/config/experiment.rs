@@ -267,6 +267,23 @@ impl Experiment {
         Ok(columns)
     }
 
+    /// The places of the recordings with one of these roles, which are those that a rig estimates; refused where there
+    /// is none.
+    pub fn to_estimate(&self, roles: &[super::Role]) -> Result<Vec<usize>, ConfigError> {
+        let places = (0..self.recordings.len()).filter(|i| roles.contains(&self.recordings[*i].role));
+        let places: Vec<usize> = places.collect();
+        if places.is_empty() {
+            let names: Vec<String> = roles.iter().map(|role| format!("`{}`", role.key())).collect();
+            let why = match names.split_last() {
+                Some((last, first)) if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+                _ => names.concat(),
+            };
+            let why = format!("no recording has the role {why}; those are estimated");
+            return Err(self.error("recording", Fault::Value { why }));
+        }
+        Ok(places)
+    }
+
     /// A recording by its place in the file, counted from 0.
     pub fn recording(&self, index: usize) -> Result<&Recording, ConfigError> {
         self.recordings.get(index).ok_or_else(|| {

@@ -62,6 +62,23 @@ pub enum Role {
     Gyro,
 }
 
+impl Role {
+    /// As a file has it.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Test => "test",
+            Self::Training => "training",
+            Self::SteadyState => "steady_state",
+            Self::RingDown => "ring_down",
+            Self::Sweep => "sweep",
+            Self::BiasOn => "bias_on",
+            Self::BiasOff => "bias_off",
+            Self::ZeroDrive => "zero_drive",
+            Self::Gyro => "gyro",
+        }
+    }
+}
+
 /// How several records in one file are told apart.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

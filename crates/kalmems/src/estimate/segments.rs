@@ -71,11 +71,12 @@ pub struct SignalSegment<'a> {
     pub skip_s: f64,
 }
 
-/// Estimates every segment of a recording that has a signal in this column, of this kind.
+/// Estimates these segments of a recording, which has a signal in this column, of this kind.
 ///
 /// A segment of less than two samples is refused, and one without a signal.
-pub fn estimate_segments(
+pub fn estimate_segments<'a>(
     recording: &Recording,
+    segments: impl IntoIterator<Item = &'a Segment>,
     (column, signal_kind): (&str, &'static Kind),
     skip_s: f64,
     each: impl Fn(&SignalSegment) -> Result<SegmentEstimate, EstimateError>,
@@ -107,7 +108,7 @@ pub fn estimate_segments(
             skip_s,
         })
     };
-    recording.segments().iter().map(one).collect()
+    segments.into_iter().map(one).collect()
 }
 
 /// Refuses samples that do not last this long after the settling time, all in s; `place` names them in the message.

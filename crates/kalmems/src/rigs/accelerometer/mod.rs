@@ -59,13 +59,7 @@ impl Rig for AccelerometerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         Settings::of(experiment)?;
-        let roles = experiment.recordings.iter().enumerate();
-        let wanted: Vec<usize> =
-            roles.filter(|(_, r)| r.role == Role::Test).map(|(index, _)| index).collect();
-        if wanted.is_empty() {
-            let why = "no recording has the role `test`; that is estimated".to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }));
-        }
+        let wanted = experiment.to_estimate(&[Role::Test])?;
         for index in &wanted {
             Columns::of(experiment, *index)?;
         }
@@ -100,30 +94,36 @@ impl Rig for AccelerometerRig {
         let feedback = optional(columns.feedback, &kind::VOLTAGE)?;
         let acceleration = optional(columns.acceleration, &kind::ACCELERATION)?;
         let drive_column = columns.feedback.unwrap_or_default();
-        estimate_segments(recording, (columns.signal, &kind::VOLTAGE), settings.skip_s, |segment| {
-            segment.require_after_settling(segment.interval_s)?;
-            let data = SegmentData {
-                time_s: segment.time_s,
-                signal: segment.signal,
-                feedback: feedback.map(|column| column.of(segment.segment)),
-                acceleration: acceleration.map(|column| column.of(segment.segment)),
-                interval_s: segment.interval_s,
-            };
-            for (values, name) in
-                [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)]
-            {
-                data.require_whole(values, name.unwrap_or_default(), segment.place)?;
-            }
-            pull_in::require_free(&settings.hardware, &data, columns.signal, segment.place)?;
-            if settings.hardware.has_feedback
-                && let Ok(instrument) = Instrument::sensed(&settings.hardware)
-            {
-                feedback::require_right(&instrument, &data, drive_column, segment.place)?;
-            }
-            let trajectories = segment::estimate(&settings, &data, progress)?;
-            let estimate = segment.estimated(segment::motion(&settings), trajectories);
-            Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
-        })
+        estimate_segments(
+            recording,
+            recording.segments(),
+            (columns.signal, &kind::VOLTAGE),
+            settings.skip_s,
+            |segment| {
+                segment.require_after_settling(segment.interval_s)?;
+                let data = SegmentData {
+                    time_s: segment.time_s,
+                    signal: segment.signal,
+                    feedback: feedback.map(|column| column.of(segment.segment)),
+                    acceleration: acceleration.map(|column| column.of(segment.segment)),
+                    interval_s: segment.interval_s,
+                };
+                for (values, name) in
+                    [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)]
+                {
+                    data.require_whole(values, name.unwrap_or_default(), segment.place)?;
+                }
+                pull_in::require_free(&settings.hardware, &data, columns.signal, segment.place)?;
+                if settings.hardware.has_feedback
+                    && let Ok(instrument) = Instrument::sensed(&settings.hardware)
+                {
+                    feedback::require_right(&instrument, &data, drive_column, segment.place)?;
+                }
+                let trajectories = segment::estimate(&settings, &data, progress)?;
+                let estimate = segment.estimated(segment::motion(&settings), trajectories);
+                Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
+            },
+        )
     }
 
     fn identify(

@@ -18,7 +18,7 @@ mod simulation;
 
 use super::Rig;
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Motion, Progress, SegmentEstimate};
+use crate::estimate::{Axis, EstimateError, Motion, Progress, SegmentEstimate, estimate_segments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -57,13 +57,7 @@ impl Rig for MicroStageRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         let settings = Settings::of(experiment)?;
-        let all = 0..experiment.recordings.len();
-        let is_wanted = |role| matches!(role, Role::Test | Role::BiasOn);
-        let wanted: Vec<usize> = all.filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
-        if wanted.is_empty() {
-            let why = "no recording has the role `test` or `bias_on`; those are estimated".to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }));
-        }
+        let wanted = experiment.to_estimate(&[Role::Test, Role::BiasOn])?;
         for index in &wanted {
             let (_, signals) = columns(experiment, &settings.hardware, *index)?;
             if signals.is_empty() {
@@ -115,41 +109,37 @@ impl Rig for MicroStageRig {
             _ => None,
         };
         let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
-        let signal_columns = signals.iter().map(|(_, column)| recording.column_of(column, &kind::VOLTAGE));
-        let signal_columns = signal_columns.collect::<Result<Vec<_>, _>>()?;
+        let others = signals.iter().map(|(_, column)| recording.column_of(column, &kind::VOLTAGE));
+        let signal_columns = others.collect::<Result<Vec<_>, _>>()?;
         let electrodes: Vec<usize> = signals.iter().map(|(electrode, _)| *electrode).collect();
         let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
-        let mut estimates = Vec::new();
-        for segment in recording.segments() {
-            if described.role == Role::BiasOn && is_training(experiment, &segment.label) {
-                continue;
-            }
-            let place = place(&name, segment);
-            let time_s = segment.time.to_vec();
-            let span = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-            let too_short =
-                || EstimateError::TooShort { place: place.clone(), found_s: span, skip_s: settings.skip_s };
-            let interval_s =
-                segment.time.interval_s().filter(|_| span > settings.skip_s).ok_or_else(too_short)?;
-            if let Some((column, count)) = records::clipped(recording, segment, &names) {
+        let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
+        let trains = |label: &str| described.role == Role::BiasOn && is_training(experiment, label);
+        let judged = recording.segments().iter().filter(|segment| !trains(&segment.label));
+        estimate_segments(recording, judged, first, settings.skip_s, |segment| {
+            segment.require_after_settling(segment.interval_s)?;
+            let (time_s, place) = (segment.time_s, place(&name, segment.segment));
+            if let Some((column, count)) = records::clipped(recording, segment.segment, &names) {
                 return Err(EstimateError::Clipped { place, column, count });
             }
-            let volts = drive_column.of(segment);
+            let volts = drive_column.of(segment.segment);
             let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
             if let Some(first) = unknown.first() {
                 let (column, count, first_s) = (drive.to_owned(), unknown.len(), time_s[*first]);
                 return Err(EstimateError::DriveUnknown { place, column, count, first_s });
             }
-            let sine = fit_sine(&time_s, volts, interval_s).filter(Sine::is_steady).ok_or_else(|| {
-                EstimateError::NoSteadyDrive { place: place.clone(), filter: "the rig".to_owned() }
+            let sine = fit_sine(time_s, volts, segment.interval_s).filter(Sine::is_steady);
+            let sine = sine.ok_or_else(|| EstimateError::NoSteadyDrive {
+                place: place.clone(),
+                filter: "the rig".to_owned(),
             })?;
             let off = match &bias_off {
-                Some(records) => Some(off_of(records, &segment.label, &place, &sine)?),
+                Some(records) => Some(off_of(records, &segment.segment.label, &place, &sine)?),
                 None => None,
             };
             let mut cleaned = Vec::new();
             for ((electrode, column), values) in signals.iter().zip(&signal_columns) {
-                let values = values.of(segment);
+                let values = values.of(segment.segment);
                 if !values.iter().any(|y| y.is_finite()) {
                     return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
                 }
@@ -163,37 +153,26 @@ impl Rig for MicroStageRig {
                                 hardware.channels[*electrode].meaning()
                             ),
                         })?;
-                        off.cancel(at, &time_s, &sine, values)
+                        off.cancel(at, time_s, &sine, values)
                     }
-                    (None, Some(known)) => without_drive(&time_s, &sine, values, known),
+                    (None, Some(known)) => without_drive(time_s, &sine, values, known),
                     (None, None) => values.to_vec(),
                 });
             }
             let samples = Samples {
                 place: &place,
-                time_s: &time_s,
-                interval_s,
+                time_s,
+                interval_s: segment.interval_s,
                 drive: volts,
                 drive_sine: sine,
                 electrodes: &electrodes,
                 signals: cleaned,
             };
             let trajectories = segment::estimate(&settings, &samples, progress)?;
-            estimates.push(SegmentEstimate {
-                segment: segment.clone(),
-                drive_column: drive.to_owned(),
-                signal_column: names.first().copied().unwrap_or(DRIVE).to_owned(),
-                signal_kind: &kind::VOLTAGE,
-                drive: Some(sine),
-                motion: Motion { frequency_hz: sine.frequency_hz, is_driven: true },
-                other_axes: Vec::new(),
-                skip_s: settings.skip_s,
-                parts: 1,
-                remarks: Vec::new(),
-                trajectories,
-            });
-        }
-        Ok(estimates)
+            let motion = Motion { frequency_hz: sine.frequency_hz, is_driven: true };
+            let axis = Axis { angle: "angle", motion, drive: Some(sine) };
+            Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
+        })
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -206,7 +185,7 @@ impl Rig for MicroStageRig {
 
     /// Its records are judged by the rate; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
-        estimate.trajectories.iter().map(|_| None).collect()
+        vec![None; estimate.trajectories.len()]
     }
 
     fn identify(

@@ -25,7 +25,7 @@ mod start;
 mod trigger;
 
 use super::Rig;
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Key, Role};
 use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
@@ -75,13 +75,7 @@ impl Rig for PistonMirrorRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         Settings::of(experiment)?;
-        let wanted: Vec<usize> = (0..experiment.recordings.len())
-            .filter(|i| experiment.recordings[*i].role == Role::Test)
-            .collect();
-        if wanted.is_empty() {
-            let why = "no recording has the role `test`; those are estimated".to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }));
-        }
+        let wanted = experiment.to_estimate(&[Role::Test])?;
         for index in &wanted {
             columns(experiment, *index)?;
         }
@@ -117,7 +111,7 @@ impl Rig for PistonMirrorRig {
         let trigger = trigger.transpose()?;
         let hardware = &settings.hardware;
         let signal = (columns.signal, &kind::CAPACITANCE);
-        estimate_segments(recording, signal, settings.skip_s, |segment| {
+        estimate_segments(recording, recording.segments(), signal, settings.skip_s, |segment| {
             let (time_s, interval_s) = (segment.time_s, segment.interval_s);
             let motion_hz = trigger.map(|(column, values)| {
                 motion_frequency(time_s, values.of(segment.segment), interval_s).map_err(|why| {

@@ -19,7 +19,7 @@ mod simulation;
 pub mod two_axes;
 
 use super::Rig;
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Role};
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, Trajectory, estimate_segments};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
@@ -119,7 +119,7 @@ fn estimate_driven(
     each: impl Fn(&str, &DrivenSegment) -> Result<Answer, EstimateError>,
 ) -> Result<Vec<SegmentEstimate>, EstimateError> {
     let [drive_column, signal_column] = columns(experiment, index)?;
-    estimate_segments(recording, (signal_column, &kind::VOLTAGE), skip_s, |segment| {
+    estimate_segments(recording, recording.segments(), (signal_column, &kind::VOLTAGE), skip_s, |segment| {
         let (axes, trajectories) =
             each(segment.place, &DrivenSegment::of(recording, segment, drive_column)?)?;
         Ok(segment.estimated_under(drive_column, axes, trajectories))
@@ -128,13 +128,7 @@ fn estimate_driven(
 
 /// The recordings that are estimated, their channels checked.
 fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-    let is_wanted = |role| matches!(role, Role::Test | Role::SteadyState);
-    let wanted: Vec<usize> =
-        (0..experiment.recordings.len()).filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
-    if wanted.is_empty() {
-        let why = "no recording has the role `test` or `steady_state`; those are estimated".to_owned();
-        return Err(experiment.error("recording", Fault::Value { why }));
-    }
+    let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
     for index in &wanted {
         columns(experiment, *index)?;
     }

@@ -16,7 +16,7 @@ mod settings;
 mod simulation;
 
 use super::Rig;
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Method, Role};
+use crate::config::{ConfigError, Device, Experiment, Key, Method, Role};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, SignalSegment, estimate_segments};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
@@ -52,13 +52,7 @@ impl Rig for ThresholdScannerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         Settings::of(experiment)?;
-        let is_wanted = |role| matches!(role, Role::Test | Role::SteadyState | Role::RingDown);
-        let all = 0..experiment.recordings.len();
-        let wanted: Vec<usize> = all.filter(|i| is_wanted(experiment.recordings[*i].role)).collect();
-        if wanted.is_empty() {
-            let why = "no recording has the role `test`, `steady_state` or `ring_down`; those are estimated";
-            return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }));
-        }
+        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState, Role::RingDown])?;
         for index in &wanted {
             columns(experiment, *index)?;
         }
@@ -79,19 +73,25 @@ impl Rig for ThresholdScannerRig {
         let settings = Settings::of(experiment)?;
         let [drive_column, signal_column] = columns(experiment, index)?;
         let natural_hz = settings.hardware.natural_hz();
-        estimate_segments(recording, (signal_column, &kind::VOLTAGE), settings.skip_s, |segment| {
-            segment.require_after_settling(CYCLES / natural_hz)?;
-            require_unclipped(recording, segment)?;
-            let data = DrivenSegment::of(recording, segment, drive_column)?;
-            let drive_slope = slope(&data, &settings.hardware);
-            let found = found(&settings, &data, &drive_slope, (segment.place, signal_column))?;
-            let motion = data.motion(natural_hz);
-            let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
-            let trajectories = segment::estimate(&settings, samples, progress)?;
-            let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-            let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
-            Ok(SegmentEstimate { parts: settings.parts, ..estimate })
-        })
+        estimate_segments(
+            recording,
+            recording.segments(),
+            (signal_column, &kind::VOLTAGE),
+            settings.skip_s,
+            |segment| {
+                segment.require_after_settling(CYCLES / natural_hz)?;
+                require_unclipped(recording, segment)?;
+                let data = DrivenSegment::of(recording, segment, drive_column)?;
+                let drive_slope = slope(&data, &settings.hardware);
+                let found = found(&settings, &data, &drive_slope, (segment.place, signal_column))?;
+                let motion = data.motion(natural_hz);
+                let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
+                let trajectories = segment::estimate(&settings, samples, progress)?;
+                let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+                let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
+                Ok(SegmentEstimate { parts: settings.parts, ..estimate })
+            },
+        )
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
