@@ -2,11 +2,13 @@
 
 mod stage;
 
-use kalmems::config::{Device, Experiment};
+use kalmems::applications::calibration::calibrate;
+use kalmems::config::{Device, Experiment, GyroscopeCalibration};
 use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
+use kalmems::results::{CalibrationSummary, Metrics, RunInfo, write_estimate};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
@@ -17,6 +19,7 @@ use kalmems_core::{Covariance, Ldl, Mat};
 use kalmems_models::capacitance::TiltingPlate;
 use stage::{ESTIMATE, GAINS, GAPS, Laboratory, MOTIONS, NAMES, NOISE, OFF, ON, STILL};
 use std::f64::consts::TAU;
+use std::time::{Duration, SystemTime};
 
 fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError> {
     rigs::of(experiment).unwrap().identify(experiment, &Silent)
@@ -160,6 +163,54 @@ fn without_a_vibrometer_a_trusted_gain_gives_the_gaps() {
             1e9 * (gap - with)
         );
         assert!((gap - with).abs() < if name.ends_with('A') { 40e-9 } else { 150e-9 });
+    }
+}
+
+/// Identified, estimated, calibrated: the files that `kalmems estimate` writes are a reference of the gyroscope.
+#[test]
+#[ignore = "needs the reference recordings, in the folder KALMEMS_REFERENCE_DATA"]
+fn the_gyroscope_is_calibrated_by_the_stage_and_by_the_vibrometer() {
+    let truth = stage::expected("stage-room")["truth"]["gyro_scale_factor"].as_f64().unwrap();
+    let here = tempfile::tempdir().unwrap();
+    let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    let found = identify(&stage::reference("stage-room", &(TRAINING.to_owned() + ESTIMATE))).unwrap();
+    let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
+    let metrics = Metrics::of(&outcome);
+    write_estimate(&outcome, &metrics, &here.path().join("stage"), false, info(), &|| false).unwrap();
+    let toml = format!(
+        "name = \"stage-room\"\n[gyroscope]\nrate = \"8 kHz\"\nclock_tolerance = \"1 %\"\n\
+         channels = {{ y = \"gyro_rad_per_s\" }}\n\n\
+         [[condition]]\nname = \"room\"\nfile = \"{0}/gyro.csv\"\nsegments = {{ column = \"record\" }}\n\n\
+         [[condition.reference]]\nname = \"vibrometer\"\nfile = \"{0}/bias_on.csv\"\n\
+         segments = {{ column = \"record\" }}\nclock = {{ column = \"time_s\" }}\nchannels = {{ y = \"ldv_V\" }}\n\
+         vibrometer = {{ gain = \"50 V/(m/s)\", target_width = \"3 mm\" }}\n\n\
+         [[condition.reference]]\nname = \"stage\"\nfile = \"stage/{{record}}_trajectory_ekf.csv\"\n\
+         clock = {{ column = \"time_s\" }}\nchannels = {{ y = \"rate_rad_per_s\" }}\n",
+        stage::reference_folder("stage-room").display()
+    );
+    let file = GyroscopeCalibration::parse(&toml, &here.path().join("calibration.toml")).unwrap();
+    let found = calibrate(&file, &Silent).unwrap();
+    println!("{}", CalibrationSummary::of(&found).to_text());
+    let off = |value: f64| 1e6 * (value / truth - 1.0);
+    let [vibrometer, stage] = &found.results[..] else { panic!("two references") };
+    let (by_vibrometer, by_stage) = (off(vibrometer.scale_factor.value), off(stage.scale_factor.value));
+    println!("vibrometer {by_vibrometer:+.2} ppm, stage {by_stage:+.2} ppm");
+    assert!(by_vibrometer.abs() < 20.0 && by_stage.abs() < 150.0, "{by_vibrometer} {by_stage}");
+    for result in [vibrometer, stage] {
+        let bias = result.bias[1].unwrap();
+        assert!((bias.value - 0.0312).abs() < 4.0 * bias.uncertainty, "{bias:?}");
+        let peaks = result.peak_to_peak.unwrap();
+        let [printed, through_origin] = [peaks.slope.unwrap(), peaks.through_origin].map(off);
+        println!(
+            "{}: crest to trough {printed:+.1} ppm as printed, {through_origin:+.1} through the origin",
+            result.reference
+        );
+        assert!(printed.abs() < 1500.0 && through_origin.abs() < 500.0);
+        assert_eq!(result.records.len(), 4);
+        for record in &result.records {
+            let off = (record.sample_rate_hz - 8024.8) / record.sample_rate_deviation_hz;
+            assert!(off.abs() < 5.0, "{record:?}");
+        }
     }
 }
 
