@@ -237,6 +237,7 @@ fn driven(closed: &RebalanceLoop<f64>, (interval, signal_hz): (f64, f64)) -> Com
     let mut run = SampledRebalance::new(closed, interval, 1);
     let per_period = (1.0 / signal_hz / interval).round();
     let (mut re, mut im) = (0.0, 0.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
     let samples = 40 * per_period as u32;
     for k in 0..samples {
         let angle = |k: u32| TAU * f64::from(k) / per_period;

@@ -535,7 +535,7 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
     let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
     let why =
         workflow::estimate_unwritten(&experiment, &simulated, &Silent).map(drop).unwrap_err().to_string();
-    assert!(why.contains("sampled at 900 Hz") && why.contains("taken for 400 Hz"), "{why}");
+    assert!(why.contains("sampled at 900.0 Hz") && why.contains("taken for 400.0 Hz"), "{why}");
 }
 
 /// What is said of the example before it is recorded, against figures that were computed otherwise.

@@ -430,10 +430,10 @@ fn the_curves_of_the_papers_are_reproduced() {
 #[test]
 #[ignore = "half a minute with --release"]
 fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
+    use Verdict::{DoesNotReproduce, Reproduced, SameTrend};
     let found = reproduced(None, Effort::Quick);
     let verdicts: Vec<(&str, Verdict)> =
         found.items.iter().map(|item| (item.head.key, item.verdict())).collect();
-    use Verdict::{DoesNotReproduce, Reproduced, SameTrend};
     assert_eq!(
         verdicts,
         [

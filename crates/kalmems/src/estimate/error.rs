@@ -186,8 +186,8 @@ pub enum EstimateError {
     },
     /// There are too few samples per cycle to follow the motion.
     #[error(
-        "{place}: sampled at {rate_hz} Hz, which is not above twice the {motion_hz} Hz of the motion: its frequency would be \
-         taken for {alias_hz} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
+        "{place}: sampled at {rate_hz:.1} Hz, which is not above twice the {motion_hz:.1} Hz of the motion: its frequency would be \
+         taken for {alias_hz:.1} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
     )]
     SampledTooSlowly {
         /// The recording and its segment.

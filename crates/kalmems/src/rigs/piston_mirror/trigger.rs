@@ -65,7 +65,7 @@ mod tests {
         let found = motion_frequency(&time_s, &square(1003.7), 5e-5).unwrap();
         // 200 edges over 0.2 s, each known to a sample's twelfth: √12·14 µs/(√200·0.2 s) of the frequency is 9 mHz.
         assert!((found - 501.85).abs() < 0.03, "{found}");
-        assert_eq!(motion_frequency(&time_s, &[0.0; 4000], 5e-5), Err(NoTrigger::TooFew { edges: 0 }));
+        assert_eq!(motion_frequency(&time_s, &vec![0.0; 4000], 5e-5), Err(NoTrigger::TooFew { edges: 0 }));
         let mut lost = square(1000.0);
         lost[1000..1400].fill(0.0);
         assert!(matches!(motion_frequency(&time_s, &lost, 5e-5), Err(NoTrigger::Irregular { .. })));

@@ -165,10 +165,13 @@ fn mean(start: &Hardware, all: &[Hardware]) -> Hardware {
     device
 }
 
+/// A filter, and its error in a trial.
+type Row<'a> = (&'a str, &'a dyn Fn(&Trial) -> f64);
+
 fn item(trials: &[Trial]) -> Item {
     let spread = |of: &dyn Fn(&Trial) -> f64| Spread::of(trials.iter().map(of));
     let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / trials.len() as f64;
-    let rows: [(&str, &dyn Fn(&Trial) -> f64); 6] = [
+    let rows: [Row; 6] = [
         ("EKF as printed", &|t| t.compared[0]),
         ("EKF with the true derivative", &|t| t.compared[1]),
         ("the likeliest variant", &|t| t.chosen.1),
