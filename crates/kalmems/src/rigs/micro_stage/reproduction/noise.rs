@@ -42,7 +42,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         drive_variance: (DRIVE_GAIN * NOISE_V[2]).powi(2),
     };
     let (levels, runs) = match work.effort {
-        Effort::Quick => (&LEVELS[1..4], 4),
+        Effort::Quick => (&LEVELS[1..4], 12),
         Effort::Full => (&LEVELS[..], 50),
     };
     let seed = work.seed;

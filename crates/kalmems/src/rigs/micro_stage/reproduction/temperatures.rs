@@ -178,7 +178,12 @@ impl Temperature {
     }
 
     /// The gaps again, without a vibrometer, where the gains of before are trusted; or the gains, where the gaps are.
-    fn found_in_place(self, before: &Electrodes, trusted: Trusted, seed: u64) -> Result<Electrodes, ReproduceError> {
+    fn found_in_place(
+        self,
+        before: &Electrodes,
+        trusted: Trusted,
+        seed: u64,
+    ) -> Result<Electrodes, ReproduceError> {
         let mut plates = channels().map(|channel| channel.plate);
         for (plate, [gap, _]) in plates.iter_mut().zip(before) {
             plate.gap = *gap;
