@@ -212,7 +212,7 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
     let schema = gyroscope_schema();
     let example = |name: &str| fs::read_to_string(Path::new("../../examples/gyroscope").join(name)).unwrap();
     let calibration = example("calibration.toml");
-    for text in [&calibration, &example("three_axes.toml")] {
+    for text in [&calibration, &example("by_stage.toml"), &example("three_axes.toml")] {
         assert!(accepts(&schema, &as_json(text)));
     }
     for (from, to) in [

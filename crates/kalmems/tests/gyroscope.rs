@@ -1,7 +1,6 @@
-//! Calibration of a gyroscope: against known matrices, closed forms and a recording of another program.
+//! Calibration of a gyroscope: against known matrices and closed forms. A recording of another program is calibrated in
+//! `micro_stage.rs`, by the stage's own electrodes.
 
-#[path = "gyroscope/stage.rs"]
-mod stage;
 #[path = "gyroscope/studies.rs"]
 mod studies;
 
@@ -537,47 +536,4 @@ fn intervals_hold_the_truth_in_a_few_calibrations() {
 #[ignore = "Monte Carlo"]
 fn slow_intervals_hold_the_truth_as_often_as_they_say() {
     assert_binomial(coverage(200), 200);
-}
-
-/// The recording of another program: by the vibrometer within 20 ppm, by the stage within 150.
-#[test]
-#[ignore = "needs KALMEMS_REFERENCE_DATA"]
-fn reference_recording() {
-    let folder =
-        PathBuf::from(std::env::var("KALMEMS_REFERENCE_DATA").expect("the folder of the reference data"));
-    let folder = folder.join("recordings/stage-room");
-    let expected: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(folder.join("expected.json")).unwrap()).unwrap();
-    let truth = expected["truth"]["gyro_scale_factor"].as_f64().unwrap();
-    let here = tempfile::tempdir().unwrap();
-    stage::write_rates(&folder, &here.path().join("stage.csv"));
-    let toml = format!(
-        "name = \"stage-room\"\n[gyroscope]\nrate = \"8 kHz\"\nclock_tolerance = \"1 %\"\n\
-         channels = {{ y = \"gyro_rad_per_s\" }}\n\n\
-         [[condition]]\nname = \"room\"\nfile = \"{0}/gyro.csv\"\nsegments = {{ column = \"record\" }}\n\n\
-         [[condition.reference]]\nname = \"vibrometer\"\nfile = \"{0}/bias_on.csv\"\nsegments = {{ column = \"record\" }}\n\
-         clock = {{ column = \"time_s\" }}\nchannels = {{ y = \"ldv_V\" }}\n\
-         vibrometer = {{ gain = \"50 V/(m/s)\", target_width = \"3 mm\" }}\n\n\
-         [[condition.reference]]\nname = \"stage\"\nfile = \"stage.csv\"\nsegments = {{ column = \"record\" }}\n\
-         clock = {{ column = \"time_s\" }}\nchannels = {{ y = \"rate_rad_per_s\" }}\n",
-        folder.display()
-    );
-    let file = GyroscopeCalibration::parse(&toml, &here.path().join("c.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
-    println!("{}", kalmems::results::CalibrationSummary::of(&found).to_text());
-    let off: Vec<f64> = found.results.iter().map(|r| 1e6 * (r.scale_factor.value / truth - 1.0)).collect();
-    println!("vibrometer {:+.2} ppm, stage {:+.2} ppm", off[0], off[1]);
-    assert!(off[0].abs() < 20.0 && off[1].abs() < 150.0, "{off:?}");
-    assert!((off[0] - off[1]).abs() < 150.0);
-    let bias = found.results[0].bias[1].unwrap();
-    assert!((bias.value - 0.0312).abs() < 4.0 * bias.uncertainty, "{bias:?}");
-    let peaks = found.results.iter().map(|r| 1e6 * (r.peak_to_peak.unwrap().slope.unwrap() / truth - 1.0));
-    let peaks: Vec<f64> = peaks.collect();
-    println!("crest to trough, as printed: {peaks:?} ppm");
-    assert!(peaks.iter().all(|off| off.abs() < 1500.0));
-    for record in &found.results[0].records {
-        assert!((record.sample_rate_hz - 8024.8).abs() < 5.0 * record.sample_rate_deviation_hz, "{record:?}");
-    }
-    // Two of the records alone.
-    assert_eq!(found.results[0].records.len(), 4);
 }

@@ -2,11 +2,13 @@
 
 mod stage;
 
-use kalmems::config::{Device, Experiment};
+use kalmems::applications::calibration::calibrate;
+use kalmems::config::{Device, Experiment, GyroscopeCalibration};
 use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
+use kalmems::results::{CalibrationSummary, Metrics, RunInfo, write_estimate};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
@@ -17,6 +19,8 @@ use kalmems_core::{Covariance, Ldl, Mat};
 use kalmems_models::capacitance::TiltingPlate;
 use stage::{ESTIMATE, GAINS, GAPS, Laboratory, MOTIONS, NAMES, NOISE, OFF, ON, STILL};
 use std::f64::consts::TAU;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
 
 fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError> {
     rigs::of(experiment).unwrap().identify(experiment, &Silent)
@@ -161,6 +165,75 @@ fn without_a_vibrometer_a_trusted_gain_gives_the_gaps() {
         );
         assert!((gap - with).abs() < if name.ends_with('A') { 40e-9 } else { 150e-9 });
     }
+}
+
+/// Identified, estimated, calibrated: the files that `kalmems estimate` writes are a reference of the gyroscope.
+#[test]
+#[ignore = "needs the reference recordings, in the folder KALMEMS_REFERENCE_DATA"]
+fn the_gyroscope_is_calibrated_by_the_stage_and_by_the_vibrometer() {
+    let truth = stage::expected("stage-room")["truth"]["gyro_scale_factor"].as_f64().unwrap();
+    let here = tempfile::tempdir().unwrap();
+    let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    let found = identify(&stage::reference("stage-room", &(TRAINING.to_owned() + ESTIMATE))).unwrap();
+    let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
+    let metrics = Metrics::of(&outcome);
+    write_estimate(&outcome, &metrics, &here.path().join("stage"), false, info(), &|| false).unwrap();
+    let toml = format!(
+        "name = \"stage-room\"\n[gyroscope]\nrate = \"8 kHz\"\nclock_tolerance = \"1 %\"\n\
+         channels = {{ y = \"gyro_rad_per_s\" }}\n\n\
+         [[condition]]\nname = \"room\"\nfile = \"{0}/gyro.csv\"\nsegments = {{ column = \"record\" }}\n\n\
+         [[condition.reference]]\nname = \"vibrometer\"\nfile = \"{0}/bias_on.csv\"\n\
+         segments = {{ column = \"record\" }}\nclock = {{ column = \"time_s\" }}\nchannels = {{ y = \"ldv_V\" }}\n\
+         vibrometer = {{ gain = \"50 V/(m/s)\", target_width = \"3 mm\" }}\n\n\
+         [[condition.reference]]\nname = \"stage\"\nfile = \"stage/{{record}}_trajectory_ekf.csv\"\n\
+         clock = {{ column = \"time_s\" }}\nchannels = {{ y = \"rate_rad_per_s\" }}\n",
+        stage::reference_folder("stage-room").display()
+    );
+    let file = GyroscopeCalibration::parse(&toml, &here.path().join("calibration.toml")).unwrap();
+    let found = calibrate(&file, &Silent).unwrap();
+    println!("{}", CalibrationSummary::of(&found).to_text());
+    let off = |value: f64| 1e6 * (value / truth - 1.0);
+    let [vibrometer, stage] = &found.results[..] else { panic!("two references") };
+    let (by_vibrometer, by_stage) = (off(vibrometer.scale_factor.value), off(stage.scale_factor.value));
+    println!("vibrometer {by_vibrometer:+.2} ppm, stage {by_stage:+.2} ppm");
+    assert!(by_vibrometer.abs() < 20.0 && by_stage.abs() < 150.0, "{by_vibrometer} {by_stage}");
+    for result in [vibrometer, stage] {
+        let bias = result.bias[1].unwrap();
+        assert!((bias.value - 0.0312).abs() < 4.0 * bias.uncertainty, "{bias:?}");
+        let peaks = result.peak_to_peak.unwrap();
+        let [printed, through_origin] = [peaks.slope.unwrap(), peaks.through_origin].map(off);
+        println!(
+            "{}: crest to trough {printed:+.1} ppm as printed, {through_origin:+.1} through the origin",
+            result.reference
+        );
+        assert!(printed.abs() < 1500.0 && through_origin.abs() < 500.0);
+        assert_eq!(result.records.len(), 4);
+        for record in &result.records {
+            let off = (record.sample_rate_hz - 8024.8) / record.sample_rate_deviation_hz;
+            assert!(off.abs() < 5.0, "{record:?}");
+        }
+    }
+}
+
+/// The commands of `examples/gyroscope/README.md`, on the committed recordings: the independent program's truth.
+#[test]
+fn the_examples_calibrate_the_gyroscope_by_the_stage() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let out = tempfile::tempdir().unwrap();
+    let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    let experiment = Experiment::load(&examples.join("micro_stage/experiment.toml")).unwrap();
+    let outcome = workflow::estimate(&identify(&experiment).unwrap().experiment, &Silent).unwrap();
+    let to = out.path().join("micro_stage");
+    write_estimate(&outcome, &Metrics::of(&outcome), &to, false, info, &|| false).unwrap();
+    let path = examples.join("gyroscope/by_stage.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains("\"../../out/"));
+    let text = text.replace("\"../../out/", &format!("\"{}/", out.path().display()));
+    let found = calibrate(&GyroscopeCalibration::parse(&text, &path).unwrap(), &Silent).unwrap();
+    let ppm = |value: f64| 1e6 * (value / 1.0137 - 1.0);
+    let off: Vec<f64> = found.results.iter().map(|result| ppm(result.scale_factor.value)).collect();
+    println!("stage {:+.1} ppm, vibrometer {:+.1} ppm", off[0], off[1]);
+    assert!(off[0].abs() < 150.0 && off[1].abs() < 20.0, "{off:?}");
 }
 
 fn waveforms<'a>(plates: &'a [TiltingPlate<f64>], records: &'a [WaveRecord]) -> Waveforms<'a> {
@@ -522,4 +595,37 @@ fn the_chapter_is_set_beside_ours() {
     assert_eq!(holds("table-3-4"), [false, true, true]);
     // An error without hardware's is not the printed one.
     assert_eq!(holds("table-3-5"), [false, true, true]);
+    assert!(holds("table-3-1").iter().all(|h| *h) && holds("table-3-6").iter().all(|h| *h));
+    // Theirs is the error of hardware; ours is below what others report.
+    assert!(holds("table-3-7")[1]);
+    assert!(holds("figure-3-16").iter().all(|h| *h));
+}
+
+/// 24 sets of records at two temperatures: by vibrometer and stage, and by the stage that found its gaps again in place.
+#[test]
+#[ignore = "a study over 24 sets"]
+fn slow_two_temperatures_and_the_gaps_found_in_place() {
+    let rig = rigs::ALL.iter().find(|rig| rig.name() == "micro_stage").unwrap();
+    let only = Some("Table 3.6".to_owned());
+    let settings = Settings { only, effort: Effort::Full, seed: 1, threads: 2 };
+    let found = reproduce("micro_stage", rig.reproduction().unwrap(), settings, &Silent).unwrap();
+    let [item] = &found.items[..] else { panic!("one item") };
+    for row in &item.tables[0].rows {
+        println!("{}", row.join(" | "));
+    }
+    // What is believed of D²/η, and of D, is in the rate: twice 0.3 % less 0.03 %, and 0.3 %, the harmonics' part aside.
+    let median = |way: usize| -> f64 {
+        let cell = &item.tables[0].rows[way][1];
+        cell.split_whitespace().next().unwrap().parse().unwrap()
+    };
+    assert!((median(6) - 5700.0).abs() < 200.0 && (median(5) - 3000.0).abs() < 300.0);
+    // The gains' 0.03 %, and what one identification knows of them.
+    assert!((median(4) - 300.0).abs() < 500.0);
+    for (way, bar) in [(0, 20.0), (1, 150.0), (2, 20.0), (3, 150.0)] {
+        assert!(median(way).abs() < bar, "{way}");
+    }
+    for check in &item.checks {
+        println!("{}: paper {}, ours {}", check.subject(), check.paper(), check.ours());
+        assert!(check.holds(), "{check:?}");
+    }
 }

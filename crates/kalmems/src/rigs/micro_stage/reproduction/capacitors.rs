@@ -151,9 +151,49 @@ fn rejection() -> Item {
         let what = format!("100 % less the rejection at {} % off-axis motion", 100.0 * ratio);
         item = item.check(Check::value(what, "%", 100.0 - printed, Spread::exact(passed), 0.3));
     }
-    item.remark(
+    item.figure(profiles()).remark(
         "The difference of the two signals is divided by the root mean square of the signal, which D (57) leaves out; without \
          that it is in volts and no ratio. What gets through is in proportion to the ratio of the motions, so that the first \
          two printed values cannot both be right. Off-axis motion in phase with the main motion, at 3 mrad.",
     )
+}
+
+/// The capacitance of an outer and an inner electrode over the tilt, and their signals over a cycle, with and without a
+/// tenth of off-axis motion.
+fn profiles() -> Figure {
+    let [_, _, outer, inner] = channels();
+    let mut curves = Panel::new(Axis::new("tilt", "rad"), Axis::new("capacitance", "F"));
+    let mut waves = Panel::new(Axis::new("time", "s"), Axis::new("signal", "V"));
+    for (name, channel, roles) in
+        [("2A", outer, [Role::Model, Role::Measured]), ("2B", inner, [Role::Estimate, Role::Reference])]
+    {
+        let over_tilt = |of_x: f64| -> Vec<(f64, f64)> {
+            let tilts = (-50..=50_i32).map(|k| MAIN * f64::from(k) / 50.0);
+            tilts.map(|y| (y, channel.plate.capacitance_of_both(of_x * y, y))).collect()
+        };
+        let over_time = |of_x: f64| -> Vec<(f64, f64)> {
+            let turns = (0..=200_u32).map(|k| TAU * f64::from(k) / 200.0);
+            let rate = TAU * DRIVE_HZ;
+            turns
+                .map(|turn| {
+                    let [angle, speed] = [MAIN * turn.sin(), MAIN * rate * turn.cos()];
+                    (turn / rate, channel.voltage_of_both([of_x * angle, angle], [of_x * speed, speed]))
+                })
+                .collect()
+        };
+        curves = curves
+            .with(Series::line(format!("{name}, one axis"), roles[0], over_tilt(0.0)))
+            .with(Series::line(format!("{name}, both axes"), roles[1], over_tilt(0.1)));
+        waves = waves
+            .with(Series::line(format!("{name}, one axis"), roles[0], over_time(0.0)))
+            .with(Series::line(format!("{name}, both axes"), roles[1], over_time(0.1)));
+    }
+    Figure::new(
+        "table-3-4_profiles",
+        "Capacitances and signals of 2A and 2B",
+        "As D Figure 3.13: a tilt of 3 mrad about the main axis, alone and with a tenth of it about the other, in phase. The \
+         lines of one axis and of both lie on each other.",
+    )
+    .with(curves)
+    .with(waves)
 }

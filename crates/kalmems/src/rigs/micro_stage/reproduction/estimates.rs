@@ -2,15 +2,13 @@
 
 use super::super::MicroStageRig;
 use super::failed;
-use super::sets::{DRIVE_HZ, DRIVES_V};
-use crate::config::Experiment;
+use super::sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
 use crate::estimate::Silent;
 use crate::report::{Axis, Figure, Panel, Role, Series};
 use crate::reproduce::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
 use crate::rigs::Rig;
 use crate::simulate::{SimulateError, Unwritten, described};
 use crate::workflow::{self, Outcome};
-use std::path::Path;
 
 /// The validation.
 pub static HEAD: Head = Head {
@@ -31,16 +29,12 @@ const BETA: f64 = -0.0207;
 
 /// One run at a drive.
 fn outcome(volts: f64, seed: u64) -> Result<Outcome, ReproduceError> {
-    let text = include_str!("stage.toml")
-        .replace("AMPLITUDE", &format!("{volts} V"))
-        .replace("FREQUENCY", &format!("{DRIVE_HZ} Hz"))
-        .replace("SEED", &seed.to_string());
-    let experiment = Experiment::parse(&text, Path::new("stage.toml")).map_err(failed("table-3-5"))?;
-    let simulation = MicroStageRig.simulate(&experiment).map_err(failed("table-3-5"))?;
+    let experiment = experiment(HEAD.key, volts, seed, &PRINTED)?;
+    let simulation = MicroStageRig.simulate(&experiment).map_err(failed(HEAD.key))?;
     let unwritten: Result<Unwritten, SimulateError> = Unwritten::of(simulation.as_ref(), &Silent);
     let recorded = described(&experiment, simulation.as_ref());
-    workflow::estimate_unwritten(&recorded, &unwritten.map_err(failed("table-3-5"))?, &Silent)
-        .map_err(failed("table-3-5"))
+    workflow::estimate_unwritten(&recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
+        .map_err(failed(HEAD.key))
 }
 
 /// The item.

@@ -1,6 +1,9 @@
 //! What is printed, and records that are made of it.
 
 use super::super::identification::WaveRecord;
+use super::failed;
+use crate::config::Experiment;
+use crate::reproduce::ReproduceError;
 use crate::signal::Sine;
 use crate::simulate::WhiteNoise;
 use kalmems_models::capacitance::StageLayout;
@@ -8,6 +11,7 @@ use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{MirrorResonator, PiezoStage};
 use kalmems_models::readout::PlateCurrent;
 use std::f64::consts::TAU;
+use std::path::Path;
 
 /// D Table 3.3.
 pub const NATURAL_HZ: f64 = 1714.5;
@@ -51,13 +55,18 @@ pub fn angle(volts: f64) -> Sine {
     }
 }
 
-/// Records of the four channels at the printed drives, with noise.
+/// Records of the printed stage at the printed drives, with noise.
 pub fn records(seed: u64) -> Vec<WaveRecord> {
+    records_of(&channels(), seed)
+}
+
+/// Records of these channels at the printed drives, with noise.
+pub fn records_of(channels: &[PlateCurrent<f64>; 4], seed: u64) -> Vec<WaveRecord> {
     let time_s: Vec<f64> = (0..SAMPLES).map(|k| f64::from(k) / RATE_HZ).collect();
     let mut noise = WhiteNoise::new(seed, 0);
     let one = |volts: f64| {
         let angle = angle(volts);
-        let signals = channels().map(|channel| {
+        let signals = channels.each_ref().map(|channel| {
             let sample = |t: &f64| {
                 let (sine, cosine) = (TAU * DRIVE_HZ * t + angle.phase_rad).sin_cos();
                 let rate = -angle.amplitude * TAU * DRIVE_HZ * sine;
@@ -70,4 +79,24 @@ pub fn records(seed: u64) -> Vec<WaveRecord> {
         WaveRecord { time_s: time_s.clone(), drive, angle, signals: signals.to_vec() }
     };
     DRIVES_V.map(one).to_vec()
+}
+
+/// Gap and gain of each electrode as printed.
+pub const PRINTED: [[f64; 2]; 4] = [[GAP, GAIN]; 4];
+
+/// The stage under a drive of this amplitude, with these gaps in m and gains in V·Ω, ready to be simulated and estimated.
+pub fn experiment(
+    item: &'static str,
+    volts: f64,
+    seed: u64,
+    electrodes: &[[f64; 2]; 4],
+) -> Result<Experiment, ReproduceError> {
+    let mut text = include_str!("stage.toml")
+        .replace("AMPLITUDE", &format!("{volts} V"))
+        .replace("FREQUENCY", &format!("{DRIVE_HZ} Hz"))
+        .replace("SEED", &seed.to_string());
+    for [gap, gain] in electrodes {
+        text = text.replacen("GAP", &format!("{gap:e} m"), 1).replacen("GAIN", &format!("{gain:e} V ohm"), 1);
+    }
+    Experiment::parse(&text, Path::new("stage.toml")).map_err(failed(item))
 }
