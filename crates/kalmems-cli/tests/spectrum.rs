@@ -39,7 +39,7 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
     let spectrum = |trajectory: &str, out: &str| {
         let text = text
             .replace("../../out/simulated/two-lines/", "simulated/")
-            .replace("../../out/two-lines/trajectory_five.csv", trajectory);
+            .replace("../../out/two-lines-simulated/trajectory_five.csv", trajectory);
         let file = path(&format!("{out}.toml"));
         std::fs::write(&file, text).unwrap();
         json(&["spectrum", &file, "--out", &path(out), "--json"])
@@ -68,7 +68,7 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
         + text.split("[path.trajectory]").nth(1).unwrap();
     let recorded = recorded
         .replace("../../out/simulated/two-lines/", "simulated/")
-        .replace("../../out/two-lines/trajectory_five.csv", "estimated/trajectory_five.csv");
+        .replace("../../out/two-lines-simulated/trajectory_five.csv", "estimated/trajectory_five.csv");
     std::fs::write(path("recorded.toml"), recorded).unwrap();
     let recorded = json(&["spectrum", &path("recorded.toml"), "--out", &path("recorded"), "--json"]);
     assert_eq!(recorded["lines"], along["lines"]);
