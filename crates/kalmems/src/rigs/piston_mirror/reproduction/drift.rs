@@ -2,6 +2,7 @@
 
 use super::bench::{COMPUTED_NOISE, Judged, MIRROR, RUN, Run, density_for_lag, one_second, rate, settings};
 use super::published::{circuit, results};
+use crate::applications::spectrum::{line_height, line_shift};
 use crate::report::{Axis, Column, Figure, Panel, Role, Series, Table};
 use crate::reproduce::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
 use crate::results::significant;
@@ -43,6 +44,8 @@ pub static SAMPLING: Head = Head {
 };
 
 const NM: f64 = 1e9;
+/// A line in the paper's range, 2000 1/cm, in 1/m.
+const LINE_PER_M: f64 = 2000e2;
 /// Drifts of P Figure 8, relative per minute.
 const DRIFTS: [f64; 5] = [0.0, 0.1, 0.2, 0.27, 0.3];
 /// Sampling rates of P Figure 9 in Hz, and a lower one.
@@ -101,19 +104,33 @@ fn thinned(judged: &Judged, what: fn(&[f64; 2]) -> (f64, f64)) -> Vec<(f64, f64)
 }
 
 fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
-    let [three, five, _] = shown else { return Item::new(&SNAPSHOT) };
+    let [three, five, smoothed] = shown else { return Item::new(&SNAPSHOT) };
     let sigma = one_second(circuit::NOISE);
     let would_lag = rate(results::DRIFT) * (sigma * NM / results::CLAIM_NM).powi(2);
     let mut table = Table::new(
         "Position RMSE in nm at 20 %/min and 194 kHz, over the seeds",
         [Column::text("estimator"), Column::text("0.151 aF/√Hz"), Column::text("0.393 aF/√Hz")],
     );
-    for (name, a, b) in [
-        ("three states, as published, with a lag of 20 nm", &printed.three, &computed.three),
-        ("five states", &printed.five, &computed.five),
-        ("five states, smoothed", &printed.smoothed, &computed.smoothed),
+    let mut in_spectrum = Table::new(
+        "The same in a spectrum: a line at 2000 1/cm",
+        [
+            Column::text("estimator"),
+            Column::number("height, 0.151 aF/√Hz", "%"),
+            Column::number("height, 0.393 aF/√Hz", "%"),
+            Column::number("shift, 0.151 aF/√Hz", "1/cm"),
+        ],
+    );
+    for (name, a, b, judged) in [
+        ("three states, as published, with a lag of 20 nm", &printed.three, &computed.three, three),
+        ("five states", &printed.five, &computed.five, five),
+        ("five states, smoothed", &printed.smoothed, &computed.smoothed, smoothed),
     ] {
         table.push([name.to_owned(), a.to_text(), b.to_text()]);
+        // The amplitude is taken too small by what it lags.
+        let shift = line_shift(LINE_PER_M, -judged.lag / MIRROR[0]);
+        let [a, b] = [a, b].map(|error| 100.0 * line_height(LINE_PER_M, error.median / NM));
+        let cells = [format!("{a:.2}"), format!("{b:.2}"), format!("{:+.3}", shift / 100.0)];
+        in_spectrum.push([name.to_owned()].into_iter().chain(cells));
     }
     let error = |judged: &Judged| -> Vec<(f64, f64)> {
         thinned(judged, |[e, _]| (0.0, e * NM))
@@ -161,6 +178,7 @@ fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
         ))
         .figure(figure)
         .table(table)
+        .table(in_spectrum)
 }
 
 fn line(shown: &[Judged]) -> Item {
