@@ -1,0 +1,53 @@
+//! What can go wrong with a file of some format.
+
+use std::io;
+
+/// Why a table cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum FormatError {
+    /// The system refuses.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// Nothing that is known.
+    #[error("{found}; expected {expected}")]
+    NotRecognised {
+        /// What the file begins with.
+        found: String,
+        /// What can be read.
+        expected: String,
+    },
+    /// The file is damaged or does not keep to its format.
+    #[error("damaged {format} at {place}: {found}; expected {expected}")]
+    Damaged {
+        /// The format.
+        format: &'static str,
+        /// The byte, line or object.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What should be.
+        expected: String,
+    },
+    /// It is sound, and holds something that is not read.
+    #[error("{format}: {what} is not read; {remedy}")]
+    Unsupported {
+        /// The format.
+        format: &'static str,
+        /// What is not read.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// It claims or unpacks to more than is sensible.
+    #[error("{format}: {what} is {found}; at most {limit} is read, so as not to exhaust the memory")]
+    TooLarge {
+        /// The format.
+        format: &'static str,
+        /// Of what.
+        what: String,
+        /// How much.
+        found: u64,
+        /// The limit.
+        limit: u64,
+    },
+}

@@ -1,0 +1,60 @@
+//! What every format gives.
+
+use crate::{Block, FormatError};
+
+/// What is known of a table before its first row is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// The format, for people: `CSV`, `MAT 7.3`.
+    pub format: &'static str,
+    /// What was recognised and decided, in a sentence for people, such as "separated by semicolons, decimal commas,
+    /// units in line 2".
+    pub recognised: String,
+    /// The columns in the order of the file.
+    pub columns: Vec<Column>,
+    /// How many rows there are, where the format says so.
+    pub rows: Option<u64>,
+}
+
+/// A column of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Its name as the program has it: `name_unit`, put together where the format keeps the unit elsewhere.
+    pub name: String,
+    /// Where it stands in the file, for messages, where that is not its name: `/rig/cap`.
+    pub place: Option<String>,
+}
+
+/// A column that is to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// Numbers, times a power of ten, rounded once: the digits in the file (the shortest that stand for a binary
+    /// number), with another exponent.
+    Number {
+        /// Which column of the description.
+        column: usize,
+        /// The power of ten.
+        power: i32,
+    },
+    /// Labels: the text as it stands, or a number in its shortest form.
+    Label {
+        /// Which column of the description.
+        column: usize,
+    },
+}
+
+/// A table that is being read, from its first row to its last.
+pub trait Table: Send {
+    /// What is known of it.
+    fn description(&self) -> &Description;
+
+    /// States what to read; before the first block.
+    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError>;
+
+    /// Reads the next rows into `block`, whose former contents are dropped and whose memory is used again; at most
+    /// as many as its capacity. No row is the end of the table.
+    fn read(&mut self, block: &mut Block) -> Result<(), FormatError>;
+
+    /// How far it has come and how far there is to go, in bytes of the file; 0 where the whole is not known.
+    fn progress(&self) -> (u64, u64);
+}
