@@ -175,7 +175,7 @@ impl Pass {
             };
             let time = match *clock {
                 Clock::Rate { rate_hz, start_s } => TimeBase {
-                    times: Times::Rate { rate_hz, start_s, len: range.len() },
+                    times: Times::Rate { rate_hz, start_s, first: 0, len: range.len() },
                     interval_s: Some(rate_hz.recip()),
                     uniform: true,
                 },

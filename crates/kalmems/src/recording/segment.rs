@@ -14,6 +14,15 @@ pub struct Segment {
     pub time: TimeBase,
 }
 
+impl Segment {
+    /// Some of its rows, counted from its first.
+    pub fn part(&self, rows: &Range<usize>) -> Self {
+        let time = TimeBase { times: self.time.times.part(rows), ..self.time };
+        let start = self.rows.start;
+        Self { label: self.label.clone(), rows: start + rows.start..start + rows.end, time }
+    }
+}
+
 /// The times of a segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimeBase {
@@ -27,8 +36,23 @@ pub struct TimeBase {
 pub(super) enum Times {
     /// As the file has them.
     Column(Vec<f64>),
-    /// From a clock that the file does not hold.
-    Rate { rate_hz: f64, start_s: f64, len: usize },
+    /// From a clock that the file does not hold; `first` rows of the segment come before.
+    Rate { rate_hz: f64, start_s: f64, first: usize, len: usize },
+}
+
+impl Times {
+    /// Those of some rows.
+    fn part(&self, rows: &Range<usize>) -> Self {
+        match self {
+            Self::Column(times) => Self::Column(times.get(rows.clone()).unwrap_or_default().to_vec()),
+            Self::Rate { rate_hz, start_s, first, len } => Self::Rate {
+                rate_hz: *rate_hz,
+                start_s: *start_s,
+                first: first + rows.start,
+                len: rows.end.min(*len).saturating_sub(rows.start),
+            },
+        }
+    }
 }
 
 impl TimeBase {
@@ -42,7 +66,7 @@ impl TimeBase {
     pub fn at(&self, i: usize) -> f64 {
         match &self.times {
             Times::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
-            Times::Rate { rate_hz, start_s, len } if i < *len => start_s + i as f64 / rate_hz,
+            Times::Rate { rate_hz, start_s, first, len } if i < *len => start_s + (first + i) as f64 / rate_hz,
             Times::Rate { .. } => f64::NAN,
         }
     }
