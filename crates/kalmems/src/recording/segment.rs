@@ -66,7 +66,9 @@ impl TimeBase {
     pub fn at(&self, i: usize) -> f64 {
         match &self.times {
             Times::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
-            Times::Rate { rate_hz, start_s, first, len } if i < *len => start_s + (first + i) as f64 / rate_hz,
+            Times::Rate { rate_hz, start_s, first, len } if i < *len => {
+                start_s + (first + i) as f64 / rate_hz
+            }
             Times::Rate { .. } => f64::NAN,
         }
     }
