@@ -53,15 +53,14 @@ where
     F: Filter<f64, N> + Clone + Any + Send,
     C: Course<N>,
 {
-    let mut run = match past.run.take::<Run<F, N>>() {
-        Some(run) => run,
-        None => {
-            let whole = filter.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
-            let lag = filter.lag_samples(samples.interval_s);
-            let lagged = lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
-            let smoothers = whole.into_iter().chain(lagged).collect();
-            Box::new(Run { followed: Followed::new(start()?), smoothers })
-        }
+    let mut run = if let Some(run) = past.run.take::<Run<F, N>>() {
+        run
+    } else {
+        let whole = filter.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
+        let lag = filter.lag_samples(samples.interval_s);
+        let lagged = lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
+        let smoothers = whole.into_iter().chain(lagged).collect();
+        Box::new(Run { followed: Followed::new(start()?), smoothers })
     };
     let names = (filter.key.as_str(), filter.name.as_str());
     let filtered = run.followed.follow(names, course, &samples.fresh, states, progress);

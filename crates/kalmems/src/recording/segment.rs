@@ -16,6 +16,7 @@ pub struct Segment {
 
 impl Segment {
     /// Some of its rows, counted from its first.
+    #[must_use]
     pub fn part(&self, rows: &Range<usize>) -> Self {
         let time = TimeBase { times: self.time.times.part(rows), ..self.time };
         let start = self.rows.start;

@@ -3,6 +3,7 @@
 use crate::estimate::Samples;
 use crate::signal::{Sine, cubic_between, fit_sine};
 use kalmems_core::Nodes;
+use std::cell::OnceCell;
 use std::ops::Range;
 
 /// The drive over the rows of a part of a segment.
@@ -34,7 +35,7 @@ pub struct DrivePast {
     /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
     last: Block,
     present: Block,
-    fitted: Option<Option<Sine>>,
+    fitted: OnceCell<Option<Sine>>,
     /// The sines that stand in, by the rows of the segment from which on.
     stand_ins: Vec<(usize, Sine)>,
 }
@@ -63,7 +64,7 @@ impl DrivePast {
             self.rows += end - from;
             if self.present.time_s.len() == BLOCK {
                 self.last = std::mem::take(&mut self.present);
-                self.fitted = None;
+                self.fitted = OnceCell::new();
             }
             from = end;
         }
@@ -80,8 +81,7 @@ impl DrivePast {
         let sine = if begins == 0 {
             self.first_sine
         } else {
-            let last = &self.last;
-            *self.fitted.get_or_insert_with(|| last.sine(interval_s))
+            *self.fitted.get_or_init(|| self.last.sine(interval_s))
         };
         // Where a block follows no sine, what the blocks before it followed stands in.
         if let Some(sine) = sine {

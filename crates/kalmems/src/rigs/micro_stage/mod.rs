@@ -212,7 +212,7 @@ impl Estimator for StageEstimator<'_> {
         let samples = Samples {
             place: &place,
             time_s,
-            samples: segment.samples(),
+            taken: segment.samples(),
             drive: volts,
             drive_sine: sine,
             electrodes: &signals.iter().map(|(electrode, _)| *electrode).collect::<Vec<_>>(),

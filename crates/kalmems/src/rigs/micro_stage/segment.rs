@@ -22,7 +22,7 @@ pub struct Samples<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// Which of them are new, and the usual interval.
-    pub samples: estimate::Samples,
+    pub taken: estimate::Samples,
     /// The drive at each sample in V.
     pub drive: &'a [f64],
     /// The sine that it follows.
@@ -54,7 +54,7 @@ pub fn estimate(
         let mut trajectories = one(settings, filter, samples, past, progress)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let judge = &mut past.answer(answer).judge;
-            trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.samples.ends);
+            trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.taken.ends);
             if filter.basics.method == Method::Model {
                 trajectory.kind = TrajectoryKind::ModelAlone;
                 trajectory.claim_nothing();
@@ -90,10 +90,10 @@ fn one(
     };
     let covariance = Covariance::from_standard_deviations(filter.start_sd);
     let start = AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance);
-    let time = (samples.time_s, samples.samples.interval_s);
+    let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
-    answers((&filter.basics, past), || Ok(start), (&mut course, &samples.samples), &STATES, progress)
+    answers((&filter.basics, past), || Ok(start), (&mut course, &samples.taken), &STATES, progress)
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.

@@ -47,7 +47,7 @@ pub fn correction(
         let samples = Samples {
             place: &read.place,
             time_s: &record.time_s,
-            samples: estimate::Samples::whole(record.time_s.len(), read.interval_s),
+            taken: estimate::Samples::whole(record.time_s.len(), read.interval_s),
             drive: &drive,
             drive_sine: record.drive,
             electrodes: &on.electrodes,
