@@ -6,6 +6,7 @@
 
 mod block;
 mod csv;
+mod decimal;
 mod error;
 mod open;
 mod source;
@@ -13,6 +14,7 @@ mod table;
 
 pub use block::{Block, CellFault, Fault, Labels};
 pub use csv::{CsvHints, open_csv, read_csv};
+pub use decimal::Shift;
 pub use error::FormatError;
 pub use open::{Hints, open};
 pub use source::ReadSeek;
