@@ -37,8 +37,14 @@ pub struct TimeBase {
 pub(super) enum Times {
     /// As the file has them.
     Column(Vec<f64>),
-    /// From a clock that the file does not hold; `first` rows of the segment come before.
-    Rate { rate_hz: f64, start_s: f64, first: usize, len: usize },
+    /// From a clock that the file does not hold.
+    Rate {
+        rate_hz: f64,
+        start_s: f64,
+        /// The row of the segment that is the first here.
+        first: usize,
+        len: usize,
+    },
 }
 
 impl Times {
@@ -112,17 +118,26 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// The next row stands on this line.
-    pub(super) fn push(&mut self, line: usize) {
-        if self.of(self.rows) != line {
-            self.breaks.push((self.rows, line));
-        }
-        self.rows += 1;
-    }
-
     pub(super) fn of(&self, row: usize) -> usize {
         let after = self.breaks.partition_point(|(first, _)| *first <= row);
         after.checked_sub(1).and_then(|i| self.breaks.get(i)).map_or(0, |(first, line)| line + row - first)
+    }
+
+    /// The next rows stand on these lines, each entry being a row and its line, the others on the lines after.
+    pub(super) fn push_many(&mut self, rows: usize, lines: &[(usize, u64)]) {
+        for (row, line) in lines {
+            let (row, line) = (self.rows + row, usize::try_from(*line).unwrap_or(usize::MAX));
+            if self.of(row) != line {
+                self.breaks.push((row, line));
+            }
+        }
+        self.rows += rows;
+    }
+
+    /// Drops what is known of the rows before one alone.
+    pub(super) fn forget(&mut self, row: usize) {
+        let after = self.breaks.partition_point(|(first, _)| *first <= row);
+        self.breaks.drain(..after.saturating_sub(1));
     }
 
     pub(super) const fn rows(&self) -> usize {
