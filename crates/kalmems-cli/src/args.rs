@@ -109,6 +109,9 @@ pub struct EstimateArguments {
     /// End with exit code 3 if a filter failed its consistency test.
     #[arg(long)]
     pub strict: bool,
+    /// Do not write the trajectories, which take several times the room of a long recording.
+    #[arg(long)]
+    pub no_trajectories: bool,
 }
 
 #[derive(Args)]
