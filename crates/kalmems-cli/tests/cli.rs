@@ -688,3 +688,98 @@ fn an_identification_that_cannot_be_is_refused() {
     });
     assert!(none.contains("no recording has the role `ring_down`, `steady_state` or `zero_drive`"), "{none}");
 }
+
+/// A recording of this many rows: the scanner's, again and again, and the experiment for it.
+fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
+    let text =
+        |file: &str| std::fs::read_to_string(root().join("examples/shared_scanner").join(file)).unwrap();
+    // 20 000 rows are 627 cycles of the drive.
+    let repeat = |file: &str| {
+        let text = text(file);
+        let mut lines = text.lines();
+        let mut long = format!("{}\n", lines.next().unwrap());
+        let all: Vec<&str> = lines.map(|line| line.split_once(',').unwrap().1).collect();
+        for (k, cells) in all[all.len() - 20_000..].iter().cycle().take(rows).enumerate() {
+            long += &format!("{}.{:06},{cells}\n", k / 1_000_000, k % 1_000_000);
+        }
+        std::fs::write(folder.join(file), long).unwrap();
+    };
+    repeat("recording.csv");
+    let experiment = folder.join("experiment.toml");
+    let mut toml = text("experiment.toml");
+    if reference {
+        repeat("reference.csv");
+    } else {
+        let (from, to) = (toml.find("[recording.reference]").unwrap(), toml.find("[estimate]").unwrap());
+        toml.replace_range(from..to, "");
+    }
+    std::fs::write(&experiment, toml).unwrap();
+    experiment
+}
+
+#[test]
+fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
+    use kalmems::estimate::Silent;
+    use kalmems::{config::Experiment, results::Metrics, workflow};
+    let folder = tempfile::tempdir().unwrap();
+    let path = long_recording(folder.path(), workflow::LONG + 5_000, true);
+    let out = folder.path().join("out");
+    let output = run(&["estimate", path.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let parts: serde_json::Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let outcome = workflow::estimate(&Experiment::load(&path).unwrap(), &Silent).unwrap();
+    let whole = serde_json::to_value(Metrics::of(&outcome)).unwrap();
+    let of = |value: &serde_json::Value, filter: usize, path: &str| {
+        value["recordings"][0]["segments"][0]["estimators"][filter].pointer(path).unwrap().clone()
+    };
+    for (i, trajectory) in outcome.recordings[0].segments[0].estimate.trajectories.iter().enumerate() {
+        let csv = std::fs::read_to_string(out.join(format!("trajectory_{}.csv", trajectory.key))).unwrap();
+        let angles: Vec<u64> = csv
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').nth(1).unwrap().parse::<f64>().unwrap().to_bits())
+            .collect();
+        assert_eq!(angles.len(), trajectory.time_s.len());
+        assert!(angles.iter().zip(&trajectory.states[0].mean).all(|(a, b)| *a == b.to_bits()), "{i}");
+        for (field, tolerance) in [
+            ("/errors/angle/rmse_deg", 1e-9),
+            ("/errors/angle/samples", 0.0),
+            ("/errors/peak_phase_rmse_deg", 0.01),
+        ] {
+            let [a, b] = [&parts, &whole].map(|v| of(v, i, field).as_f64().unwrap());
+            assert!((a / b - 1.0).abs() <= tolerance, "{field}: {a} {b}");
+        }
+        assert_eq!(of(&parts, i, "/counts"), of(&whole, i, "/counts"));
+        let [a, b] = [&parts, &whole].map(|v| of(v, i, "/consistency"));
+        if a.is_object() {
+            let [a, b] = [a, b].map(|v| v["mean_nis"].as_f64().unwrap());
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+    }
+    assert!(out.join("figures/course.png").is_file() && out.join("report.html").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_estimated_as_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = long_recording(folder.path(), 150_000, false);
+    let piped = folder.path().join("piped.toml");
+    let toml = std::fs::read_to_string(&path).unwrap().replace("\"recording.csv\"", "\"/dev/stdin\"");
+    std::fs::write(&piped, toml).unwrap();
+    let estimate = |experiment: &Path, name: &str, input: Stdio| {
+        let out = folder.path().join(name);
+        let output = kalmems()
+            .args(["estimate", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()])
+            .stdin(input)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        std::fs::read(out.join("trajectory_ekf.csv")).unwrap()
+    };
+    let mut writer =
+        Command::new("cat").arg(folder.path().join("recording.csv")).stdout(Stdio::piped()).spawn().unwrap();
+    let piped = estimate(&piped, "piped", writer.stdout.take().unwrap().into());
+    writer.wait().unwrap();
+    assert!(piped == estimate(&path, "file", Stdio::null()), "the trajectories differ");
+}
