@@ -127,7 +127,11 @@ fn refuse_preamble(
                 row.len() == cells.len() && row.iter().filter(|cell| is_number(cell)).count() * 2 > row.len()
             };
             let is_header = cells.len() > 1 && !cells.iter().any(|cell| is_number(cell));
-            if is_header && rows.len() > 1 && rows.iter().skip(1).all(fits) {
+            let units = |row: &Vec<String>| {
+                row.len() == cells.len() && row.iter().all(|cell| unit_cell(cell).is_some())
+            };
+            let skip = usize::from(rows.first().is_some_and(units));
+            if is_header && rows.len() > 1 && rows.iter().skip(skip).all(fits) {
                 let line = head.number(candidate);
                 return Err(FormatError::NotRecognised {
                     found: format!(
