@@ -1,5 +1,7 @@
 //! A few rows of a table.
 
+use crate::Wanted;
+
 /// Rows that were read together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Block {
@@ -16,6 +18,23 @@ pub struct Block {
     /// Where rows stand in the file, as `(row of this block, line)`: the first, and each that does not follow the one before
     /// by one. Lines count from 1 as an editor does, rows of binary formats from 1 as well.
     pub lines: Vec<(usize, u64)>,
+}
+
+impl Block {
+    /// Drops what was in it and makes room for what is wanted; `first` rows of the file come before it.
+    pub(crate) fn begin(&mut self, wanted: &[Wanted], first: u64, rows: usize) {
+        let labels = wanted.iter().filter(|want| matches!(want, Wanted::Label { .. })).count();
+        self.rows = rows;
+        self.numbers.resize_with(wanted.len() - labels, Vec::new);
+        self.numbers.iter_mut().for_each(Vec::clear);
+        self.labels.resize_with(labels, Vec::new);
+        self.labels.iter_mut().for_each(Vec::clear);
+        self.faults.clear();
+        self.lines.clear();
+        if rows > 0 {
+            self.lines.push((0, first + 1));
+        }
+    }
 }
 
 /// The labels of the rows of a block, as runs: `(row of this block where it begins, label)`.

@@ -41,3 +41,13 @@ pub(crate) fn plausible_unpacked(
     let limit = packed.saturating_add(64).saturating_mul(UNPACKED_PER_BYTE);
     at_most(format, &format!("what {what} claims to unpack to"), unpacked, limit)
 }
+
+/// A few of many things, for messages.
+pub(crate) fn list(things: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let mut text = things.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if things.len() > SHOWN {
+        text.push_str(&format!(" and {} more", things.len() - SHOWN));
+    }
+    text
+}
