@@ -1,7 +1,7 @@
 //! A file of whichever format, recognised by what it begins with.
 
 use crate::source::{ReadSeek, Source};
-use crate::{FormatError, Table, csv};
+use crate::{CsvHints, FormatError, Table, csv};
 use std::fs::File;
 use std::path::Path;
 
@@ -76,6 +76,8 @@ pub struct Hints {
     pub group: Option<String>,
     /// The names of the columns, in their order, where the file has none: 2-D arrays and WAV.
     pub columns: Option<Vec<String>>,
+    /// How text is written.
+    pub csv: CsvHints,
 }
 
 /// Opens a table.
@@ -107,13 +109,31 @@ pub fn open_reader(
 }
 
 fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
-    let _ = source;
-    let _ = hints;
-    Err(FormatError::Unsupported {
-        format: format.name(),
-        what: "the format".to_owned(),
-        remedy: "build with it".to_owned(),
-    })
+    match format {
+        #[cfg(feature = "npy")]
+        Format::Npy => crate::npy::open_npy(source, hints),
+        #[cfg(feature = "npy")]
+        Format::Npz => crate::npy::open_npz(source, hints),
+        #[cfg(any())]
+        Format::Parquet => crate::parquet::open(source, hints),
+        #[cfg(any())]
+        Format::Hdf5 => crate::hdf5::open(source, hints),
+        // From version 7.3 on they are HDF5.
+        #[cfg(any())]
+        Format::Mat if begins_as_hdf5(&source)? => crate::hdf5::open(source, hints),
+        #[cfg(feature = "mat")]
+        Format::Mat => crate::mat::open(source, hints),
+        #[cfg(feature = "tdms")]
+        Format::Tdms => crate::tdms::open(source, hints),
+        #[cfg(feature = "wav")]
+        Format::Wav => crate::wav::open(source, hints),
+        #[allow(unreachable_patterns)] // where all are built
+        _ => Err(FormatError::Unsupported {
+            format: format.name(),
+            what: "a format that this program was built without".to_owned(),
+            remedy: "build it with all features".to_owned(),
+        }),
+    }
 }
 
 /// As much as is looked at.

@@ -175,10 +175,13 @@ impl Table for RecordTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let room = (BLOCK_BYTES / self.row_bytes.max(8)).max(1).min(block.capacity);
         let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
-        block.begin(&self.wanted, self.row, rows);
+        let labels = self.wanted.iter().filter(|want| matches!(want, Wanted::Label { .. })).count();
+        block.clear(self.wanted.len() - labels, labels);
         if rows == 0 {
             return Ok(());
         }
+        block.rows = rows;
+        block.lines.push((0, self.row + 1));
         for (number, lane) in self.lanes.iter_mut().enumerate().filter(|(number, _)| self.used[*number]) {
             if self.fields.iter().any(|f| f.cells == Cells::Texts { lane: number }) {
                 lane.texts(rows, &mut self.texts[number])?;

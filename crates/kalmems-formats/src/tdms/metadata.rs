@@ -10,7 +10,9 @@ pub(super) const FORMAT: &str = "TDMS";
 /// Bytes before a segment's metadata.
 const LEAD_IN: u64 = 28;
 /// Segments of a file; each is a few numbers in memory.
-const SEGMENTS: u64 = 4 << 20;
+const SEGMENTS: u64 = 1 << 20;
+/// Channels of all layouts together.
+const PARTS: u64 = 1 << 20;
 /// Properties, names and values of a file.
 const METADATA_BYTES: u64 = 4 * limits::HEADER_BYTES;
 
@@ -24,6 +26,7 @@ pub(super) struct File {
     pub(super) left_over: u64,
     pub(super) unfinished: bool,
     numbers: HashMap<String, usize>,
+    parts: u64,
 }
 
 /// A channel.
@@ -38,13 +41,15 @@ pub(super) struct Channel {
     pub(super) scaled: bool,
     /// What the last segment said of its values in one chunk.
     index: Option<Index>,
+    /// Whether it is in the list of objects of the last segment.
+    active: bool,
 }
 
 /// What a channel's values are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Value {
     Number(Element),
-    Text,
+    Text { big_endian: bool },
     /// Anything else of a known length.
     Other { bytes: usize, what: &'static str },
 }
@@ -54,7 +59,7 @@ impl Value {
         match self {
             Self::Number(element) => element.bytes as u64,
             Self::Other { bytes, .. } => bytes as u64,
-            Self::Text => 0,
+            Self::Text { .. } => 0,
         }
     }
 }
@@ -173,7 +178,7 @@ impl File {
         all_new: bool,
     ) -> Result<bool, FormatError> {
         if all_new {
-            active.clear();
+            active.drain(..).for_each(|number| self.channels[number].active = false);
         }
         let mut changed = all_new;
         for _ in 0..reader.u32()? {
@@ -210,7 +215,8 @@ impl File {
                 }
                 changed |= channel.index != Some(index);
                 channel.index = Some(index);
-                if !active.contains(&number) {
+                if !channel.active {
+                    channel.active = true;
                     active.push(number);
                     changed = true;
                 }
@@ -243,6 +249,7 @@ impl File {
             start_offset: 0.0,
             scaled: false,
             index: None,
+            active: false,
         });
         Ok(number)
     }
@@ -267,7 +274,7 @@ impl File {
         for (channel, index) in indices {
             let value = index.value.bytes();
             let part = Part { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
-            if interleaved && index.value == Value::Text {
+            if interleaved && matches!(index.value, Value::Text { .. }) {
                 return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
             }
             parts.push(part);
@@ -285,10 +292,8 @@ impl File {
         }
         let layout = Layout { chunk_bytes, interleaved, parts };
         if self.layouts.last() != Some(&layout) {
-            // Each takes memory for all of its channels.
-            let parts: usize = self.layouts.iter().rev().take(1).map(|l| l.parts.len()).sum();
-            limits::at_most(FORMAT, "how often the channels change", self.layouts.len() as u64, 4096)?;
-            limits::at_most(FORMAT, "the number of channels", parts as u64, limits::COLUMNS as u64)?;
+            self.parts += layout.parts.len() as u64 + 1;
+            limits::at_most(FORMAT, "how often channels change, times their number,", self.parts, PARTS)?;
             self.layouts.push(layout);
         }
         Ok(self.layouts.len() - 1)
@@ -402,7 +407,7 @@ impl<'a> Reader<'a> {
             8 => number(Kind::Unsigned, 8),
             9 | 0x19 => number(Kind::Float, 4),
             10 | 0x1a => number(Kind::Float, 8),
-            0x20 => Value::Text,
+            0x20 => Value::Text { big_endian: self.big_endian },
             0x44 => Value::Other { bytes: 16, what: "dates" },
             0x0008_000c => Value::Other { bytes: 8, what: "complex numbers" },
             0x0010_000d => Value::Other { bytes: 16, what: "complex numbers" },
@@ -421,10 +426,10 @@ impl<'a> Reader<'a> {
         }
         let rows = self.u64()?;
         let bytes = match value {
-            Value::Text => self.u64()?,
+            Value::Text { .. } => self.u64()?,
             _ => rows.checked_mul(value.bytes()).ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
         };
-        if value == Value::Text && rows.checked_mul(4).is_none_or(|places| places > bytes) {
+        if matches!(value, Value::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
             return Err(self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts"));
         }
         Ok(Index { value, rows, bytes })
@@ -434,7 +439,7 @@ impl<'a> Reader<'a> {
         let code = self.u32()?;
         let value = self.value(code)?;
         match value {
-            Value::Text => Ok(Property::Text(self.text()?)),
+            Value::Text { .. } => Ok(Property::Text(self.text()?)),
             Value::Number(element) => {
                 let mut number = Vec::with_capacity(1);
                 element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);

@@ -20,7 +20,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
         let lane = lanes.len();
         let (cells, record) = match channel.kind {
             Some(Value::Number(element)) => (Cells::Numbers { lane, offset: 0, element }, element.bytes),
-            Some(Value::Text) => (Cells::Texts { lane }, 0),
+            Some(Value::Text { .. }) => (Cells::Texts { lane }, 0),
             Some(Value::Other { what, .. }) => {
                 left_out.push(format!("`{}` ({what})", channel.name));
                 continue;
@@ -31,10 +31,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             }
         };
         if channel.scaled {
-            return Err(unsupported(
-                &format!("the channel `{}`, which is to be scaled by `NI_Scale`,", channel.name),
-                "write its scaled values",
-            ));
+            left_out.push(format!("`{}` (to be scaled by `NI_Scale`: write its scaled values)", channel.name));
+            continue;
         }
         limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
         let column = Column {
@@ -50,6 +48,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             segment: 0,
             chunk: 0,
             row: 0,
+            place: None,
             texts: Vec::new(),
             scratch: Vec::new(),
         }));
@@ -130,6 +129,8 @@ struct ChannelLane {
     segment: usize,
     chunk: u64,
     row: u64,
+    /// Where its part is in the layout that was last.
+    place: Option<(usize, Option<usize>)>,
     /// The texts of the chunk, the last first.
     texts: Vec<Vec<u8>>,
     scratch: Vec<u8>,
@@ -150,7 +151,11 @@ impl ChannelLane {
         loop {
             let segment = file.segments.get(self.segment)?;
             let layout = &file.layouts[segment.layout];
-            let part = layout.parts.iter().find(|part| part.channel == self.channel);
+            if self.place.is_none_or(|(layout, _)| layout != segment.layout) {
+                let place = layout.parts.iter().position(|part| part.channel == self.channel);
+                self.place = Some((segment.layout, place));
+            }
+            let part = self.place.and_then(|(_, place)| layout.parts.get(place?));
             let Some(part) = part.filter(|_| self.chunk <= segment.chunks) else {
                 (self.segment, self.chunk, self.row) = (self.segment + 1, 0, 0);
                 continue;
@@ -220,7 +225,7 @@ impl Lane for ChannelLane {
                 limits::at_most(FORMAT, "the texts of a chunk", run.part.bytes, limits::HEADER_BYTES)?;
                 #[allow(clippy::cast_possible_truncation)] // bounded by the line above
                 let bytes = self.source.bytes(FORMAT, start, run.part.bytes as usize)?;
-                let big_endian = false;
+                let big_endian = file.channels[self.channel].kind == Some(Value::Text { big_endian: true });
                 self.texts = split_texts(start, &bytes, count, big_endian)?;
                 self.texts.reverse();
                 self.row = count;
