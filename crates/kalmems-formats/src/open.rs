@@ -114,12 +114,12 @@ fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn 
         Format::Npy => crate::npy::open_npy(source, hints),
         #[cfg(feature = "npy")]
         Format::Npz => crate::npy::open_npz(source, hints),
-        #[cfg(any())]
+        #[cfg(feature = "parquet")]
         Format::Parquet => crate::parquet::open(source, hints),
-        #[cfg(any())]
+        #[cfg(feature = "hdf5")]
         Format::Hdf5 => crate::hdf5::open(source, hints),
         // From version 7.3 on they are HDF5.
-        #[cfg(any())]
+        #[cfg(feature = "hdf5")]
         Format::Mat if begins_as_hdf5(&source)? => crate::hdf5::open(source, hints),
         #[cfg(feature = "mat")]
         Format::Mat => crate::mat::open(source, hints),

@@ -38,7 +38,11 @@ pub(crate) enum Cells {
 pub(crate) enum Code {
     /// Bytes as they are.
     Bytes,
+    /// UTF-16.
+    #[cfg(feature = "hdf5")]
+    Utf16 { big_endian: bool },
     /// Four bytes a character.
+    #[cfg(feature = "npy")]
     Utf32 { big_endian: bool },
 }
 
@@ -276,10 +280,20 @@ pub(crate) fn refuse_infinities(numbers: &mut [f64], column: usize, row: u64, fa
 }
 
 impl Code {
-    fn read(self, raw: &[u8], out: &mut Vec<u8>) {
+    /// Reads a text of this code, without the white space and NULs around it.
+    pub(crate) fn read(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();
         match self {
             Self::Bytes => out.extend_from_slice(trimmed(raw)),
+            #[cfg(feature = "hdf5")]
+            Self::Utf16 { big_endian } => {
+                let units = raw.chunks_exact(2).map(|two| {
+                    if big_endian { u16::from_be_bytes([two[0], two[1]]) } else { u16::from_le_bytes([two[0], two[1]]) }
+                });
+                let letters = char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
+                out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
+            }
+            #[cfg(feature = "npy")]
             Self::Utf32 { big_endian } => {
                 let mut text = String::new();
                 for four in raw.chunks_exact(4) {
