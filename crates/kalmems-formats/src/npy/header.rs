@@ -190,6 +190,9 @@ fn cell(code: &str) -> Result<Cell, String> {
         return Err(unknown());
     }
     let kind = letters.next().ok_or_else(unknown)?;
+    if kind == 'O' {
+        return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
+    }
     let digits: String = letters.by_ref().take_while(char::is_ascii_digit).collect();
     let size: usize = digits.parse().map_err(|_| unknown())?;
     if size > limits::ROW_BYTES {
@@ -215,7 +218,6 @@ fn cell(code: &str) -> Result<Cell, String> {
         'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
         'M' | 'm' => Cell::Other { bytes: size, what: "dates".to_owned() },
         'V' => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
-        'O' => return Err("Python objects, which only Python reads".to_owned()),
         _ => return Err(unknown()),
     })
 }

@@ -1,6 +1,8 @@
 //! The same recording from every format: `fixtures/make.py` wrote it with each format's reference tool, and as a text
 //! that the standard library parses here. Every number is compared bit by bit.
 
+mod hostile;
+
 use kalmems_formats::{Block, Fault, Format, FormatError, Hints, Table, Wanted, open, open_reader};
 use std::collections::HashMap;
 use std::io::Cursor;
