@@ -164,6 +164,10 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
         }
         _ => return Err(format!("no type for the field `{name}`")),
     };
+    if let Cell::Other { bytes: 0, what } = &inner {
+        // Where the fields behind it are is not known.
+        return Err(format!("`{name}`: {what}"));
+    }
     let Some(shape) = parts.get(2) else { return Ok((name, inner)) };
     let Literal::Several(shape) = shape else { return Err(format!("a shape of `{name}` that is no tuple")) };
     let mut count = 1_u64;
