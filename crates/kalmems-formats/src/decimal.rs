@@ -88,7 +88,8 @@ mod tests {
             }
         }
         // Rounding twice shows in some of them.
-        let twice = |number: i64| Shift::new(3).float(number as f64) != Shift::new(3).integer(i128::from(number));
+        let twice =
+            |number: i64| Shift::new(3).float(number as f64) != Shift::new(3).integer(i128::from(number));
         assert!((0..1000).any(|step| twice(9_007_199_254_740_993 + 2 * step)));
     }
 

@@ -50,7 +50,9 @@ impl Element {
     ) {
         if power != 0 && self.bytes == 8 && self.kind != Kind::Float {
             let mut shift = Shift::new(power);
-            out.extend(records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))));
+            out.extend(
+                records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))),
+            );
             return;
         }
         let start = out.len();
@@ -200,7 +202,10 @@ mod tests {
     fn a_power_of_ten_is_applied_to_the_digits() {
         assert_eq!(one(Kind::Float, false, &5.71_f64.to_le_bytes(), -12), 5.71e-12);
         assert_eq!(one(Kind::Signed, true, &(-571_i16).to_be_bytes(), -2), -5.71);
-        assert_eq!(one(Kind::Unsigned, false, &u64::MAX.to_le_bytes(), -3), "18446744073709551615e-3".parse().unwrap());
+        assert_eq!(
+            one(Kind::Unsigned, false, &u64::MAX.to_le_bytes(), -3),
+            "18446744073709551615e-3".parse().unwrap()
+        );
     }
 
     #[test]

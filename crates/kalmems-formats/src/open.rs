@@ -209,7 +209,7 @@ fn of_content(source: &Source, beginning: &[u8]) -> Result<Content, FormatError>
         return Ok(Content::Known(Format::Wav, "WAV"));
     }
     // The first column of a text can have the name.
-    if at(0, b"PAR1") && (!text || ends_with(source, b"PAR1")?) {
+    if at(0, b"PAR1") && (!text || ends_with(source, *b"PAR1")?) {
         return Ok(Content::Known(Format::Parquet, "Parquet"));
     }
     if begins_as_hdf5(source)? {
@@ -243,10 +243,10 @@ fn begins_as_hdf5(source: &Source) -> Result<bool, FormatError> {
     Ok(false)
 }
 
-fn ends_with(source: &Source, magic: &[u8; 4]) -> Result<bool, FormatError> {
+fn ends_with(source: &Source, magic: [u8; 4]) -> Result<bool, FormatError> {
     let mut end = [0; 4];
     let place = source.length().saturating_sub(4);
-    Ok(place >= 4 && source.read_some(place, &mut end)? == 4 && end == *magic)
+    Ok(place >= 4 && source.read_some(place, &mut end)? == 4 && end == magic)
 }
 
 /// Text holds no control characters but white space. UTF-16 says so in its first two bytes; it is for the reader of

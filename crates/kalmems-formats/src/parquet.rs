@@ -4,7 +4,9 @@ use crate::decimal::Shift;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::records::{push_label, refuse_infinities};
 use crate::source::Source;
-use crate::{Block, CellFault, Column, Description, Fault, FormatError, Hints, Labels, Table, Wanted, element};
+use crate::{
+    Block, CellFault, Column, Description, Fault, FormatError, Hints, Labels, Table, Wanted, element,
+};
 use bytes::Bytes;
 use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -121,7 +123,12 @@ fn failed(place: &str, error: ParquetError) -> FormatError {
 }
 
 fn damaged(place: &str, found: String) -> FormatError {
-    FormatError::Damaged { format: FORMAT, place: place.to_owned(), found, expected: "a Parquet file that is whole".to_owned() }
+    FormatError::Damaged {
+        format: FORMAT,
+        place: place.to_owned(),
+        found,
+        expected: "a Parquet file that is whole".to_owned(),
+    }
 }
 
 pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
@@ -142,7 +149,8 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
     let mut rows = 0_u64;
     for group in metadata.row_groups() {
         let count = u64::try_from(group.num_rows());
-        let count = count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
+        let count =
+            count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
         rows = rows.saturating_add(count);
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
@@ -154,7 +162,7 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         match kind(descriptor) {
             Ok(kind) => {
                 columns.push(Column { name, place: None });
-                kinds.push(Leaf { leaf, kind, levels: descriptor.max_def_level() });
+                kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
             Err(what) => left_out.push(format!("`{name}` ({what})")),
         }
@@ -177,7 +185,7 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
 /// A column of the schema.
 #[derive(Clone, Copy)]
 struct Leaf {
-    leaf: usize,
+    number: usize,
     kind: Kind,
     /// The level that says that a value is there.
     levels: i16,
@@ -197,10 +205,11 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
         return Err("a list in each row");
     }
     let integers = match (descriptor.logical_type_ref(), descriptor.converted_type()) {
-        (Some(LogicalType::Integer { .. }), _) | (None, ConvertedType::NONE) => Ok(()),
-        (
+        (Some(LogicalType::Integer { .. }), _)
+        | (
             None,
-            ConvertedType::INT_8
+            ConvertedType::NONE
+            | ConvertedType::INT_8
             | ConvertedType::INT_16
             | ConvertedType::INT_32
             | ConvertedType::INT_64
@@ -220,7 +229,7 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
         Type::BOOLEAN | Type::FLOAT | Type::DOUBLE => Ok(Kind::Plain),
         Type::INT32 | Type::INT64 => integers.map(|()| if unsigned { Kind::Unsigned } else { Kind::Signed }),
         Type::BYTE_ARRAY => match (descriptor.logical_type_ref(), descriptor.converted_type()) {
-            (Some(LogicalType::String | LogicalType::Enum), _) | (None, _) => Ok(Kind::Plain),
+            (Some(LogicalType::String | LogicalType::Enum) | None, _) => Ok(Kind::Plain),
             _ => Err("bytes with a meaning of their own"),
         },
         Type::INT96 => Err("dates"),
@@ -272,7 +281,7 @@ impl Table for ParquetTable {
                 return Err(unsupported(format!("column {column}, which is not there,")));
             };
             let schema = self.file.metadata().file_metadata().schema_descr();
-            let text = schema.column(leaf.leaf).physical_type() == Type::BYTE_ARRAY;
+            let text = schema.column(leaf.number).physical_type() == Type::BYTE_ARRAY;
             if text && matches!(want, Wanted::Number { .. }) {
                 let name = &self.description.columns[column].name;
                 return Err(unsupported(format!("text where numbers belong, in column `{name}`,")));
@@ -315,7 +324,12 @@ impl Table for ParquetTable {
                     let missing = cursor.read(&self.file, name, rows, Sink::Labels { out })?;
                     for (row, _) in missing.iter().enumerate().filter(|(_, missing)| **missing) {
                         let line = self.row + row as u64 + 1;
-                        block.faults.push(CellFault { row, line, column: Some(column), fault: Fault::Missing });
+                        block.faults.push(CellFault {
+                            row,
+                            line,
+                            column: Some(column),
+                            fault: Fault::Missing,
+                        });
                     }
                     label += 1;
                 }
@@ -347,7 +361,8 @@ impl Cursor {
         while done < rows {
             let Some(reader) = &mut self.reader else {
                 let group = file.get_row_group(self.group).map_err(|error| failed(name, error))?;
-                self.reader = Some(group.get_column_reader(self.leaf.leaf).map_err(|error| failed(name, error))?);
+                self.reader =
+                    Some(group.get_column_reader(self.leaf.number).map_err(|error| failed(name, error))?);
                 continue;
             };
             self.levels.clear();
@@ -393,7 +408,9 @@ fn take(
         ColumnReader::Int32ColumnReader(r) => {
             records.read(r, sink, |x| shift.integer(narrow(*x)), |x| integer(narrow(*x)))
         }
-        ColumnReader::Int64ColumnReader(r) => records.read(r, sink, |x| shift.integer(wide(*x)), |x| integer(wide(*x))),
+        ColumnReader::Int64ColumnReader(r) => {
+            records.read(r, sink, |x| shift.integer(wide(*x)), |x| integer(wide(*x)))
+        }
         ColumnReader::FloatColumnReader(r) => {
             records.read(r, sink, |x| shift.float(f64::from(*x)), |x| float(f64::from(*x)))
         }

@@ -138,8 +138,10 @@ impl RecordTable {
                 None => common = Some((field.rows, &field.column.name)),
                 Some((rows, _)) if rows == field.rows => {}
                 Some((rows, name)) => {
-                    let what =
-                        format!("`{name}` of {rows} rows together with `{}` of {}", field.column.name, field.rows);
+                    let what = format!(
+                        "`{name}` of {rows} rows together with `{}` of {}",
+                        field.column.name, field.rows
+                    );
                     return Err(self.unsupported(what, "name columns that were recorded together"));
                 }
             }
@@ -171,7 +173,8 @@ impl Table for RecordTable {
                 (Cells::Clock(_), _) => {}
             }
         }
-        self.row_bytes = self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
+        self.row_bytes =
+            self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
         self.wanted = wanted.to_vec();
         Ok(())
     }
@@ -288,9 +291,14 @@ impl Code {
             #[cfg(feature = "hdf5")]
             Self::Utf16 { big_endian } => {
                 let units = raw.chunks_exact(2).map(|two| {
-                    if big_endian { u16::from_be_bytes([two[0], two[1]]) } else { u16::from_le_bytes([two[0], two[1]]) }
+                    if big_endian {
+                        u16::from_be_bytes([two[0], two[1]])
+                    } else {
+                        u16::from_le_bytes([two[0], two[1]])
+                    }
                 });
-                let letters = char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
+                let letters =
+                    char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
                 out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
             }
             #[cfg(feature = "npy")]
@@ -301,7 +309,9 @@ impl Code {
                     if big_endian {
                         bytes.reverse();
                     }
-                    text.push(char::from_u32(u32::from_le_bytes(bytes)).unwrap_or(char::REPLACEMENT_CHARACTER));
+                    text.push(
+                        char::from_u32(u32::from_le_bytes(bytes)).unwrap_or(char::REPLACEMENT_CHARACTER),
+                    );
                 }
                 out.extend_from_slice(trimmed(text.as_bytes()));
             }
@@ -310,6 +320,7 @@ impl Code {
 }
 
 fn trimmed(text: &[u8]) -> &[u8] {
-    let end = text.iter().rposition(|byte| *byte != 0 && !byte.is_ascii_whitespace()).map_or(0, |last| last + 1);
+    let end =
+        text.iter().rposition(|byte| *byte != 0 && !byte.is_ascii_whitespace()).map_or(0, |last| last + 1);
     text[..end].trim_ascii_start()
 }

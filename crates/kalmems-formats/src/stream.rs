@@ -187,7 +187,7 @@ impl Stream {
             if filled < buffer.len() && (status.is_err() || inflate.ended || stuck) {
                 let found = match status {
                     Err(error) => format!("packed bytes that are none ({error})"),
-                    Ok(_) => format!("the end of what is packed {} bytes on", filled),
+                    Ok(_) => format!("the end of what is packed {filled} bytes on"),
                 };
                 return Err(self.damaged(found, format!("{} bytes", buffer.len())));
             }

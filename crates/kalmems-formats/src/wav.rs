@@ -90,17 +90,27 @@ impl Sound {
                 b"data" => {
                     if long && short == ELSEWHERE {
                         length = long_data.ok_or_else(|| {
-                            damaged(place, "data whose length is in no ds64 chunk".to_owned(), "a ds64 chunk before")
+                            damaged(
+                                place,
+                                "data whose length is in no ds64 chunk".to_owned(),
+                                "a ds64 chunk before",
+                            )
                         })?;
                     }
                     let Some((channels, rate, element)) = shape else {
-                        return Err(damaged(place, "data before a fmt chunk".to_owned(), "the fmt chunk first"));
+                        return Err(damaged(
+                            place,
+                            "data before a fmt chunk".to_owned(),
+                            "the fmt chunk first",
+                        ));
                     };
                     let there = source.length() - start;
                     if length > there || (length == 0 && there > 0) {
                         return Err(damaged(
                             place,
-                            format!("a claim of {length} bytes of samples, and {there} to the end of the file"),
+                            format!(
+                                "a claim of {length} bytes of samples, and {there} to the end of the file"
+                            ),
                             "a recording that was ended properly",
                         ));
                     }
@@ -142,7 +152,9 @@ fn shape_of(source: &Source, place: u64, length: u64) -> Result<(usize, u32, Ele
         }
         code = u16_at(&chunk, 24);
         let valid = u16_at(&chunk, 18);
-        if chunk[26..40] != *b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71" || (valid != bits && valid != 0) {
+        if chunk[26..40] != *b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
+            || (valid != bits && valid != 0)
+        {
             return Err(FormatError::Unsupported {
                 format: FORMAT,
                 what: format!("a kind of sample of its own, {valid} of {bits} bits,"),
@@ -182,5 +194,10 @@ fn u32_at(bytes: &[u8], place: usize) -> u32 {
 }
 
 fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::Damaged { format: FORMAT, place: format!("byte {place}"), found, expected: expected.to_owned() }
+    FormatError::Damaged {
+        format: FORMAT,
+        place: format!("byte {place}"),
+        found,
+        expected: expected.to_owned(),
+    }
 }

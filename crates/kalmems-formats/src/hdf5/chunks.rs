@@ -43,8 +43,14 @@ impl Grid {
         let repack = "repack it, for instance with h5repack -l CHUNK=16384";
         limits::at_most(FORMAT, &format!("the bytes of a chunk of `{place}` ({repack})"), chunk, BAND_BYTES)?;
         let band = self.chunk_rows.saturating_mul(self.columns).saturating_mul(element);
-        limits::at_most(FORMAT, &format!("the bytes of the chunks beside each other of `{place}` ({repack})"), band, BAND_BYTES)?;
-        let chunks = self.rows.div_ceil(self.chunk_rows).saturating_mul(self.columns.div_ceil(self.chunk_columns));
+        limits::at_most(
+            FORMAT,
+            &format!("the bytes of the chunks beside each other of `{place}` ({repack})"),
+            band,
+            BAND_BYTES,
+        )?;
+        let chunks =
+            self.rows.div_ceil(self.chunk_rows).saturating_mul(self.columns.div_ceil(self.chunk_columns));
         limits::at_most(FORMAT, &format!("the number of chunks of `{place}` ({repack})"), chunks, CHUNKS)
     }
 
@@ -100,7 +106,12 @@ impl ChunkLane {
     }
 
     fn damaged(&self, found: String, expected: &str) -> FormatError {
-        FormatError::Damaged { format: FORMAT, place: self.path.clone(), found, expected: expected.to_owned() }
+        FormatError::Damaged {
+            format: FORMAT,
+            place: self.path.clone(),
+            found,
+            expected: expected.to_owned(),
+        }
     }
 
     /// Looks up where the chunks are.
@@ -116,7 +127,8 @@ impl ChunkLane {
             let second = chunk.offset.get(1).copied().unwrap_or(0);
             let (row, column) = if grid.turned { (second, first) } else { (first, second) };
             if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
-                return Err(self.damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
+                return Err(self
+                    .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
             }
             let number = (row / grid.chunk_rows).checked_mul(across);
             let number = number.and_then(|number| number.checked_add(column / grid.chunk_columns));
@@ -151,7 +163,11 @@ impl ChunkLane {
             if !place.there {
                 return Err(FormatError::Unsupported {
                     format: FORMAT,
-                    what: format!("`{}`, whose rows from {} on were never written,", self.path, number * grid.chunk_rows + 1),
+                    what: format!(
+                        "`{}`, whose rows from {} on were never written,",
+                        self.path,
+                        number * grid.chunk_rows + 1
+                    ),
                     remedy: "write all of its values".to_owned(),
                 });
             }
@@ -180,11 +196,19 @@ impl ChunkLane {
     fn chunk(&self, place: Place) -> Result<Vec<u8>, FormatError> {
         let bytes = self.grid.chunk_bytes();
         // What does not pack is a little longer than it was.
-        limits::at_most(FORMAT, "the bytes of a packed chunk", place.bytes, bytes as u64 + bytes as u64 / 8 + 4096)?;
+        limits::at_most(
+            FORMAT,
+            "the bytes of a packed chunk",
+            place.bytes,
+            bytes as u64 + bytes as u64 / 8 + 4096,
+        )?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
         let packed = self.source.bytes(FORMAT, place.address, place.bytes as usize)?;
         filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
-            self.damaged(format!("in its chunk at byte {} {found}", place.address), "a chunk as it was written")
+            self.damaged(
+                format!("in its chunk at byte {} {found}", place.address),
+                "a chunk as it was written",
+            )
         })
     }
 }

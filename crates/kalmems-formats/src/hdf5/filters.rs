@@ -54,7 +54,8 @@ pub(super) fn undo(
 fn inflate(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
     let mut unpacked = vec![0; limit];
     let mut engine = Decompress::new(true);
-    let status = engine.decompress(packed, &mut unpacked, FlushDecompress::Finish).map_err(|e| e.to_string())?;
+    let status =
+        engine.decompress(packed, &mut unpacked, FlushDecompress::Finish).map_err(|e| e.to_string())?;
     if status != Status::StreamEnd {
         return Err("packed bytes that unpack to more, or do not end".to_owned());
     }
@@ -117,7 +118,8 @@ fn lzf(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
                 length += usize::from(bytes.next().ok_or_else(ended)?);
             }
             let back = ((control & 31) << 8) + usize::from(bytes.next().ok_or_else(ended)?) + 1;
-            let start = unpacked.len().checked_sub(back).ok_or("packed bytes that refer to before their begin")?;
+            let start =
+                unpacked.len().checked_sub(back).ok_or("packed bytes that refer to before their begin")?;
             // What is copied may be what was just written.
             for place in start..start + length + 2 {
                 unpacked.push(unpacked[place]);

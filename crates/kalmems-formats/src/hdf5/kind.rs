@@ -19,13 +19,18 @@ const HALF: FloatingPointLayout = FloatingPointLayout {
 pub(super) enum Kind {
     Number(Element),
     /// A text of a fixed length.
-    Text { bytes: usize },
+    Text {
+        bytes: usize,
+    },
     /// A text of its own length.
     Texts,
     /// References to other objects.
     References,
     /// Fields with names, places and kinds.
-    Fields { bytes: usize, fields: Vec<(String, usize, Kind)> },
+    Fields {
+        bytes: usize,
+        fields: Vec<(String, usize, Kind)>,
+    },
     Other(&'static str),
 }
 
@@ -56,7 +61,11 @@ pub(super) fn kind(datatype: &Datatype) -> Kind {
             if layout.bit_offset != 0 || u32::from(layout.bit_precision) != size.saturating_mul(8) {
                 return Kind::Other("integers with unused bits");
             }
-            number(if layout.signed { element::Kind::Signed } else { element::Kind::Unsigned }, *size, *byte_order)
+            number(
+                if layout.signed { element::Kind::Signed } else { element::Kind::Unsigned },
+                *size,
+                *byte_order,
+            )
         }
         Datatype::FloatingPoint { size, byte_order, layout } => {
             let ieee = match size {
@@ -70,9 +79,13 @@ pub(super) fn kind(datatype: &Datatype) -> Kind {
             }
             number(element::Kind::Float, *size, *byte_order)
         }
-        Datatype::String { size, .. } if *size > 0 => Kind::Text { bytes: usize::try_from(*size).unwrap_or(0) },
+        Datatype::String { size, .. } if *size > 0 => {
+            Kind::Text { bytes: usize::try_from(*size).unwrap_or(0) }
+        }
         Datatype::VariableLength { is_string: true, .. } => Kind::Texts,
-        Datatype::Enumeration { base_type, .. } if !matches!(**base_type, Datatype::Enumeration { .. }) => kind(base_type),
+        Datatype::Enumeration { base_type, .. } if !matches!(**base_type, Datatype::Enumeration { .. }) => {
+            kind(base_type)
+        }
         Datatype::Compound { size, members } => {
             let bytes = usize::try_from(*size).unwrap_or(0);
             let mut fields = Vec::with_capacity(members.len().min(crate::limits::COLUMNS));

@@ -68,17 +68,26 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     let mut head = [0; 10];
     let matlab = source.read_some(0, &mut head)? == 10 && head == *b"MATLAB 7.3";
     let file = File::from_source(Bytes(Arc::clone(&source))).map_err(|error| failed("the file", &error))?;
-    let mut parts = Parts { source, matlab, recognised: String::new(), left_out: Vec::new(), fields: Vec::new(), lanes: Vec::new() };
+    let mut parts = Parts {
+        source,
+        matlab,
+        recognised: String::new(),
+        left_out: Vec::new(),
+        fields: Vec::new(),
+        lanes: Vec::new(),
+    };
     match &hints.group {
-        Some(path) => match file.group(path) {
-            Ok(group) => parts.add_group(&group, path)?,
-            Err(_) => {
+        Some(path) => {
+            if let Ok(group) = file.group(path) {
+                parts.add_group(&group, path)?;
+            } else {
                 let dataset = file.dataset(path).map_err(|_| {
-                    unsupported(format!("`{path}`, which is not in the file,"), "write the path of a group or dataset")
+                    let what = format!("`{path}`, which is not in the file,");
+                    unsupported(what, "write the path of a group or dataset")
                 })?;
                 parts.add_table(dataset, path, hints)?;
             }
-        },
+        }
         None => parts.find(&file, hints)?,
     }
     parts.finish()
@@ -144,7 +153,12 @@ impl Parts {
             format!("the datasets of `{path}`, a column each")
         };
         let names = group.datasets().map_err(|error| failed(path, &error))?;
-        limits::at_most(FORMAT, &format!("the number of datasets in `{path}`"), names.len() as u64, OBJECTS as u64)?;
+        limits::at_most(
+            FORMAT,
+            &format!("the number of datasets in `{path}`"),
+            names.len() as u64,
+            OBJECTS as u64,
+        )?;
         for name in names {
             let dataset = group.dataset(&name).map_err(|error| failed(&name, &error))?;
             let place = format!("{}/{name}", path.trim_end_matches('/'));
@@ -172,7 +186,10 @@ impl Parts {
 
     fn add_column(&mut self, found: Found, name: String) -> Result<(), FormatError> {
         let characters = self.matlab && text_attribute(&found.attributes, "MATLAB_class") == Some("char");
-        let column = |name: &str| Column { name: with_unit(name, unit(&found.attributes)), place: Some(found.path.clone()) };
+        let column = |name: &str| Column {
+            name: with_unit(name, unit(&found.attributes)),
+            place: Some(found.path.clone()),
+        };
         if found.attributes.contains_key("MATLAB_empty") {
             self.left_out.push(format!("`{name}` (empty)"));
             return Ok(());
@@ -181,8 +198,7 @@ impl Parts {
             return self.add_characters(found, name);
         }
         let (rows, turned) = match found.shape[..] {
-            [rows] => (rows, false),
-            [rows, 1] => (rows, false),
+            [rows] | [rows, 1] => (rows, false),
             [1, rows] => (rows, true),
             _ => {
                 self.left_out.push(format!("`{name}` ({} axes or several columns)", found.shape.len()));
@@ -205,7 +221,8 @@ impl Parts {
                 return Ok(());
             }
             Kind::Fields { .. } => {
-                self.left_out.push(format!("`{name}` (a table of its own: write `group = \"{}\"`)", found.path));
+                self.left_out
+                    .push(format!("`{name}` (a table of its own: write `group = \"{}\"`)", found.path));
                 return Ok(());
             }
             Kind::Other(what) => {
@@ -233,8 +250,12 @@ impl Parts {
         let column = Column { name, place: Some(found.path.clone()) };
         // At most TEXT_BYTES.
         let bytes = usize::try_from(width).unwrap_or(0) * 2;
-        let cells =
-            Cells::Text { lane: self.lanes.len(), offset: 0, bytes, code: Code::Utf16 { big_endian: element.big_endian } };
+        let cells = Cells::Text {
+            lane: self.lanes.len(),
+            offset: 0,
+            bytes,
+            code: Code::Utf16 { big_endian: element.big_endian },
+        };
         self.add_lane(found, rows, width, true)?;
         self.fields.push(Field { column, cells, rows });
         Ok(())
@@ -251,14 +272,20 @@ impl Parts {
             for (number, (name, offset, kind)) in fields.iter().enumerate() {
                 let cells = match kind {
                     Kind::Number(element) => Cells::Numbers { lane, offset: *offset, element: *element },
-                    Kind::Text { bytes } => Cells::Text { lane, offset: *offset, bytes: *bytes, code: Code::Bytes },
+                    Kind::Text { bytes } => {
+                        Cells::Text { lane, offset: *offset, bytes: *bytes, code: Code::Bytes }
+                    }
                     _ => {
                         self.left_out.push(format!("`{name}` (no single number or text)"));
                         continue;
                     }
                 };
                 let name = with_unit(name, units.map_or("", |units| units[number].as_str()));
-                self.fields.push(Field { column: Column { name, place: Some(path.to_owned()) }, cells, rows });
+                self.fields.push(Field {
+                    column: Column { name, place: Some(path.to_owned()) },
+                    cells,
+                    rows,
+                });
             }
             return self.add_lane(found, rows, 1, false);
         }
@@ -273,10 +300,18 @@ impl Parts {
             ([rows], _) => (*rows, 1),
             ([rows, columns], false) | ([columns, rows], true) => (*rows, *columns),
             _ => {
-                return Err(unsupported(format!("`{path}` of {} axes", found.shape.len()), "write rows and columns"));
+                return Err(unsupported(
+                    format!("`{path}` of {} axes", found.shape.len()),
+                    "write rows and columns",
+                ));
             }
         };
-        limits::at_most(FORMAT, &format!("the number of columns of `{path}`"), columns, limits::COLUMNS as u64)?;
+        limits::at_most(
+            FORMAT,
+            &format!("the number of columns of `{path}`"),
+            columns,
+            limits::COLUMNS as u64,
+        )?;
         let wide = columns.saturating_mul(element.bytes as u64);
         limits::at_most(FORMAT, &format!("the bytes of a row of `{path}`"), wide, limits::ROW_BYTES as u64)?;
         let names = names(&found, columns, hints)?;
@@ -298,19 +333,18 @@ impl Parts {
     fn add_lane(&mut self, found: Found, rows: u64, columns: u64, turned: bool) -> Result<(), FormatError> {
         let Found { dataset, path, kind, shape, .. } = found;
         let element = kind.bytes();
-        limits::at_most(FORMAT, &format!("the bytes of an element of `{path}`"), element as u64, limits::ROW_BYTES as u64)?;
+        limits::at_most(
+            FORMAT,
+            &format!("the bytes of an element of `{path}`"),
+            element as u64,
+            limits::ROW_BYTES as u64,
+        )?;
         limits::plausible_rows(FORMAT, rows.saturating_mul(columns), self.source.length())?;
         let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
         let layout = dataset.layout().map_err(|error| failed(&path, &error))?;
         let record = usize::try_from(columns).unwrap_or(0) * element;
-        let whole = Grid {
-            rows,
-            columns,
-            element,
-            chunk_rows: rows.max(1),
-            chunk_columns: columns.max(1),
-            turned,
-        };
+        let whole =
+            Grid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
         let lane: Box<dyn Lane> = match layout {
             Layout::Contiguous { address, size } => {
                 if size != bytes && rows > 0 {
@@ -328,14 +362,31 @@ impl Parts {
                     }
                     Some(offset) => {
                         self.source.within(FORMAT, offset, bytes)?;
-                        Box::new(Turned { source: Arc::clone(&self.source), offset, rows, columns, element, row: 0 })
+                        Box::new(Turned {
+                            source: Arc::clone(&self.source),
+                            offset,
+                            rows,
+                            columns,
+                            element,
+                            row: 0,
+                        })
                     }
                     None if rows == 0 => Box::new(Memory { bytes: Vec::new(), record, row: 0 }),
-                    None => return Err(unsupported(format!("`{path}`, which was never written,"), "write its values")),
+                    None => {
+                        return Err(unsupported(
+                            format!("`{path}`, which was never written,"),
+                            "write its values",
+                        ));
+                    }
                 }
             }
             Layout::Compact { size } => {
-                limits::at_most(FORMAT, &format!("the bytes of `{path}` in its header"), size.max(bytes), limits::HEADER_BYTES)?;
+                limits::at_most(
+                    FORMAT,
+                    &format!("the bytes of `{path}` in its header"),
+                    size.max(bytes),
+                    limits::HEADER_BYTES,
+                )?;
                 let raw = dataset.read_raw().map_err(|error| failed(&path, &error))?;
                 if raw.len() as u64 != bytes {
                     return Err(FormatError::Damaged {
@@ -353,7 +404,12 @@ impl Parts {
                 let (first, second) = match (chunk_shape[..].len(), shape.len()) {
                     (1, 1) => (chunk_shape[0], 1),
                     (2, 2) => (chunk_shape[0], chunk_shape[1]),
-                    _ => return Err(unsupported(format!("the chunks of `{path}`"), "repack it with h5repack")),
+                    _ => {
+                        return Err(unsupported(
+                            format!("the chunks of `{path}`"),
+                            "repack it with h5repack",
+                        ));
+                    }
                 };
                 let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
                 let grid = Grid { chunk_rows, chunk_columns, ..whole };
@@ -400,7 +456,8 @@ fn walk(
     for name in group.datasets().map_err(|error| failed(shown, &error))? {
         spend(budget)?;
         let place = format!("{path}/{name}");
-        let Ok(found) = group.dataset(&name).map_err(|error| failed(&place, &error)).and_then(|d| look(d, &place))
+        let Ok(found) =
+            group.dataset(&name).map_err(|error| failed(&place, &error)).and_then(|d| look(d, &place))
         else {
             continue;
         };
@@ -506,7 +563,8 @@ fn referred(found: &Found) -> Result<Option<Vec<Vec<u8>>>, FormatError> {
     for object in found.dataset.dereference().map_err(|error| failed(&found.path, &error))? {
         let hdf5_pure::Object::Dataset(dataset) = object else { return Ok(None) };
         let text = look(*dataset, &found.path)?;
-        let count = text.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
+        let count =
+            text.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
         let Kind::Number(element) = text.kind else { return Ok(None) };
         if element.bytes != 2 || text_attribute(&text.attributes, "MATLAB_class") != Some("char") {
             return Ok(None);
@@ -529,11 +587,18 @@ fn referred(found: &Found) -> Result<Option<Vec<Vec<u8>>>, FormatError> {
 
 /// Refuses what the library would take too much memory for.
 fn check_size(found: &Found) -> Result<(), FormatError> {
-    let count = found.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
+    let count =
+        found.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
     limits::at_most(FORMAT, &format!("the number of texts of `{}`", found.path), count, TEXTS as u64)?;
     let chunk = found.dataset.chunk_shape().map_err(|error| failed(&found.path, &error))?.unwrap_or_default();
-    let elements = chunk.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
-    limits::at_most(FORMAT, &format!("the elements of a chunk of `{}`", found.path), elements, 4 * TEXTS as u64)
+    let elements =
+        chunk.iter().try_fold(1_u64, |count, length| count.checked_mul(*length)).unwrap_or(u64::MAX);
+    limits::at_most(
+        FORMAT,
+        &format!("the elements of a chunk of `{}`", found.path),
+        elements,
+        4 * TEXTS as u64,
+    )
 }
 
 /// Records in memory.

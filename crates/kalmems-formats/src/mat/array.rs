@@ -110,7 +110,11 @@ impl Elements {
         let variable = self.body(budget, depth)?;
         match end.checked_sub(self.stream.position()) {
             Some(rest) => self.stream.skip(rest)?,
-            None => return Err(self.stream.damaged("parts beyond the end of their array", "parts that end in it")),
+            None => {
+                return Err(self
+                    .stream
+                    .damaged("parts beyond the end of their array", "parts that end in it"));
+            }
         }
         Ok(variable)
     }
@@ -132,9 +136,8 @@ impl Elements {
         let (_, name) = self.short("an array's name", limits::TEXT_BYTES)?;
         let name = String::from_utf8_lossy(&name).into_owned();
         let other = |what| Value::Other(what);
-        let (rows, columns) = match lengths[..] {
-            [rows, columns] => (rows, columns),
-            _ => return Ok(Variable { name, value: other("more than two axes") }),
+        let [rows, columns] = lengths[..] else {
+            return Ok(Variable { name, value: other("more than two axes") });
         };
         // Both are of 32 bits.
         let count = rows * columns;
@@ -235,15 +238,16 @@ impl Elements {
             4 | 17 => {
                 let order = |b: &[u8]| if self.big_endian { [b[1], b[0]] } else { [b[0], b[1]] };
                 let units = bytes.chunks_exact(2).map(|b| u16::from_le_bytes(order(b)));
-                char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
+                char::decode_utf16(units)
+                    .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER))
+                    .collect()
             }
             _ => return Ok(Value::Other("characters of another code")),
         };
         if letters.len() as u64 != rows * columns {
-            return Err(self.stream.damaged(
-                format!("{} characters", letters.len()),
-                format!("{rows} × {columns}"),
-            ));
+            return Err(self
+                .stream
+                .damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}")));
         }
         #[allow(clippy::cast_possible_truncation)] // the budget holds it
         let rows = rows as usize;

@@ -38,14 +38,13 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
                 _ => columns.push((stretch, variable)),
             }
         }
-        table.recognised = "the variables, a column each".to_owned();
-        if !columns.iter().any(|(_, variable)| is_column(&variable.value)) {
-            if let ([_], []) = (&structs[..], &matrices[..]) {
-                for (stretch, Variable { name, value }) in structs.drain(..) {
-                    let Value::Fields(fields) = value else { continue };
-                    table.recognised = format!("the fields of the only struct, `{name}`, a column each");
-                    columns.extend(fields.into_iter().map(|field| (stretch.clone(), field)));
-                }
+        table.recognised.push_str("the variables, a column each");
+        let any = columns.iter().any(|(_, variable)| is_column(&variable.value));
+        if let (false, [_], []) = (any, &structs[..], &matrices[..]) {
+            for (stretch, Variable { name, value }) in structs.drain(..) {
+                let Value::Fields(fields) = value else { continue };
+                table.recognised = format!("the fields of the only struct, `{name}`, a column each");
+                columns.extend(fields.into_iter().map(|field| (stretch.clone(), field)));
             }
         }
     }
@@ -105,7 +104,8 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
         };
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let name = format!("the variable at byte {at}");
-        let stretch = Stretch { source: Arc::clone(source), format: FORMAT, name, packing, start, end, crc: None };
+        let stretch =
+            Stretch { source: Arc::clone(source), format: FORMAT, name, packing, start, end, crc: None };
         let mut elements = Elements { stream: stretch.stream(), big_endian };
         found.push((stretch, elements.array(&mut budget)?));
         at = end;
@@ -167,7 +167,9 @@ impl Parts {
                 self.lanes.push(Box::new(Texts { texts, next: 0 }));
                 self.fields.push(Field { column, cells: Cells::Texts { lane }, rows });
             }
-            Value::Numbers { rows, columns, .. } => self.left_out.push(format!("`{name}` ({rows} × {columns})")),
+            Value::Numbers { rows, columns, .. } => {
+                self.left_out.push(format!("`{name}` ({rows} × {columns})"));
+            }
             Value::Texts(_) => self.left_out.push(format!("`{name}` (a single text)")),
             Value::Fields(_) => self.left_out.push(format!("`{name}` (a struct)")),
             Value::Other(what) => self.left_out.push(format!("`{name}` ({what})")),

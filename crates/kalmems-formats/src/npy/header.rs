@@ -29,9 +29,15 @@ pub(super) enum Descr {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Cell {
     Number(Element),
-    Text { bytes: usize, code: Code },
+    Text {
+        bytes: usize,
+        code: Code,
+    },
     /// Complex numbers, dates, arrays, padding.
-    Other { bytes: usize, what: String },
+    Other {
+        bytes: usize,
+        what: String,
+    },
 }
 
 impl Cell {
@@ -67,7 +73,10 @@ impl Header {
         };
         let magic = next(8)?;
         if !magic.starts_with(b"\x93NUMPY") {
-            return Err(damaged(format!("`{}`", magic.escape_ascii()), "an array, which begins with \\x93NUMPY"));
+            return Err(damaged(
+                format!("`{}`", magic.escape_ascii()),
+                "an array, which begins with \\x93NUMPY",
+            ));
         }
         let (version, width) = (magic[6], if magic[6] == 1 { 2 } else { 4 });
         if !(1..=3).contains(&version) {
@@ -172,10 +181,13 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
     let Literal::Several(shape) = shape else { return Err(format!("a shape of `{name}` that is no tuple")) };
     let mut count = 1_u64;
     for length in shape {
-        let Literal::Integer(length) = length else { return Err(format!("a shape of `{name}` that is none")) };
-        count = count.checked_mul(*length).filter(|count| *count <= limits::ROW_BYTES as u64).ok_or_else(|| {
-            format!("a field `{name}` of more than {} elements", limits::ROW_BYTES)
-        })?;
+        let Literal::Integer(length) = length else {
+            return Err(format!("a shape of `{name}` that is none"));
+        };
+        count = count
+            .checked_mul(*length)
+            .filter(|count| *count <= limits::ROW_BYTES as u64)
+            .ok_or_else(|| format!("a field `{name}` of more than {} elements", limits::ROW_BYTES))?;
     }
     if count == 1 {
         return Ok((name, inner));

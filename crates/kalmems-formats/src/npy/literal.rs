@@ -91,7 +91,11 @@ impl Reader<'_> {
             }
             values.push(self.literal(depth - 1)?);
             if !self.takes(",") {
-                return if self.takes(end) { Ok(Literal::Several(values)) } else { Err((self.at, "a comma")) };
+                return if self.takes(end) {
+                    Ok(Literal::Several(values))
+                } else {
+                    Err((self.at, "a comma"))
+                };
             }
         }
     }
@@ -155,14 +159,20 @@ mod tests {
 
     #[test]
     fn what_numpy_writes() {
-        let parsed = parse("{'descr': [('a', '<f8'), ('b', '|S3', (2,)), ], 'fortran_order': False, 'shape': (3,), }  \n");
+        let parsed = parse(
+            "{'descr': [('a', '<f8'), ('b', '|S3', (2,)), ], 'fortran_order': False, 'shape': (3,), }  \n",
+        );
         let text = |text: &str| Literal::Text(text.to_owned());
         let expected = Literal::Named(vec![
             (
                 "descr".to_owned(),
                 Literal::Several(vec![
                     Literal::Several(vec![text("a"), text("<f8")]),
-                    Literal::Several(vec![text("b"), text("|S3"), Literal::Several(vec![Literal::Integer(2)])]),
+                    Literal::Several(vec![
+                        text("b"),
+                        text("|S3"),
+                        Literal::Several(vec![Literal::Integer(2)]),
+                    ]),
                 ]),
             ),
             ("fortran_order".to_owned(), Literal::Flag(false)),
@@ -175,7 +185,19 @@ mod tests {
 
     #[test]
     fn what_is_none() {
-        for text in ["", "{", "{'a' 1}", "[1 2]", "'a", "1.5", "99999999999999999999", r"'\q'", r"'\UFFFFFFFF'", "1 1", "µ"] {
+        for text in [
+            "",
+            "{",
+            "{'a' 1}",
+            "[1 2]",
+            "'a",
+            "1.5",
+            "99999999999999999999",
+            r"'\q'",
+            r"'\UFFFFFFFF'",
+            "1 1",
+            "µ",
+        ] {
             assert!(parse(text).is_err(), "{text}");
         }
         assert!(parse(&"[".repeat(100_000)).is_err());

@@ -146,17 +146,20 @@ impl Array {
     fn is_column(&self) -> bool {
         let readable = matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Text { .. }));
         let shape = &self.header.shape;
-        readable && match shape.len() {
-            1 => true,
-            2 => shape[0] == 1 || shape[1] == 1,
-            _ => false,
-        }
+        readable
+            && match shape.len() {
+                1 => true,
+                2 => shape[0] == 1 || shape[1] == 1,
+                _ => false,
+            }
     }
 
     fn lane(&self, skip: u64, record: usize, rows: u64) -> Box<dyn Lane> {
         let mut stretch = self.stretch.clone();
         // A checksum is over the whole of it.
-        if rows * record as u64 != self.header.shape.iter().product::<u64>() * self.header.element.bytes() as u64 {
+        if rows * record as u64
+            != self.header.shape.iter().product::<u64>() * self.header.element.bytes() as u64
+        {
             stretch.crc = None;
         }
         Box::new(StreamLane::new(stretch, self.header.bytes + skip, record, rows))

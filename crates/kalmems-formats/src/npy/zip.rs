@@ -1,9 +1,9 @@
 //! The directory of a zip file (PKWARE's APPNOTE 6.3), as far as NumPy writes it.
 
+use crate::FormatError;
 use crate::limits;
 use crate::source::Source;
 use crate::stream::{Packing, Stretch};
-use crate::FormatError;
 use std::sync::Arc;
 
 const FORMAT: &str = "NPZ";
@@ -38,9 +38,11 @@ pub(super) fn members(source: &Source) -> Result<Vec<Member>, FormatError> {
         let (name, extra) = (usize::from(u16_at(fixed, 28)), usize::from(u16_at(fixed, 30)));
         let comment = usize::from(u16_at(fixed, 32));
         let end = at + 46 + name + extra + comment;
-        let (Some(name_bytes), Some(extra_bytes), true) =
-            (bytes.get(at + 46..at + 46 + name), bytes.get(at + 46 + name..at + 46 + name + extra), end <= bytes.len())
-        else {
+        let (Some(name_bytes), Some(extra_bytes), true) = (
+            bytes.get(at + 46..at + 46 + name),
+            bytes.get(at + 46 + name..at + 46 + name + extra),
+            end <= bytes.len(),
+        ) else {
             return Err(damaged(place, "an entry beyond the directory", "an entry that ends in it"));
         };
         if name > limits::TEXT_BYTES {
@@ -128,7 +130,11 @@ fn refuse_overlaps(source: &Source, members: &[Member], directory: u64) -> Resul
     let starts = places.iter().skip(1).map(|(start, _)| *start).chain([directory]);
     for ((start, end), next) in places.iter().zip(starts) {
         if *end > next {
-            return Err(damaged(*start, "a member that reaches into what follows", "members one after the other"));
+            return Err(damaged(
+                *start,
+                "a member that reaches into what follows",
+                "members one after the other",
+            ));
         }
     }
     Ok(())

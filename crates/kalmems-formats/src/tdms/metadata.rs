@@ -27,6 +27,8 @@ pub(super) struct File {
     pub(super) unfinished: bool,
     numbers: HashMap<String, usize>,
     parts: u64,
+    /// What a chunk holds differs from the last layout.
+    changed: bool,
 }
 
 /// A channel.
@@ -49,9 +51,14 @@ pub(super) struct Channel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Value {
     Number(Element),
-    Text { big_endian: bool },
+    Text {
+        big_endian: bool,
+    },
     /// Anything else of a known length.
-    Other { bytes: usize, what: &'static str },
+    Other {
+        bytes: usize,
+        what: &'static str,
+    },
 }
 
 impl Value {
@@ -134,7 +141,11 @@ impl File {
     ) -> Result<u64, FormatError> {
         let lead = source.bytes(FORMAT, at, 28)?;
         if !lead.starts_with(b"TDSm") {
-            return Err(damaged(at, format!("`{}`", lead[..4].escape_ascii()), "a segment, which begins with TDSm"));
+            return Err(damaged(
+                at,
+                format!("`{}`", lead[..4].escape_ascii()),
+                "a segment, which begins with TDSm",
+            ));
         }
         let contents = u32::from_le_bytes([lead[4], lead[5], lead[6], lead[7]]);
         let big_endian = contents & toc::BIG_ENDIAN != 0;
@@ -149,14 +160,13 @@ impl File {
         if unfinished {
             self.unfinished = true;
         }
-        let mut changed = false;
         if contents & toc::METADATA != 0 {
             limits::at_most(FORMAT, "the length of the metadata", raw, *budget)?;
             *budget -= raw;
             #[allow(clippy::cast_possible_truncation)] // bounded by the line above
             let bytes = source.bytes(FORMAT, start, raw as usize)?;
             let mut reader = Reader { bytes: &bytes, at: 0, place: start, big_endian };
-            changed = self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
+            self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
         }
         if contents & toc::RAW_DATA == 0 || raw_start == end {
             return Ok(end);
@@ -165,26 +175,29 @@ impl File {
             return Err(unsupported("DAQmx raw data", "read it in LabVIEW and write the scaled channels"));
         }
         let interleaved = contents & toc::INTERLEAVED != 0;
-        let layout = self.layout(at, active, interleaved, changed)?;
+        let layout = self.layout(at, active, interleaved)?;
         self.add(at, raw_start, end, layout, unfinished)?;
         Ok(end)
     }
 
-    /// Reads the list of objects; whether it changes what a chunk holds.
+    /// Reads the list of objects.
     fn objects(
         &mut self,
         reader: &mut Reader<'_>,
         active: &mut Vec<usize>,
         all_new: bool,
-    ) -> Result<bool, FormatError> {
+    ) -> Result<(), FormatError> {
         if all_new {
             active.drain(..).for_each(|number| self.channels[number].active = false);
         }
-        let mut changed = all_new;
+        self.changed |= all_new;
         for _ in 0..reader.u32()? {
             let path = reader.text()?;
             let names = names(&path).ok_or_else(|| {
-                reader.damaged(format!("the path `{}`", path.chars().take(64).collect::<String>()), "such as /'group'/'channel'")
+                reader.damaged(
+                    format!("the path `{}`", path.chars().take(64).collect::<String>()),
+                    "such as /'group'/'channel'",
+                )
             })?;
             let channel = match names {
                 (Some(group), Some(name)) => Some(self.channel(path, group, name)?),
@@ -194,13 +207,21 @@ impl File {
             let index = match (header, channel) {
                 (u32::MAX, _) => None,
                 (0, Some(channel)) => Some(self.channels[channel].index.ok_or_else(|| {
-                    reader.damaged("the same values as before, where there were none".to_owned(), "what they are")
+                    reader.damaged(
+                        "the same values as before, where there were none".to_owned(),
+                        "what they are",
+                    )
                 })?),
                 (0x1269 | 0x1369 | 0x6912_0000 | 0x6913_0000, _) => {
-                    return Err(unsupported("DAQmx raw data", "read it in LabVIEW and write the scaled channels"));
+                    return Err(unsupported(
+                        "DAQmx raw data",
+                        "read it in LabVIEW and write the scaled channels",
+                    ));
                 }
                 (_, Some(_)) => Some(reader.index()?),
-                (_, None) => return Err(reader.damaged("values of a group".to_owned(), "values of channels alone")),
+                (_, None) => {
+                    return Err(reader.damaged("values of a group".to_owned(), "values of channels alone"));
+                }
             };
             if let (Some(index), Some(number)) = (index, channel) {
                 let channel = &mut self.channels[number];
@@ -213,12 +234,12 @@ impl File {
                     }
                     _ => channel.kind = Some(index.value),
                 }
-                changed |= channel.index != Some(index);
+                self.changed |= channel.index != Some(index);
                 channel.index = Some(index);
                 if !channel.active {
                     channel.active = true;
                     active.push(number);
-                    changed = true;
+                    self.changed = true;
                 }
             }
             for _ in 0..reader.u32()? {
@@ -229,7 +250,7 @@ impl File {
                 }
             }
         }
-        Ok(changed)
+        Ok(())
     }
 
     fn channel(&mut self, path: String, group: String, name: String) -> Result<usize, FormatError> {
@@ -255,17 +276,10 @@ impl File {
     }
 
     /// What a chunk holds; the last one again where nothing changed.
-    fn layout(
-        &mut self,
-        at: u64,
-        active: &[usize],
-        interleaved: bool,
-        changed: bool,
-    ) -> Result<usize, FormatError> {
-        if let (false, Some(last)) = (changed, self.layouts.last()) {
-            if last.interleaved == interleaved {
-                return Ok(self.layouts.len() - 1);
-            }
+    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize, FormatError> {
+        let last = self.layouts.last().filter(|last| !self.changed && last.interleaved == interleaved);
+        if last.is_some() {
+            return Ok(self.layouts.len() - 1);
         }
         let overflow = || damaged(at, "chunks of more than 2⁶⁴ bytes".to_owned(), "fewer values");
         let mut parts = Vec::with_capacity(active.len());
@@ -278,7 +292,8 @@ impl File {
                 return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
             }
             parts.push(part);
-            offset = offset.checked_add(if interleaved { value } else { index.bytes }).ok_or_else(overflow)?;
+            offset =
+                offset.checked_add(if interleaved { value } else { index.bytes }).ok_or_else(overflow)?;
         }
         let mut chunk_bytes = offset;
         if interleaved {
@@ -287,10 +302,13 @@ impl File {
                 return Err(damaged(at, "interleaved channels of several lengths".to_owned(), "one length"));
             }
             limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES as u64)?;
-            parts.iter_mut().for_each(|part| part.stride = offset);
+            for part in &mut parts {
+                part.stride = offset;
+            }
             chunk_bytes = offset.checked_mul(rows).ok_or_else(overflow)?;
         }
         let layout = Layout { chunk_bytes, interleaved, parts };
+        self.changed = false;
         if self.layouts.last() != Some(&layout) {
             self.parts += layout.parts.len() as u64 + 1;
             limits::at_most(FORMAT, "how often channels change, times their number,", self.parts, PARTS)?;
@@ -300,11 +318,22 @@ impl File {
     }
 
     /// Adds a segment's raw data.
-    fn add(&mut self, at: u64, start: u64, end: u64, layout: usize, unfinished: bool) -> Result<(), FormatError> {
+    fn add(
+        &mut self,
+        at: u64,
+        start: u64,
+        end: u64,
+        layout: usize,
+        unfinished: bool,
+    ) -> Result<(), FormatError> {
         let Layout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
         let bytes = end - start;
         if chunk_bytes == 0 {
-            return Err(damaged(at, format!("{bytes} bytes of values of no channel"), "channels with values"));
+            return Err(damaged(
+                at,
+                format!("{bytes} bytes of values of no channel"),
+                "channels with values",
+            ));
         }
         let (chunks, rest) = (bytes / chunk_bytes, bytes % chunk_bytes);
         let mut cut_rows = 0;
@@ -427,10 +456,14 @@ impl<'a> Reader<'a> {
         let rows = self.u64()?;
         let bytes = match value {
             Value::Text { .. } => self.u64()?,
-            _ => rows.checked_mul(value.bytes()).ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
+            _ => rows
+                .checked_mul(value.bytes())
+                .ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
         };
         if matches!(value, Value::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
-            return Err(self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts"));
+            return Err(
+                self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
+            );
         }
         Ok(Index { value, rows, bytes })
     }
@@ -488,7 +521,12 @@ fn number(bytes: &[u8], big_endian: bool) -> u64 {
 }
 
 pub(super) fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::Damaged { format: FORMAT, place: format!("byte {place}"), found, expected: expected.to_owned() }
+    FormatError::Damaged {
+        format: FORMAT,
+        place: format!("byte {place}"),
+        found,
+        expected: expected.to_owned(),
+    }
 }
 
 pub(super) fn unsupported(what: &str, remedy: &str) -> FormatError {

@@ -14,7 +14,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     let group = group(&file, hints)?;
     let file_bytes = source.length();
     let (source, file) = (Arc::new(source), Arc::new(file));
-    let (mut fields, mut lanes, mut left_out) = (Vec::<Field>::new(), Vec::<Box<dyn Lane>>::new(), Vec::new());
+    let (mut fields, mut lanes, mut left_out) =
+        (Vec::<Field>::new(), Vec::<Box<dyn Lane>>::new(), Vec::new());
     let mut clocks = Vec::new();
     for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
         let lane = lanes.len();
@@ -31,7 +32,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             }
         };
         if channel.scaled {
-            left_out.push(format!("`{}` (to be scaled by `NI_Scale`: write its scaled values)", channel.name));
+            left_out
+                .push(format!("`{}` (to be scaled by `NI_Scale`: write its scaled values)", channel.name));
             continue;
         }
         limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
@@ -56,7 +58,10 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     }
     if fields.is_empty() {
         return Err(unsupported(
-            &format!("the group `{group}` without a channel of numbers or labels ({})", limits::list(&left_out)),
+            &format!(
+                "the group `{group}` without a channel of numbers or labels ({})",
+                limits::list(&left_out)
+            ),
             "write the name of another in `group`",
         ));
     }
@@ -76,17 +81,21 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
 
 /// Puts the time first, where the channels agree on a clock; says what it did.
 fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
-    let Some((Some(increment), start)) = clocks.iter().find(|(increment, _)| increment.is_some()).copied() else {
+    let Some((Some(increment), start)) = clocks.iter().find(|(increment, _)| increment.is_some()).copied()
+    else {
         return String::new();
     };
     if fields.iter().any(|field| field.column.name == "time_s") {
         return String::new();
     }
     if clocks.iter().any(|clock| *clock != (Some(increment), start)) {
-        return "; no time is made, because the channels differ in `wf_increment` or `wf_start_offset`".to_owned();
+        return "; no time is made, because the channels differ in `wf_increment` or `wf_start_offset`"
+            .to_owned();
     }
     if !(increment > 0.0 && increment.is_finite() && start.is_finite()) {
-        return format!("; no time is made of a `wf_increment` of {increment} and a `wf_start_offset` of {start}");
+        return format!(
+            "; no time is made of a `wf_increment` of {increment} and a `wf_start_offset` of {start}"
+        );
     }
     let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
     let column = Column { name: "time_s".to_owned(), place: None };
@@ -110,12 +119,15 @@ fn group(file: &File, hints: &Hints) -> Result<String, FormatError> {
     let list = || limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
     match (&hints.group, &groups[..]) {
         (Some(wanted), groups) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
-        (Some(wanted), _) => {
-            Err(unsupported(&format!("the group `{wanted}`, which is not in the file,"), &format!("write one of {}", list())))
-        }
+        (Some(wanted), _) => Err(unsupported(
+            &format!("the group `{wanted}`, which is not in the file,"),
+            &format!("write one of {}", list()),
+        )),
         (None, [only]) => Ok((*only).to_owned()),
         (None, []) => Err(unsupported("a file without channels", "record some")),
-        (None, _) => Err(unsupported("several groups at a time", &format!("write `group` as one of {}", list()))),
+        (None, _) => {
+            Err(unsupported("several groups at a time", &format!("write `group` as one of {}", list())))
+        }
     }
 }
 
@@ -246,7 +258,11 @@ fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result
         let end = [end[0], end[1], end[2], end[3]];
         let end = if big_endian { u32::from_be_bytes(end) } else { u32::from_le_bytes(end) } as usize;
         let text = letters.get(start..end).ok_or_else(|| {
-            damaged(place, format!("a text from {start} to {end} of {} bytes", letters.len()), "one within them")
+            damaged(
+                place,
+                format!("a text from {start} to {end} of {} bytes", letters.len()),
+                "one within them",
+            )
         })?;
         texts.push(text.to_vec());
         start = end;

@@ -7,12 +7,36 @@ use std::io::Cursor;
 
 /// Every fixture with the hints that it needs.
 fn fixtures() -> Vec<(&'static str, Hints)> {
-    let plain = |names: &[&'static str]| names.iter().map(|name| (*name, Hints::default())).collect::<Vec<_>>();
+    let plain =
+        |names: &[&'static str]| names.iter().map(|name| (*name, Hints::default())).collect::<Vec<_>>();
     let mut all = plain(&[
-        "fields.npy", "stored.npz", "deflated.npz", "none.parquet", "snappy.parquet", "gzip.parquet", "lz4.parquet",
-        "groups.parquet", "encoded.parquet", "columns.h5", "links.h5", "table.h5", "compound.h5", "many.h5",
-        "variables.mat", "packed.mat", "struct.mat", "variables73.mat", "segments.tdms", "clock.tdms",
-        "interleaved.tdms", "chunks.tdms", "cut.tdms", "u8.wav", "i24.wav", "rf64.wav", "f64.wav",
+        "fields.npy",
+        "stored.npz",
+        "deflated.npz",
+        "none.parquet",
+        "snappy.parquet",
+        "gzip.parquet",
+        "lz4.parquet",
+        "groups.parquet",
+        "encoded.parquet",
+        "columns.h5",
+        "links.h5",
+        "table.h5",
+        "compound.h5",
+        "many.h5",
+        "variables.mat",
+        "packed.mat",
+        "struct.mat",
+        "variables73.mat",
+        "segments.tdms",
+        "clock.tdms",
+        "interleaved.tdms",
+        "chunks.tdms",
+        "cut.tdms",
+        "u8.wav",
+        "i24.wav",
+        "rf64.wav",
+        "f64.wav",
     ]);
     let names = ["time_s", "drive_V", "cap_V"];
     all.extend(["plain.npy", "fortran.npy", "matrix.mat"].map(|name| (name, named(&names))));
@@ -141,13 +165,22 @@ fn npy(header: &str, values: usize) -> Vec<u8> {
 fn arrays_that_claim_too_much_are_refused() {
     let header = |shape: &str| format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({shape}), }}\n");
     let hints = named(&["cap_V"]);
-    refused(&npy(&header("1000000000000,"), 800), &hints, "the number of rows that it claims is 1000000000000");
-    refused(&npy(&header("1, 1000000000000"), 800), &hints, "the number of rows that it claims is 1000000000000");
+    refused(
+        &npy(&header("1000000000000,"), 800),
+        &hints,
+        "the number of rows that it claims is 1000000000000",
+    );
+    refused(
+        &npy(&header("1, 1000000000000"), 800),
+        &hints,
+        "the number of rows that it claims is 1000000000000",
+    );
     refused(&npy(&header("4000000000, 4000000000, 4000000000"), 800), &hints, "the number of elements");
     refused(&npy(&header("200,"), 800), &hints, "800 bytes behind the header; expected 1600");
     refused(&npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", 8), &hints, "Python objects");
     refused(&npy(&"[".repeat(60_000), 8), &hints, "fewer brackets");
-    let wide = format!("{{'descr': [('a', '<f8', ({0}, {0}))], 'fortran_order': False, 'shape': (1,), }}", 1 << 30);
+    let wide =
+        format!("{{'descr': [('a', '<f8', ({0}, {0}))], 'fortran_order': False, 'shape': (1,), }}", 1 << 30);
     refused(&npy(&wide, 8), &hints, "a field `a` of more than");
     // A header that is longer than the file, and than anything sensible.
     refused(b"\x93NUMPY\x02\x00\xff\xff\xff\xff", &hints, "the length of the header is 4294967295");
@@ -200,7 +233,10 @@ fn mat(body: &[u8]) -> Vec<u8> {
 fn array(class: u32, name: &str, rest: &[u8]) -> Vec<u8> {
     let flags = [class.to_le_bytes(), [0; 4]].concat();
     let shape = [1_u32.to_le_bytes(), 1_u32.to_le_bytes()].concat();
-    element(14, &[element(6, &flags), element(5, &shape), element(1, name.as_bytes()), rest.to_vec()].concat())
+    element(
+        14,
+        &[element(6, &flags), element(5, &shape), element(1, name.as_bytes()), rest.to_vec()].concat(),
+    )
 }
 
 #[test]
@@ -210,7 +246,11 @@ fn structs_without_end_are_refused() {
         let names = [element(5, &4_u32.to_le_bytes()), element(1, b"sub\0")].concat();
         inner = array(2, "", &[names, inner].concat());
     }
-    refused(&mat(&inner), &Hints { format: Some(Format::Mat), ..Hints::default() }, "without a column of numbers");
+    refused(
+        &mat(&inner),
+        &Hints { format: Some(Format::Mat), ..Hints::default() },
+        "without a column of numbers",
+    );
 }
 
 #[test]
@@ -253,7 +293,11 @@ fn segments_that_claim_too_much_are_refused() {
     refused(&tdms(&channel(10, 1 << 62, &none), &[0; 16]), &hints, "4611686018427387904 values");
     refused(&tdms(&channel(10, 1 << 40, &none), &[0; 16]), &hints, "a multiple of 8796093022208");
     refused(&tdms(&channel(10, 0, &none), &[0; 16]), &hints, "values of no channel");
-    refused(&tdms(&channel(0x20, 1 << 40, &[&16_u64.to_le_bytes()[..], &none].concat()), &[0; 16]), &hints, "texts in 16 bytes");
+    refused(
+        &tdms(&channel(0x20, 1 << 40, &[&16_u64.to_le_bytes()[..], &none].concat()), &[0; 16]),
+        &hints,
+        "texts in 16 bytes",
+    );
     refused(&tdms(&channel(99, 1, &none), &[0; 16]), &hints, "values of type 0x63");
     // A property with a name of four gigabytes, and as many properties.
     let long = [1_u32.to_le_bytes(), u32::MAX.to_le_bytes()].concat();
@@ -299,5 +343,8 @@ fn groups_in_a_circle_and_rows_that_are_not_there_are_refused() {
     refused(&read("unwritten.h5"), &Hints::default(), "whose rows from 1 on were never written");
     let table = open_reader(Cursor::new(read("unwritten.h5")), "", &Hints::default()).unwrap();
     let recognised = &table.description().recognised;
-    assert!(recognised.contains("left out: `large_V`") && recognised.contains("1000000000000"), "{recognised}");
+    assert!(
+        recognised.contains("left out: `large_V`") && recognised.contains("1000000000000"),
+        "{recognised}"
+    );
 }

@@ -68,7 +68,9 @@ fn content(table: &mut dyn Table, wanted: &[Wanted], capacity: usize) -> Result<
                 all.extend(std::iter::repeat_n(label, end - start));
             }
         }
-        content.faults.extend(block.faults.iter().map(|fault| (fault.line, fault.column, fault.fault.clone())));
+        content
+            .faults
+            .extend(block.faults.iter().map(|fault| (fault.line, fault.column, fault.fault.clone())));
         row += block.rows as u64;
     }
 }
@@ -86,11 +88,14 @@ fn compare(name: &str, hints: &Hints, columns: &[&str]) {
         let wanted: Vec<Wanted> = columns
             .iter()
             .map(|column_name| match *column_name {
-                "phase" | "words" | "letters" | "code" => Wanted::Label { column: column(&*table, column_name) },
+                "phase" | "words" | "letters" | "code" => {
+                    Wanted::Label { column: column(&*table, column_name) }
+                }
                 _ => Wanted::Number { column: column(&*table, column_name), power },
             })
             .collect();
-        let content = content(&mut *table, &wanted, capacity).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let content =
+            content(&mut *table, &wanted, capacity).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(content.faults.is_empty(), "{name}: {:?}", content.faults);
         let (mut numbers, mut labels) = (content.numbers.iter(), content.labels.iter());
         for column in columns {
@@ -108,7 +113,11 @@ fn compare(name: &str, hints: &Hints, columns: &[&str]) {
                         format!("{digits}e{}", exponent.parse::<i32>().unwrap() + power).parse().unwrap()
                     }
                 };
-                assert_eq!(found.to_bits(), expected.to_bits(), "{name}: {column} in row {row}, {text}e{power}");
+                assert_eq!(
+                    found.to_bits(),
+                    expected.to_bits(),
+                    "{name}: {column} in row {row}, {text}e{power}"
+                );
             }
         }
     }
@@ -199,7 +208,11 @@ fn tdms_is_the_text() {
 #[test]
 fn a_clock_of_the_file_becomes_the_time() {
     let mut table = open(&fixture("clock.tdms"), &Hints::default()).unwrap();
-    assert!(table.description().recognised.contains("time_s = 0.25 s + k·"), "{}", table.description().recognised);
+    assert!(
+        table.description().recognised.contains("time_s = 0.25 s + k·"),
+        "{}",
+        table.description().recognised
+    );
     assert_eq!(column(&*table, "time_s"), 0);
     let wanted = [Wanted::Number { column: 0, power: 0 }, Wanted::Number { column: 1, power: 0 }];
     let content = content(&mut *table, &wanted, 50).unwrap();
@@ -304,7 +317,10 @@ fn names_and_contents_that_contradict_are_refused() {
     let bytes = |name: &str| Cursor::new(std::fs::read(fixture(name)).unwrap());
     let read = |name: &str, called: &str| open_reader(bytes(name), called, &Hints::default());
     let found = refusal(read("fields.npy", "run.csv"));
-    assert!(found.contains("named as csv and begins as NPY") && found.contains("write `format = \"npy\"`"), "{found}");
+    assert!(
+        found.contains("named as csv and begins as NPY") && found.contains("write `format = \"npy\"`"),
+        "{found}"
+    );
     let found = refusal(read("reference.csv", "run.parquet"));
     assert!(found.contains("named as parquet and begins as text"), "{found}");
     // A name that promises nothing, and the format that the experiment states.
@@ -314,7 +330,8 @@ fn names_and_contents_that_contradict_are_refused() {
     let hints = Hints { format: Some(Format::Mat), ..Hints::default() };
     assert_eq!(open_reader(bytes("struct73.mat"), "", &hints).unwrap().description().format, "MAT 7.3");
     // Text whose first name is the mark of Parquet.
-    let text = open_reader(Cursor::new(b"PAR1,time_s\n1,2\n".to_vec()), "run.csv", &Hints::default()).unwrap();
+    let text =
+        open_reader(Cursor::new(b"PAR1,time_s\n1,2\n".to_vec()), "run.csv", &Hints::default()).unwrap();
     assert_eq!(text.description().format, "CSV");
     for (bytes, words) in [
         (&b"\x1f\x8b\x08\x00"[..], "unpack it first"),
