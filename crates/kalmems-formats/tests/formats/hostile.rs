@@ -348,3 +348,20 @@ fn groups_in_a_circle_and_rows_that_are_not_there_are_refused() {
         "{recognised}"
     );
 }
+
+/// What a chunk holds may change in a segment without values, and counts for the next one.
+#[test]
+fn a_change_without_values_counts() {
+    let values = |count: u8| (0..count).flat_map(|k| f64::from(k).to_le_bytes()).collect::<Vec<u8>>();
+    let none = 0_u32.to_le_bytes();
+    let mut bytes = tdms(&channel(10, 2, &none), &values(2));
+    let mut change = tdms(&channel(10, 1, &none), &[]);
+    change[4] = 2;
+    bytes.extend(change);
+    let mut more = tdms(&[], &values(1));
+    more[4] = 8;
+    bytes.extend(more);
+    let (columns, error) = drain(&bytes, &Hints::default()).unwrap();
+    assert!(error.is_none());
+    assert_eq!(columns[0].1, [0.0_f64, 1.0, 0.0].map(f64::to_bits));
+}
