@@ -783,3 +783,91 @@ fn a_pipe_is_estimated_as_it_comes() {
     writer.wait().unwrap();
     assert!(piped == estimate(&path, "file", Stdio::null()), "the trajectories differ");
 }
+
+const STREAM: &str = "examples/shared_scanner/stream.toml";
+
+/// The lines of estimates of one answer of a stream.
+fn estimates<'a>(lines: &'a str, key: &str) -> Vec<&'a str> {
+    lines.lines().filter(|line| line.split(',').next() == Some(key)).collect()
+}
+
+#[test]
+fn samples_come_from_a_file_a_pipe_or_a_connection() {
+    use std::io::{BufRead, BufReader, Write};
+    let recording = root().join("examples/shared_scanner/recording.csv");
+    let from_file = run(&["stream", STREAM, "--from", recording.to_str().unwrap()]);
+    let said = text(&from_file.stderr);
+    assert_eq!(from_file.status.code(), Some(0), "{said}");
+    assert!(said.contains("24001 samples estimated") && said.contains("from arrival to estimate"), "{said}");
+    let lines = text(&from_file.stdout);
+    assert!(lines.contains("\nevent,{\"event\":\"zero_phase\""), "{said}");
+    let same = |other: &str| {
+        for key in ["ekf", "ekf_lagged"] {
+            assert_eq!(estimates(&lines, key).len(), 2401);
+            assert!(estimates(&lines, key) == estimates(other, key), "{key}");
+        }
+    };
+
+    let piped = kalmems().args(["stream", STREAM]).stdin(std::fs::File::open(&recording).unwrap()).output();
+    same(&text(&piped.unwrap().stdout));
+
+    let folder = tempfile::tempdir().unwrap();
+    let [to_lines, to_frames] = ["lines.csv", "frames.bin"].map(|name| folder.path().join(name));
+    let outputs = ["--lines", to_lines.to_str().unwrap(), "--frames", to_frames.to_str().unwrap()];
+    let mut child = kalmems()
+        .args(["stream", STREAM, "--from", "listen://127.0.0.1:0"])
+        .args(outputs)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap();
+    let mut connection = std::net::TcpStream::connect(address).unwrap();
+    connection.write_all(&std::fs::read(&recording).unwrap()).unwrap();
+    drop(connection);
+    std::io::Read::read_to_string(&mut said, &mut line).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{line}");
+    same(&std::fs::read_to_string(&to_lines).unwrap());
+    // A frame is its beginning, two counts and 1 + 2·3 numbers.
+    assert_eq!(std::fs::metadata(&to_frames).unwrap().len(), 2 * 2401 * (4 + 2 + 2 + 8 * 7));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_stream_gives_what_it_has() {
+    use std::io::{BufRead, BufReader, Write};
+    let mut child = kalmems()
+        .args(["stream", STREAM])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let writer = std::thread::spawn(move || {
+        input.write_all(&bytes).unwrap();
+        input.flush().unwrap();
+        input
+    });
+    // The samples wait for no end: estimates are there while the input is open.
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let (mut line, mut count) = (String::new(), 0);
+    while count < 2400 {
+        line.clear();
+        output.read_line(&mut line).unwrap();
+        count += usize::from(line.starts_with("ekf,"));
+    }
+    let input = writer.join().unwrap();
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let mut rest = String::new();
+    std::io::Read::read_to_string(&mut output, &mut rest).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    // What was smoothed a little later has come to its end as well.
+    assert!(estimates(&rest, "ekf_lagged").len() >= 10, "{rest}");
+    drop(input);
+}

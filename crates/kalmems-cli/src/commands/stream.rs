@@ -3,7 +3,7 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use kalmems::config::Experiment;
-use kalmems::stream::{Outputs, StreamSummary, stream};
+use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
 use serial2::SerialPort;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -24,7 +24,11 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
     let outputs = Outputs { lines: lines.map(output).transpose()?, frames: frames.map(output).transpose()? };
     let input = input(&arguments.from, arguments.baud)
         .map_err(|e| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from)))?;
-    let summary = stream(&experiment, input, outputs, &crate::interrupt::requested).map_err(|e| wrong(&e))?;
+    let summary = match stream(&experiment, input, outputs, &crate::interrupt::requested) {
+        // A reader that closes the pipe has what it wanted.
+        Err(StreamError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+        summary => summary.map_err(|e| wrong(&e))?,
+    };
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
         eprintln!("{json}");
