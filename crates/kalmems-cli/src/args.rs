@@ -133,6 +133,10 @@ pub struct StreamArguments {
     /// Write estimates as frames in binary to this file; `-` for standard output.
     #[arg(long, value_name = "FILE")]
     pub frames: Option<PathBuf>,
+    /// Keep in this file what is needed to go on, and go on from it where it is there: samples up to the time of the last line
+    /// `acknowledged` need not be sent again.
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
     /// Print the summary at the end as JSON instead of text.
     #[arg(long)]
     pub json: bool,

@@ -22,9 +22,10 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
         return Err(Ending::Wrong(why.to_owned()));
     }
     let outputs = Outputs { lines: lines.map(output).transpose()?, frames: frames.map(output).transpose()? };
+    let state = arguments.state.as_deref();
     let input = input(&arguments.from, arguments.baud)
         .map_err(|e| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from)))?;
-    let summary = match stream(&experiment, input, outputs, &crate::interrupt::requested) {
+    let summary = match stream(&experiment, input, outputs, state, &crate::interrupt::requested) {
         // A reader that closes the pipe has what it wanted.
         Err(StreamError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
         summary => summary.map_err(|e| wrong(&e))?,
@@ -79,6 +80,7 @@ fn text(summary: &StreamSummary) -> String {
         (order.late, "samples came late and were put in their place"),
         (order.too_late, "samples came too late"),
         (order.without_time, "samples had no time"),
+        (summary.received.passed_over, "samples were acknowledged by an earlier run"),
         (summary.received.damaged_lines, "lines were no samples"),
         (summary.received.damaged_bytes, "bytes belonged to no frame"),
     ] {

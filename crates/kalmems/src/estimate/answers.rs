@@ -60,7 +60,7 @@ where
         let lag = filter.lag_samples(samples.interval_s);
         let lagged = lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
         let smoothers = whole.into_iter().chain(lagged).collect();
-        Box::new(Run { followed: Followed::new(start()?), smoothers })
+        Box::new(Run { followed: begun(past, start()?)?, smoothers })
     };
     let names = (filter.key.as_str(), filter.name.as_str());
     let filtered = run.followed.follow(names, course, &samples.fresh, states, progress);
@@ -73,8 +73,22 @@ where
         let answer = smoother.take((&key, &name), course, &part);
         trajectories.push(answer);
     }
+    past.left = Some(run.followed.state());
     past.run.put(run);
     Ok(trajectories)
+}
+
+/// A filter at the beginning of its way, or where it was left in another run.
+fn begun<F: Filter<f64, N> + Clone, const N: usize>(
+    past: &mut FilterPast,
+    start: F,
+) -> Result<Followed<F, N>, EstimateError> {
+    match past.left.take() {
+        Some(left) => {
+            Followed::resumed(start, &left).map_err(|why| EstimateError::Resumed { why: why.to_string() })
+        }
+        None => Ok(Followed::new(start)),
+    }
 }
 
 /// Takes a filter through new samples without smoothing, likewise.
@@ -91,10 +105,11 @@ where
 {
     let mut followed = match past.run.take::<Followed<F, N>>() {
         Some(followed) => followed,
-        None => Box::new(Followed::new(start()?)),
+        None => Box::new(begun(past, start()?)?),
     };
     let names = (filter.key.as_str(), filter.name.as_str());
     let trajectory = followed.follow(names, course, &samples.fresh, states, progress);
+    past.left = Some(followed.state());
     past.run.put(followed);
     trajectory.ok_or(EstimateError::Interrupted)
 }

@@ -1,9 +1,9 @@
 //! The one loop that takes a filter through a segment.
 
 use super::smoothing::Linked;
-use super::{Counts, Failure, Lock, Progress, StateSeries, Trajectory, TrajectoryKind};
+use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
 use crate::units::Kind;
-use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement};
+use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Mat, Measurement};
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
@@ -144,7 +144,7 @@ impl Trajectory {
     }
 
     /// Takes what belongs to the first samples off, as many as are asked for.
-    pub(super) fn take_front(&mut self, count: usize) -> Self {
+    pub(crate) fn take_front(&mut self, count: usize) -> Self {
         let mut front = self.hollow();
         let split = |rest: &mut Vec<f64>, front: &mut Vec<f64>| {
             front.extend(rest.drain(..count.min(rest.len())));
@@ -202,6 +202,25 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = Linked::new(filter);
         Self { entry: filter.clone(), filter, begun: false, failure: None }
+    }
+
+    /// From a sample on at which a filter was left with this mean and lower covariance, row by row.
+    pub(super) fn resumed(filter: F, (mean, lower): &(Vec<f64>, Vec<f64>)) -> Result<Self, FilterError> {
+        let mut followed = Self::new(filter);
+        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
+        let mean = std::array::from_fn(|i| of(mean, i));
+        let state = Gaussian { mean, covariance: Covariance::from_lower(covariance) };
+        followed.filter.predict(&TakenOver::from(state), &())?;
+        followed.begun = true;
+        Ok(followed)
+    }
+
+    /// Mean and lower covariance of the filter, row by row.
+    pub(super) fn state(&self) -> (Vec<f64>, Vec<f64>) {
+        let covariance = self.filter.covariance();
+        let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance.get(i, j));
+        (self.filter.mean().to_vec(), lower.collect())
     }
 
     /// The filter at the first row of the part that was taken last.

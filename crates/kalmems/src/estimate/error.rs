@@ -38,6 +38,12 @@ pub enum EstimateError {
         /// Samples that are held.
         held: usize,
     },
+    /// A filter cannot go on from the state that it was left in.
+    #[error("a filter cannot go on from the state that was kept of it: {why}; begin anew without it")]
+    Resumed {
+        /// Why.
+        why: String,
+    },
     /// The signal holds no finite sample.
     #[error("{place}: the signal `{column}` has no finite sample; there is nothing to estimate from")]
     NoSignal {

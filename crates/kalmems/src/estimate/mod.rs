@@ -17,6 +17,7 @@ mod past;
 mod progress;
 mod segments;
 mod smoothing;
+mod taken_over;
 mod tracked;
 mod trajectory;
 
@@ -31,8 +32,9 @@ pub(crate) use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
 pub use model_alone::ModelAlone;
 pub use part::{Around, Part};
-pub use past::{FilterPast, Past, Slot};
+pub use past::{FilterPast, Past, PastState, Slot};
 pub use progress::{Progress, Silent};
 pub use segments::{Axis, SegmentEstimate, SignalSegment};
+pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

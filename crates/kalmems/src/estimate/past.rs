@@ -3,7 +3,8 @@
 use super::Trajectory;
 use super::driven::DrivePast;
 use super::lock::LockJudge;
-use crate::signal::extremes_of_rate;
+use crate::signal::{Sine, extremes_of_rate};
+use serde::{Deserialize, Serialize};
 use std::any::Any;
 
 /// What is kept of a segment.
@@ -33,6 +34,85 @@ impl Past {
     }
 }
 
+/// What is written of a past, for another run to go on from it: numbers alone.
+///
+/// Where a filter keeps roots, they are made anew from its covariance. What a smoother and a judgement of the lock had begun
+/// begins again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PastState {
+    start_s: Bits,
+    /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
+    drive: Option<[Bits; 5]>,
+    filters: Vec<FilterState>,
+}
+
+/// What is written of one filter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct FilterState {
+    mean: Vec<Bits>,
+    covariance: Vec<Bits>,
+    /// Whether each axis of each answer is mirrored.
+    mirrored: Vec<Vec<Option<bool>>>,
+}
+
+/// A number by its bits, so that no digit is lost in text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bits(u64);
+
+impl From<f64> for Bits {
+    fn from(number: f64) -> Self {
+        Self(number.to_bits())
+    }
+}
+
+impl From<Bits> for f64 {
+    fn from(bits: Bits) -> Self {
+        Self::from_bits(bits.0)
+    }
+}
+
+impl Past {
+    /// What another run needs to go on from here.
+    pub fn state(&self) -> PastState {
+        let bits = |values: &[f64]| values.iter().copied().map(Bits::from).collect();
+        let filters = self.filters.iter().map(|filter| {
+            let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
+            let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
+            FilterState { mean: bits(mean), covariance: bits(covariance), mirrored }
+        });
+        PastState {
+            start_s: self.start_s.into(),
+            drive: self.drive.known().map(|sine| {
+                [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
+                    .map(Bits::from)
+            }),
+            filters: filters.collect(),
+        }
+    }
+
+    /// A past that goes on from a state.
+    pub fn resumed(state: &PastState) -> Self {
+        let numbers = |bits: &[Bits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
+        let filters = state.filters.iter().map(|filter| FilterPast {
+            left: (!filter.mean.is_empty()).then(|| (numbers(&filter.mean), numbers(&filter.covariance))),
+            answers: (filter.mirrored.iter())
+                .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
+                .collect(),
+            ..FilterPast::default()
+        });
+        let sine = state.drive.map(|numbers| {
+            let [offset, amplitude, frequency_hz, phase_rad, residual_rms] = numbers.map(f64::from);
+            Sine { offset, amplitude, frequency_hz, phase_rad, residual_rms }
+        });
+        Self {
+            start_s: state.start_s.into(),
+            drive: DrivePast::resumed(sine),
+            filters: filters.collect(),
+            rig: Slot::default(),
+        }
+    }
+}
+
 /// Room for something whose type its owner alone knows.
 #[derive(Default)]
 pub struct Slot(Option<Box<dyn Any + Send>>);
@@ -56,6 +136,8 @@ pub struct FilterPast {
     pub run: Slot,
     /// What its way keeps.
     pub course: Slot,
+    /// Mean and lower covariance where the filter was left.
+    pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
     /// One per answer.
     answers: Vec<AnswerPast>,
 }

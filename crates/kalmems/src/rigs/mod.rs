@@ -11,7 +11,7 @@ pub mod shared_scanner;
 pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
-use crate::estimate::{Around, EstimateError, Part, Progress, SegmentEstimate};
+use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -112,6 +112,9 @@ pub trait Estimator {
 
     /// What it needs of the rows around those that are new, in a recording of this interval in s between samples.
     fn around(&self, interval_s: f64) -> Around;
+
+    /// What is kept of the segment that is being estimated.
+    fn past(&mut self) -> &mut Past;
 
     /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;

@@ -9,6 +9,7 @@ mod events;
 mod latency;
 mod order;
 mod output;
+mod state;
 mod table;
 
 pub use decode::{Damage, Decoder, Sample};
@@ -19,12 +20,13 @@ pub use output::{Outputs, SYNC};
 pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream};
-use crate::estimate::{Around, EstimateError, Part, Silent, Trajectory};
+use crate::estimate::{Around, EstimateError, Part, Past, Silent, Trajectory};
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
-use crate::rigs::{self, Rig};
+use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
 use output::Writer;
 use serde::Serialize;
+use state::{Keeper, State};
 use std::io::{self, Read};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,6 +37,9 @@ const MOST: usize = 4096;
 
 /// For how many later samples one that is missing is waited for, where the experiment does not say it.
 const WAIT: u32 = 32;
+
+/// Samples that are kept to go on from.
+const KEPT: usize = 8;
 
 /// Over how many samples the mean NIS is watched, where the experiment does not say it.
 const WATCHED: usize = 100;
@@ -54,6 +59,14 @@ pub enum StreamError {
     /// What was estimated cannot be written.
     #[error("the estimates cannot be written: {0}")]
     Output(#[from] io::Error),
+    /// The state cannot be written, or another run cannot go on from it.
+    #[error("the state in `{path}`: {why}; to begin anew, remove it or name another file")]
+    State {
+        /// The file.
+        path: String,
+        /// Why.
+        why: String,
+    },
     /// The rig looks at whole recordings.
     #[error(
         "the filters of `{rig}` look at whole recordings; record the samples and use `kalmems estimate`, or leave out what \
@@ -82,10 +95,14 @@ pub struct StreamSummary {
 }
 
 /// Estimates the samples of an input until it ends, or until `stop` says so.
+///
+/// Where `state` names a file, what is needed to go on is kept there, and a run that finds it goes on from it: samples that it
+/// acknowledged are passed over, so that the sender may send them again.
 pub fn stream(
     experiment: &Experiment,
     input: Box<dyn Read + Send>,
     outputs: Outputs,
+    state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<StreamSummary, StreamError> {
     let described = experiment.stream.as_ref().ok_or_else(|| {
@@ -104,10 +121,17 @@ pub fn stream(
     }
     let layout = rig.layout(experiment, index)?;
     let (arrivals, counts) = (Arrivals::default(), SharedCounts::default());
-    let table = live_table(experiment, described, &layout, input, (arrivals.clone(), counts.clone()))?;
+    let text = experiment.to_toml().unwrap_or_default();
+    let left = state.map(|path| State::read(path, &text)).transpose()?.flatten();
+    let mut table = live_table(experiment, described, &layout, input, (arrivals.clone(), counts.clone()))?;
+    let again = left.as_ref().map_or(0, State::kept);
+    if let Some(left) = &left {
+        *estimator.past() = Past::resumed(left.past());
+        table.go_on(left);
+    }
     let stretch = recording::Around {
         rows: MOST,
-        first: around.head,
+        first: if left.is_some() { again + 1 } else { around.head },
         before: around.before,
         after: around.after.max(1),
     };
@@ -118,9 +142,11 @@ pub fn stream(
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
         watches: Vec::new(),
         writer: Writer::new(outputs, described.every.map_or(1, |every| u64::from(every.get()))),
+        again: again as u64,
         estimated: 0,
         events: 0,
-        start_s: f64::NAN,
+        start_s: left.as_ref().map_or(f64::NAN, |_| estimator.past().start_s),
+        keeper: state.map(|path| keeper(path, text, &layout)).transpose()?,
         latency: Histogram::default(),
         arrivals,
     };
@@ -136,15 +162,21 @@ pub fn stream(
         };
         let Some(stretch) = stretch else { break };
         let Some(segment) = stretch.recording.segments().first() else { continue };
+        // What another run took already is there to be interpolated through.
+        let known = if stretch.begins { again } else { 0 };
         let part = Part {
             recording: &stretch.recording,
             segment,
-            fresh: stretch.fresh.clone(),
-            begins: stretch.begins,
+            fresh: (stretch.fresh.start + known).min(stretch.fresh.end)..stretch.fresh.end,
+            begins: stretch.begins && left.is_none(),
             ends: stretch.ends,
         };
+        if part.fresh.is_empty() {
+            continue;
+        }
         let estimate = estimator.take(&part)?;
         live.take(&estimate.trajectories, &part)?;
+        live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
         stretches.reuse(stretch);
         if stop() {
             stretches.cut_off();
@@ -182,6 +214,17 @@ fn live_table(
     Ok(LiveTable::new(input, &described.input, (wait, time, interval_s), shared))
 }
 
+/// What keeps the state. Samples without a time could not be told from those that were taken already.
+fn keeper(path: &Path, experiment: String, layout: &recording::Layout) -> Result<Keeper, StreamError> {
+    let (Clock::Column(time), Some(columns)) = (&layout.clock, &layout.columns) else {
+        let why =
+            "samples without a column of times cannot be told from those that were taken before".to_owned();
+        return Err(StreamError::State { path: path.display().to_string(), why });
+    };
+    let columns = std::iter::once(time).chain(columns).cloned().collect();
+    Ok(Keeper::new(path.to_owned(), experiment, columns))
+}
+
 /// How many samples last this long.
 fn watched(over_s: f64, rate_hz: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
@@ -197,14 +240,41 @@ struct Live {
     /// One per answer.
     watches: Vec<Watch>,
     writer: Writer,
+    /// Samples of another run that this one begins with.
+    again: u64,
     estimated: u64,
     events: u64,
     start_s: f64,
+    keeper: Option<Keeper>,
     latency: Histogram,
     arrivals: Arrivals,
 }
 
 impl Live {
+    /// Keeps what another run needs, and says what it need not be sent again.
+    fn keep(
+        &mut self,
+        trajectories: &[Trajectory],
+        part: &Part,
+        estimator: &mut dyn Estimator,
+    ) -> Result<(), StreamError> {
+        let Some(keeper) = &mut self.keeper else { return Ok(()) };
+        let end = part.fresh.end;
+        let last = || {
+            let rows = end.saturating_sub(KEPT)..end;
+            let columns = part.recording.columns();
+            let sample = |k: usize| {
+                let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
+                std::iter::once(part.segment.time.at(k)).chain(numbers).map(f64::to_bits).collect()
+            };
+            (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
+        };
+        if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
+            self.writer.acknowledged(acknowledged_s)?;
+        }
+        Ok(())
+    }
+
     fn take(&mut self, trajectories: &[Trajectory], part: &Part) -> Result<(), StreamError> {
         if part.begins {
             self.start_s = part.segment.time.start_s();
@@ -218,9 +288,9 @@ impl Live {
             self.writer.events(&trajectory.key, &events)?;
         }
         self.writer.flush()?;
-        let before = self.estimated;
+        let before = self.again + self.estimated;
         self.estimated += part.fresh.len() as u64;
-        self.arrivals.done(self.estimated, &mut self.latency, before);
+        self.arrivals.done(self.again + self.estimated, &mut self.latency, before);
         Ok(())
     }
 }

@@ -113,6 +113,14 @@ impl Writer {
         Ok(())
     }
 
+    /// Says that samples up to a time in s need not be sent again: a line `acknowledged,time`.
+    pub(super) fn acknowledged(&mut self, time_s: f64) -> io::Result<()> {
+        if let Some(lines) = &mut self.outputs.lines {
+            writeln!(lines, "acknowledged,{time_s}")?;
+        }
+        self.flush()
+    }
+
     /// Hands on what waits in memory.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         for output in [&mut self.outputs.lines, &mut self.outputs.frames].into_iter().flatten() {

@@ -3,6 +3,7 @@
 use super::decode::{Damage, Decoder, Sample};
 use super::latency::Arrivals;
 use super::order::{Order, OrderCounts};
+use super::state::State;
 use crate::config::StreamFormat;
 use kalmems_formats::{Block, CellFault, Column, Description, Digest, Fault, FormatError, Table, Wanted};
 use std::collections::VecDeque;
@@ -22,6 +23,8 @@ pub struct WayCounts {
     pub damaged_lines: u64,
     /// Bytes between frames.
     pub damaged_bytes: u64,
+    /// Samples that an earlier run had acknowledged.
+    pub passed_over: u64,
 }
 
 /// The counts, for both threads.
@@ -34,9 +37,9 @@ impl SharedCounts {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn tell(&self, order: OrderCounts, damage: Damage) {
+    fn tell(&self, order: OrderCounts, damage: Damage, passed_over: u64) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
-            WayCounts { order, damaged_lines: damage.lines, damaged_bytes: damage.bytes };
+            WayCounts { order, damaged_lines: damage.lines, damaged_bytes: damage.bytes, passed_over };
     }
 }
 
@@ -55,6 +58,12 @@ pub struct LiveTable {
     rows: u64,
     bytes: u64,
     ended: bool,
+    /// The place of the time among the numbers, and until when samples were taken by another run.
+    taken: Option<(usize, f64)>,
+    time: Option<usize>,
+    interval_s: f64,
+    /// Samples that another run took.
+    passed_over: u64,
 }
 
 impl LiveTable {
@@ -89,7 +98,18 @@ impl LiveTable {
             rows: 0,
             bytes: 0,
             ended: false,
+            taken: None,
+            time,
+            interval_s,
+            passed_over: 0,
         }
+    }
+
+    /// Begins with the samples that another run left, and passes over those that it took.
+    pub(super) fn go_on(&mut self, left: &State) {
+        let names: Vec<String> = self.description.columns.iter().map(|column| column.name.clone()).collect();
+        self.ready.extend(left.samples(&names));
+        self.taken = self.time.map(|time| (time, left.acknowledged_s()));
     }
 
     /// Waits for bytes, and takes them.
@@ -103,7 +123,15 @@ impl LiveTable {
             Err(e) => return Err(e.into()),
         };
         let (order, ready) = (&mut self.order, &mut self.ready);
-        let mut each = |sample| order.take(sample, &mut |sample| ready.push_back(sample));
+        let (taken, half, passed_over) = (self.taken, 0.5 * self.interval_s, &mut self.passed_over);
+        let mut each = |sample: Sample| {
+            let time_s = |place: usize| sample.numbers.get(place).copied().unwrap_or(f64::NAN);
+            if taken.is_some_and(|(place, until_s)| time_s(place) < until_s + half) {
+                *passed_over += 1;
+            } else {
+                order.take(sample, &mut |sample| ready.push_back(sample));
+            }
+        };
         if count == 0 {
             self.decoder.finish(&mut each);
             order.finish(&mut |sample| ready.push_back(sample));
@@ -112,7 +140,7 @@ impl LiveTable {
             self.decoder.take(&piece[..count], &mut each);
             self.bytes += count as u64;
         }
-        self.counts.tell(self.order.counts(), self.decoder.damage());
+        self.counts.tell(self.order.counts(), self.decoder.damage(), self.passed_over);
         self.arrivals.tell(self.rows + self.ready.len() as u64);
         Ok(())
     }

@@ -72,7 +72,7 @@ fn run(
 ) -> (Lines, Vec<serde_json::Value>, StreamSummary) {
     let lines = Shared::default();
     let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
-    let summary = stream(experiment, input, outputs, &|| false).unwrap_or_else(|e| panic!("{e}"));
+    let summary = stream(experiment, input, outputs, None, &|| false).unwrap_or_else(|e| panic!("{e}"));
     let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
     let (mut answers, mut events) = (Lines::new(), Vec::new());
     for line in text.lines().filter(|line| !line.starts_with('#')) {
@@ -191,7 +191,7 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     let said = |changes: &[(&str, &str)], words: &[&str]| {
         let input = Pieces::of(Vec::new(), 10);
         let error =
-            stream(&experiment(changes), input, Outputs::default(), &|| false).unwrap_err().to_string();
+            stream(&experiment(changes), input, Outputs::default(), None, &|| false).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
     said(&[("smooth_lag = \"100 us\"", "smooth = true")], &["whole recordings", "kalmems estimate"]);
@@ -199,4 +199,64 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     said(&[("[\"time_s\", \"drive_V\", \"cap_V\"]", "[\"time_s\", \"drive_V\"]")], &["cap_V"]);
     // Nothing came.
     said(&[], &["no row"]);
+}
+
+/// Gives bytes slowly, and breaks at a place.
+struct Broken(Box<Pieces>, usize);
+
+impl Read for Broken {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.0.at >= self.1 {
+            return Err(io::Error::other("the cable was pulled"));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        self.0.read(buffer)
+    }
+}
+
+#[test]
+fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
+    let experiment = experiment(&[("every = 10", "every = 1")]);
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let lines_of = |input: Box<dyn Read + Send>, state: Option<&std::path::Path>| {
+        let lines = Shared::default();
+        let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
+        let ended = stream(&experiment, input, outputs, state, &|| false);
+        let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
+        (text, ended)
+    };
+    let of = |text: &str, key: &str| -> BTreeMap<u64, [f64; 2]> {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(key)?.strip_prefix(','));
+        let numbers = lines.map(|rest| rest.split(',').map(|c| c.parse().unwrap_or(f64::NAN)).collect());
+        numbers.map(|n: Vec<f64>| (n[0].to_bits(), [n[1], n[2]])).collect()
+    };
+    let (whole, _) = lines_of(Pieces::of(bytes.clone(), 1000), None);
+    let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
+    let (first, ended) = lines_of(Box::new(broken), Some(&state));
+    assert!(ended.unwrap_err().to_string().contains("the cable was pulled"));
+    let acknowledged = first.lines().filter_map(|line| line.strip_prefix("acknowledged,")).next_back();
+    let acknowledged: f64 = acknowledged.expect("nothing was acknowledged").parse().unwrap();
+    assert!(acknowledged > 9e-3, "{acknowledged}");
+    // The sender sends all of it again; what was acknowledged is passed over.
+    let (second, ended) = lines_of(Pieces::of(bytes, 1000), Some(&state));
+    let passed_over = ended.unwrap().received.passed_over;
+    for key in ["ekf", "ekf_lagged"] {
+        let [whole, first, second] = [&whole, &first, &second].map(|text| of(text, key));
+        assert_eq!(whole.len(), 24_001);
+        for (time, [angle, sd]) in &whole {
+            let (from, place) =
+                if f64::from_bits(*time) <= acknowledged { (&first, "before") } else { (&second, "after") };
+            let found = from.get(time).unwrap_or_else(|| panic!("{key} {place} {}", f64::from_bits(*time)));
+            assert!((found[0] - angle).abs() < 1e-6 * sd, "{key} {place}: {} {angle}", found[0]);
+            assert!((found[1] / sd - 1.0).abs() < 1e-6);
+        }
+        assert!(second.keys().all(|time| f64::from_bits(*time) > acknowledged));
+        assert_eq!(passed_over as usize + second.len(), 24_001);
+    }
+    // Another experiment does not go on from it.
+    let other = self::experiment(&[]);
+    let ended = stream(&other, Pieces::of(Vec::new(), 1), Outputs::default(), Some(&state), &|| false);
+    assert!(ended.unwrap_err().to_string().contains("another experiment"));
 }

@@ -54,6 +54,17 @@ impl Block {
 }
 
 impl DrivePast {
+    /// Of a segment that goes on from where another run left it, when its drive followed this sine.
+    pub(crate) fn resumed(sine: Option<Sine>) -> Self {
+        let fitted = OnceCell::from(sine);
+        Self { sine, first_sine: sine, rows: BLOCK, fitted, ..Self::default() }
+    }
+
+    /// The sine that the drive was last known to follow.
+    pub(crate) fn known(&self) -> Option<Sine> {
+        self.fitted.get().copied().flatten().or(self.sine)
+    }
+
     /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
     fn take(&mut self, time_s: &[f64], volts: &[f64], rows: &Range<usize>, interval_s: f64) {
         let mut from = rows.start;

@@ -4,12 +4,9 @@ use super::course::unusual_interval;
 use super::data::SegmentData;
 use super::settings::Hardware;
 use super::varied::{Factors, Step, Varied};
-use crate::estimate::{Counts, Course};
+use crate::estimate::{Counts, Course, TakenOver};
 use kalmems_core::adapt::Bank;
-use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, NotAScale, Over, Process, ProcessNoise,
-    Scaled,
-};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation, NotAScale, Scaled};
 use kalmems_models::readout::DifferentialReadout;
 
 /// Three values of each of three parameters.
@@ -76,30 +73,6 @@ impl<'a> BankCourse<'a> {
     /// Where the models are now.
     pub fn into_models(self) -> Box<Models> {
         self.bank
-    }
-}
-
-/// A step to a known state, whatever was before.
-struct TakenOver {
-    mean: [f64; 4],
-    noise: ProcessNoise<f64, 4>,
-}
-
-impl From<Gaussian<f64, 4>> for TakenOver {
-    fn from(Gaussian { mean, covariance }: Gaussian<f64, 4>) -> Self {
-        Self { mean, noise: covariance.into() }
-    }
-}
-
-impl Process<f64, 4> for TakenOver {
-    type Input = ();
-
-    fn step<S: Over<f64>>(&self, _: &[S; 4], (): &()) -> [S; 4] {
-        self.mean.map(S::lift)
-    }
-
-    fn noise(&self) -> &ProcessNoise<f64, 4> {
-        &self.noise
     }
 }
 

@@ -136,6 +136,10 @@ impl Estimator for AccelerometerEstimator<'_> {
         Around { head: skipped.max(HEAD), before: 1, after: 1, smooths }
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
         let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;

@@ -159,6 +159,10 @@ impl Estimator for StageEstimator<'_> {
         Around::WHOLE
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, (drive, signals)) = (&self.settings, &self.columns);
         let hardware = &settings.hardware;

@@ -144,6 +144,10 @@ impl Estimator for PistonEstimator<'_> {
         Around::WHOLE
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
         let hardware = &settings.hardware;

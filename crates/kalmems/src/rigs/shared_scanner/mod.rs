@@ -118,6 +118,10 @@ impl Estimator for ScannerEstimator<'_> {
         around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths)
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;

@@ -127,6 +127,10 @@ impl Estimator for ThresholdEstimator<'_> {
         Around::WHOLE
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());

@@ -99,6 +99,10 @@ impl Estimator for TwoAxesEstimator<'_> {
         around_driven(interval_s, started_s, smooths)
     }
 
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
