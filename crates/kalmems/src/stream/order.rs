@@ -206,10 +206,21 @@ mod tests {
         let expected: Vec<u64> = (0..700).filter(|k| ![3, 4, 9].contains(k)).collect();
         let counts =
             OrderCounts { passed: 697, dropped: 3, duplicated: 1, late: 1, too_late: 1, without_time: 0 };
-        for mut order in [Order::new(4, Some(8), None), Order::new(4, None, Some((0, 1e-6)))] {
+        for bits in [Some(8), None] {
+            let mut order = Order::new(4, bits, Some((0, 1e-6)));
             assert_eq!(run(&mut order, &sent), expected);
             assert_eq!(order.counts(), counts);
         }
+    }
+
+    #[test]
+    fn where_the_clock_counts_rows_one_stands_for_each_that_is_missing() {
+        let (mut order, mut rows) = (Order::new(4, Some(8), None), Vec::new());
+        for number in [250, 251, 254, 258, 257] {
+            order.take(sample(number), &mut |sample| rows.push(sample.numbers[0].is_finite()));
+        }
+        order.finish(&mut |sample| rows.push(sample.numbers[0].is_finite()));
+        assert_eq!(rows, [true, true, false, false, true, false, false, true, true]);
     }
 
     proptest! {
