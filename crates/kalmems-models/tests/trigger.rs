@@ -125,6 +125,8 @@ struct Told {
     untold: usize,
 }
 
+const SAMPLES: u64 = 6000;
+
 /// The scanner under its drive with noise on its angle and rate, seen through its readout by an EKF whose model is exact,
 /// and the trigger on the EKF.
 fn run(mark: Mark<f64>, lead: f64, seed: u64) -> Told {
@@ -154,7 +156,6 @@ fn run(mark: Mark<f64>, lead: f64, seed: u64) -> Told {
     let value = |x: &[f64; 2]| weights[0] * x[0] + weights[1] * x[1];
     let mut waiting: Option<(u64, TriggerEvent<f64>)> = None;
     let mut told = Told { normalised: Vec::new(), error_s: Vec::new(), untold: 0 };
-    const SAMPLES: u64 = 6000;
     for k in 0..SAMPLES {
         if let Some(event) = trigger.step(&process, (filter.mean(), &filter.covariance()), &(drive, INTERVAL))
         {
