@@ -138,6 +138,11 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         Ok(Self { settings, weights, near, samples: 0, told: true, missed: 0 })
     }
 
+    /// What it waits for.
+    pub fn mark(&self) -> Mark<P> {
+        self.settings.mark
+    }
+
     /// Marks that were passed without having been told: the motion was lost or came too suddenly.
     pub fn missed(&self) -> u64 {
         self.missed

@@ -26,7 +26,7 @@ pub use converter::Converter;
 pub use drive::{Drive, Interruptions, Tone};
 pub use floquet::{floquet_exponent, monodromy};
 pub use noise::WhiteNoise;
-pub use recording::{Channel, Sample, SimulateError, Simulation};
+pub use recording::{Channel, Paper, Papers, Sample, SimulateError, Simulation};
 pub use response::{
     Hold, StartUp, SweepPoint, SweepSettings, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
 };
