@@ -5,9 +5,17 @@
 //! memory is bounded by a block and not by the file. What is no number is told cell by cell and never replaced.
 
 mod block;
+mod csv;
+mod decimal;
 mod error;
+mod open;
+mod source;
 mod table;
 
 pub use block::{Block, CellFault, Fault, Labels};
+pub use csv::{CsvHints, open_csv, read_csv};
+pub use decimal::Shift;
 pub use error::FormatError;
-pub use table::{Column, Description, Table, Wanted};
+pub use open::{Hints, open};
+pub use source::ReadSeek;
+pub use table::{Column, Description, Digest, Table, Wanted};

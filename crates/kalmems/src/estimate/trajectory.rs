@@ -20,6 +20,8 @@ pub struct Trajectory {
     pub time_s: Vec<f64>,
     /// The states, each with its uncertainty.
     pub states: Vec<StateSeries>,
+    /// The signal that the innovations are of, in SI; not a number where it is missing.
+    pub signal: Vec<f64>,
     /// y − h(x⁻): measured minus predicted, in the signal's unit; not a number where there was no update.
     pub innovation: Vec<f64>,
     /// The standard deviation that the filter gives the innovation, likewise.
@@ -150,9 +152,13 @@ impl Trajectory {
 
     /// The samples from `skip_s` after the first on: those that are scored.
     pub fn scored(&self, skip_s: f64) -> Range<usize> {
-        let first = self.time_s.first().copied().unwrap_or(0.0);
+        self.scored_after(self.time_s.first().copied().unwrap_or(0.0), skip_s)
+    }
+
+    /// The samples from `skip_s` after this time on, both in s: likewise, of a segment that began then.
+    pub fn scored_after(&self, start_s: f64, skip_s: f64) -> Range<usize> {
         // Half an ulp of a decimal time must not decide about a sample.
-        let start = self.time_s.partition_point(|t| *t < first + skip_s * (1.0 - 1e-12));
+        let start = self.time_s.partition_point(|t| *t < start_s + skip_s * (1.0 - 1e-12));
         start..self.time_s.len()
     }
 

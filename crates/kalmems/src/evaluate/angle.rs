@@ -290,6 +290,7 @@ mod tests {
                 state("angle", "rad", &kind::ANGLE, angle),
                 state("rate", "rad_per_s", &kind::ANGULAR_RATE, rate),
             ],
+            signal: vec![0.0; n],
             innovation: vec![0.0; n],
             innovation_sd: vec![1.0; n],
             nis: vec![0.0; n],
