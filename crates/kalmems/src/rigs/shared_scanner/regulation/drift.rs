@@ -51,13 +51,14 @@ impl Drift {
     /// What it has done by a time.
     pub fn at(&self, time_s: f64) -> Drifted {
         let passed = ((time_s - self.from_s) / (self.to_s - self.from_s)).clamp(0.0, 1.0);
-        let kelvin = self.change_k * passed;
+        // No −0 where nothing has changed yet.
+        let by = |per_kelvin: f64| per_kelvin * self.change_k * passed + 0.0;
         Drifted {
-            temperature_k: kelvin,
-            stiffness: self.stiffness * kelvin,
-            damping: self.damping * kelvin,
-            gain: self.gain * kelvin,
-            offset_v: self.offset * kelvin,
+            temperature_k: by(1.0),
+            stiffness: by(self.stiffness),
+            damping: by(self.damping),
+            gain: by(self.gain),
+            offset_v: by(self.offset),
         }
     }
 }
