@@ -102,6 +102,18 @@ struct Outcome {
     stage: Stage,
 }
 
+/// Told 8 µs before the angle rises through 0.
+fn trigger() -> Trigger<f64> {
+    Trigger::new(TriggerSettings {
+        interval: INTERVAL,
+        rate: 98_160.0,
+        mark: Mark::Rising,
+        lead: 8e-6,
+        least_amplitude: 0.05,
+    })
+    .unwrap()
+}
+
 const SETTLING_S: f64 = 0.06;
 /// The window over which the true motion is projected on the drive's phase: sixteen cycles.
 const WINDOW: u32 = 1024;
@@ -133,14 +145,7 @@ fn run(case: &Case) -> Outcome {
         Ekf::new([TARGET * 0.97, 500.0, 0.0, 0.0, 0.0, 0.0], Covariance::from_standard_deviations(sd));
     let mut regulator = Regulator::new(settings());
     let mut held = None;
-    let trigger = TriggerSettings {
-        interval: INTERVAL,
-        rate: 98_160.0,
-        mark: Mark::Rising,
-        lead: 8e-6,
-        least_amplitude: 0.05,
-    };
-    let mut trigger = Trigger::new(trigger).unwrap();
+    let mut trigger = trigger();
     let (mut waiting, mut squares, mut errors, mut events) = (None, 0.0, 0.0, 0.0);
     let (mut sums, mut within) = ([0.0; 2], 0);
     let mut outcome = Outcome {
