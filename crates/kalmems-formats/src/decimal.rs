@@ -11,6 +11,7 @@ pub struct Shift {
 }
 
 impl Shift {
+    /// One that multiplies by this power of ten.
     pub fn new(power: i32) -> Self {
         Self { power, shortest: zmij::Buffer::new(), text: Vec::with_capacity(40) }
     }
@@ -87,12 +88,10 @@ mod tests {
                 assert_eq!(Shift::new(power).integer(i128::from(number)).to_bits(), text.to_bits());
             }
         }
-        let (exact, twice) = (
-            Shift::new(-3).integer(9_007_199_254_740_993),
-            Shift::new(-3).float(9_007_199_254_740_993_i64 as f64),
-        );
-        assert_eq!(exact, 9_007_199_254_740.993);
-        assert_ne!(exact, twice);
+        // Rounding twice shows in some of them.
+        let twice =
+            |number: i64| Shift::new(3).float(number as f64) != Shift::new(3).integer(i128::from(number));
+        assert!((0..1000).any(|step| twice(9_007_199_254_740_993 + 2 * step)));
     }
 
     proptest! {

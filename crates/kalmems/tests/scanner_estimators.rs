@@ -2,6 +2,8 @@
 //! parameters than the filters are told.
 
 mod scanner;
+#[path = "scanner_estimators/stream.rs"]
+mod stream;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Part, Silent, Trajectory};

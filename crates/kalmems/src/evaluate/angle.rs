@@ -109,6 +109,9 @@ pub fn evaluate_motion(
     reference: &Reference,
     extent: Extent,
 ) -> Option<MotionErrors> {
+    if trajectory.time_s.is_empty() {
+        return None;
+    }
     let (estimated, sd) = reference.estimate_at(trajectory);
     let from = reference.time_s.partition_point(|t| *t < extent.from_s);
     let time_s = &reference.time_s[from..];

@@ -64,6 +64,9 @@ pub type ErrorsByState = BTreeMap<&'static str, ValueErrors>;
 /// Compares a trajectory with each reference from a time on; without an entry where not one sample can be compared.
 pub fn evaluate_values(trajectory: &Trajectory, references: &[ValueReference], from_s: f64) -> ErrorsByState {
     let one = |reference: &ValueReference| {
+        if trajectory.time_s.is_empty() {
+            return None;
+        }
         let state = trajectory.state(reference.state.name)?;
         let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
         Some((state.name, errors(&trajectory.time_s, (state, rate), reference, from_s)?))

@@ -247,11 +247,13 @@ impl Pass {
         }
         let segment = self.drafts.len() - 1;
         let (end, from) = (self.lines.rows(), draft.start.max(self.base) - self.base);
-        for (target, rails) in self.plan.targets.iter_mut().zip(&mut self.rails) {
+        for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
             if let Some(rails) = rails {
                 let values = target.values.get(from..).unwrap_or_default();
                 rails.forget(&Part { values, fresh: 0, end, segment });
             }
+        }
+        for target in &mut self.plan.targets {
             target.values.drain(..row - self.base);
         }
         if self.plan.clock.is_some() {

@@ -6,7 +6,7 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::Request;
 use super::{Clock, ReadError, Recording, Source};
-use kalmems_formats::Digest;
+use kalmems_formats::{Digest, Table};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -35,6 +35,17 @@ impl Reading {
         }
         let table = kalmems_formats::open(path, request.hints)
             .map_err(|source| ReadError::of_format(path, source))?;
+        Self::of(table, path, request, head)
+    }
+
+    /// Begins to read a table; `path` is what messages call it.
+    pub(super) fn of(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        head: usize,
+    ) -> Result<Self, ReadError> {
+        let file = || path.display().to_string();
         let description = table.description();
         let names: Vec<String> = description.columns.iter().map(|column| column.name.clone()).collect();
         let recognised = format!("{}: {}", description.format, description.recognised);

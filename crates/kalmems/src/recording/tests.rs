@@ -354,7 +354,9 @@ fn put_together(path: &Path, layout: &Layout, around: Around) -> Result<Whole, S
         assert_eq!(own.time.interval_s(), *usual);
         for (all, column) in whole.columns.iter_mut().zip(recording.columns()) {
             let now = bits(&column.values);
-            assert_eq!(now[..fresh.start], all[all.len() - fresh.start..]);
+            let again = &all[all.len() - fresh.start..];
+            let differs = now[..fresh.start].iter().zip(again).position(|(a, b)| a != b);
+            assert_eq!(differs, None, "{around:?} {} {fresh:?} {}", column.header.column, all.len());
             all.extend(&now[fresh.clone()]);
         }
         segment.1.end += fresh.len();

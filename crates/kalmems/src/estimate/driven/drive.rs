@@ -1,7 +1,7 @@
 //! The recorded drive, between its samples and where samples are missing.
 
 use crate::estimate::Samples;
-use crate::signal::{Sine, cubic_between, fit_sine};
+use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near};
 use kalmems_core::Nodes;
 use std::cell::OnceCell;
 use std::ops::Range;
@@ -47,8 +47,9 @@ struct Block {
 }
 
 impl Block {
-    fn sine(&self, interval_s: f64) -> Option<Sine> {
-        fit_sine(&self.time_s, &self.volts, interval_s).filter(Sine::is_steady)
+    /// The sine near one that came before.
+    fn sine_like(&self, before: Option<&Sine>) -> Option<Sine> {
+        fit_sine_near(&self.time_s, &self.volts, before?.frequency_hz).filter(Sine::is_steady)
     }
 }
 
@@ -81,7 +82,8 @@ impl DrivePast {
         let sine = if begins == 0 {
             self.first_sine
         } else {
-            *self.fitted.get_or_init(|| self.last.sine(interval_s))
+            let before = self.stand_ins.last().map(|(_, sine)| sine).or(self.first_sine.as_ref());
+            *self.fitted.get_or_init(|| self.last.sine_like(before))
         };
         // Where a block follows no sine, what the blocks before it followed stands in.
         if let Some(sine) = sine {
@@ -119,7 +121,8 @@ impl<'a> Drive<'a> {
         // What no later part asks for is forgotten; that of the block before the first row may still be.
         let (first, oldest) =
             (before.saturating_sub(fresh.start), before.saturating_sub(fresh.start + BLOCK));
-        past.stand_ins.retain(|(row, _)| *row >= oldest);
+        let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
+        past.stand_ins.drain(..unused);
         past.take(time_s, volts, fresh, interval_s);
         let mut stand_ins: Vec<(usize, Sine)> = Vec::new();
         for (row, sine) in &past.stand_ins {
