@@ -154,19 +154,15 @@ impl Regulation {
 pub const MOST: usize = 4;
 
 fn tables(experiment: &Experiment) -> Result<(&Simulate, &RegulatedDrive), ConfigError> {
-    match &experiment.simulate {
-        Some(simulate) => match &simulate.drive {
-            DriveSource::Regulated(regulated) => Ok((simulate, regulated)),
-            _ => {
-                let why = "the drive is not a regulated one; write `[simulate.drive.regulated]`".to_owned();
-                Err(experiment.error("simulate.drive", Fault::Value { why }))
-            }
-        },
-        None => {
-            let remedy = "add the table `[simulate]` with `[simulate.drive.regulated]`".to_owned();
-            Err(experiment.error("simulate", Fault::MissingKey { remedy }))
-        }
+    let Some(simulate) = &experiment.simulate else {
+        let remedy = "add the table `[simulate]` with `[simulate.drive.regulated]`".to_owned();
+        return Err(experiment.error("simulate", Fault::MissingKey { remedy }));
+    };
+    if let DriveSource::Regulated(regulated) = &simulate.drive {
+        return Ok((simulate, regulated));
     }
+    let why = "the drive is not a regulated one; write `[simulate.drive.regulated]`".to_owned();
+    Err(experiment.error("simulate.drive", Fault::Value { why }))
 }
 
 fn settings(

@@ -40,6 +40,8 @@ pub struct Observer {
 }
 
 #[derive(Clone, Copy, Debug)]
+// One per loop, and no allocation while it runs.
+#[allow(clippy::large_enum_variant)]
 enum Observing {
     /// Until a motion shows.
     Waiting,
