@@ -1,5 +1,8 @@
 //! The shared-electrode scanner's example through the public steps, against an independent filter.
 
+#[path = "scanner/regulation.rs"]
+mod regulation;
+
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Silent};
 use kalmems::report::{Figure, Series, Shape};

@@ -43,6 +43,9 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
             "{outlook}{} samples, largest {name} {:.4}, seed {}\n",
             summary.samples, summary.largest, summary.seed
         ))?;
+        for line in &summary.told {
+            print(&format!("{line}\n"))?;
+        }
     }
     let experiment = out.join("experiment.toml");
     let (next, command) = match simulation.role() {

@@ -65,7 +65,7 @@ impl<P: Scalar<Mask = bool>> RebalanceLoop<P> {
     /// The phase of [`response`](Self::response) in rad, from its two factors, so that it passes −180° without a jump.
     pub fn phase(&self, rate: P) -> P {
         let (sensitivity, compliance) = (self.sensitivity(rate), self.compliance(rate));
-        angle(sensitivity) + angle(compliance)
+        sensitivity.angle() + compliance.angle()
     }
 
     /// y/a in V/(m/s²).
@@ -121,42 +121,8 @@ impl<P: Scalar<Mask = bool>> RebalanceLoop<P> {
     fn continuous_phase(&self, rate: P) -> P {
         let controller = self.controller.response(rate);
         let compliance = self.compliance(rate);
-        angle_below(controller) + angle_below(compliance)
+        controller.angle_below() + compliance.angle_below()
     }
-}
-
-/// The angle in rad, from −180° to 180°.
-fn angle<P: Scalar<Mask = bool>>(z: Complex<P>) -> P {
-    if z.im.gt(P::of(0.0)) { -angle_below(Complex { re: z.re, im: -z.im }) } else { angle_below(z) }
-}
-
-/// The angle in rad of what lies in the lower half of the plane, from −180° to 0.
-fn angle_below<P: Scalar<Mask = bool>>(z: Complex<P>) -> P {
-    // The half angle's tangent; of t = tan(φ/2), φ = −2·atan(−t), by halving until its series is short.
-    let mut tangent = -z.im / (z.size() + z.re);
-    let half_turn = P::of(core::f64::consts::PI);
-    if !tangent.is_finite() {
-        return -half_turn;
-    }
-    let beyond = tangent.gt(P::of(1.0));
-    if beyond {
-        tangent = tangent.recip();
-    }
-    let mut factor = P::of(1.0);
-    for _ in 0..4 {
-        tangent = tangent / (P::of(1.0) + (P::of(1.0) + tangent.sq()).sqrt());
-        factor = factor.twice();
-    }
-    // |t| is below 0.05: t^13/13 is below the last digit.
-    let square = tangent.sq();
-    let mut series = P::of(0.0);
-    for k in (0..7).rev() {
-        let term = P::of(1.0 / f64::from(2 * k + 1));
-        series = term - square * series;
-    }
-    let half = series * tangent * factor;
-    let half = if beyond { half_turn.half() - half } else { half };
-    -half.twice()
 }
 
 /// Frequencies that are looked at between two ends.

@@ -47,6 +47,9 @@ markers! {
     Resistance = kind::RESISTANCE;
     VoltagePerCapacitance = kind::VOLTAGE_PER_CAPACITANCE;
     Temperature = kind::TEMPERATURE;
+    TemperatureChange = kind::TEMPERATURE_CHANGE;
+    PerTemperature = kind::PER_TEMPERATURE;
+    VoltagePerTemperature = kind::VOLTAGE_PER_TEMPERATURE;
     Acceleration = kind::ACCELERATION;
     VoltagePerRate = kind::VOLTAGE_PER_RATE;
     PerAngle = kind::PER_ANGLE;

@@ -3,6 +3,7 @@
 use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
 use super::recording::Clock;
+use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
 use super::values::Values;
 use super::{Fault, Key};
@@ -43,6 +44,9 @@ pub struct Simulate {
     /// What a micro-stage is recorded under; ideal if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageConditions>,
+    /// A temperature that changes while a regulated drive runs; it does not if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<TemperatureRamp>,
     /// The drive: exactly one table, such as `[simulate.drive.sine]`.
     pub drive: DriveSource,
 }
@@ -128,6 +132,8 @@ pub enum DriveSource {
     Tones(TonesDrive),
     /// A column of a file.
     Recorded(RecordedDrive),
+    /// A sine whose frequency and amplitude a regulator sets, so that amplitude and phase of the motion are held.
+    Regulated(Box<RegulatedDrive>),
     /// A sine that is switched to the bias of a ring-down; the recording begins there.
     RingDown(RingDownDrive),
     /// A raised cosine that catches the motion by a sweep before the recording begins, and may be cut off in it.
@@ -430,6 +436,22 @@ impl Simulate {
                 let why = format!("`{}` is not below `to`, `{}`", from.text(), to.text());
                 return at("dither.from", why);
             }
+        }
+        if let Some(ramp) = &self.temperature {
+            if !matches!(self.drive, DriveSource::Regulated(_)) {
+                let why = "a temperature changes under a regulated drive alone; write `[simulate.drive.regulated]`, \
+                           with `hold_from` to see the same motion without regulation";
+                return at("temperature", why.to_owned());
+            }
+            if ramp.from.si() >= ramp.to.si() {
+                let why = format!("`{}` is not after `from`, `{}`", ramp.to.text(), ramp.from.text());
+                return at("temperature.to", why);
+            }
+        }
+        if let DriveSource::Regulated(regulated) = &self.drive
+            && let Err((name, why)) = regulated.check(self.sampling_rate.si())
+        {
+            return at(&format!("drive.regulated.{name}"), why);
         }
         if let DriveSource::Square(square) = &self.drive
             && square.duty_cycle.si() >= 1.0

@@ -24,6 +24,9 @@ pub struct SimulationSummary {
     pub largest: f64,
     /// What could be said before, such as that the device cannot oscillate at this drive.
     pub outlook: Option<String>,
+    /// What the run tells beside its samples, a line each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub told: Vec<String>,
     /// The seed of the noise.
     pub seed: u64,
 }
@@ -96,8 +99,13 @@ pub fn write_simulation(
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
+    let papers = simulation.papers();
+    for paper in &papers.files {
+        output.write(paper.name, |w| w.write_all(&paper.content))?;
+    }
     output.commit()?;
-    Ok(SimulationSummary { samples: simulation.samples(), largest, outlook: simulation.outlook(), seed })
+    let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
+    Ok(SimulationSummary { samples, largest, outlook, told, seed })
 }
 
 /// Samples between two looks at whether to go on.

@@ -49,9 +49,9 @@ pub struct SteadyMotion {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Balance {
-    scanner: ParametricScanner<f64>,
+    pub(super) scanner: ParametricScanner<f64>,
     /// κ.
-    electrodes: f64,
+    pub(super) electrodes: f64,
     /// M in V², with the carrier's share.
     mean: f64,
     /// a_l and b_l in V², from l = 1.
@@ -102,7 +102,7 @@ impl Balance {
     }
 
     /// F₁, F₃, …, by the mean over a cycle.
-    fn shape(&self, amplitude: f64) -> [f64; HARMONICS + 1] {
+    pub(super) fn shape(&self, amplitude: f64) -> [f64; HARMONICS + 1] {
         let mut shape = [0.0; HARMONICS + 1];
         for odd in &self.cosines {
             let pull = odd[0] * self.scanner.comb.overlap(amplitude * odd[0]) * (2.0 / f64::from(POINTS));
@@ -114,7 +114,7 @@ impl Balance {
     }
 
     /// C and S in V².
-    fn torque(&self, shape: &[f64; HARMONICS + 1], phase: f64) -> [f64; 2] {
+    pub(super) fn torque(&self, shape: &[f64; HARMONICS + 1], phase: f64) -> [f64; 2] {
         let (mut in_phase, mut quadrature) = (self.mean * shape[0], 0.0);
         for (l, ([a, b], pair)) in (1..).zip(self.harmonics.iter().zip(shape.windows(2))) {
             let angle = 2.0 * f64::from(l) * phase;
@@ -142,7 +142,7 @@ impl Balance {
     ///
     /// By phase every motion is met once. By amplitude some are met twice: past its largest amplitude the curve goes
     /// on, still stable, to its lowest frequency.
-    fn motion_of(&self, phase: f64) -> Option<SteadyMotion> {
+    pub(super) fn motion_of(&self, phase: f64) -> Option<SteadyMotion> {
         if self.surplus(&self.shape(0.0), phase) <= 0.0 {
             return None;
         }

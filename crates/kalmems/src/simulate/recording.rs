@@ -24,6 +24,24 @@ pub struct Sample<'a> {
     pub truth: &'a [f64],
 }
 
+/// What a run tells beside its samples, such as what a loop commanded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Papers {
+    /// Files beside the recording.
+    pub files: Vec<Paper>,
+    /// What to say, a line each.
+    pub lines: Vec<String>,
+}
+
+/// A file of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paper {
+    /// Its name.
+    pub name: &'static str,
+    /// What it holds.
+    pub content: Vec<u8>,
+}
+
 /// A simulation of one device, ready to run.
 pub trait Simulation {
     /// The channels of the recording beside the time.
@@ -48,6 +66,11 @@ pub trait Simulation {
 
     /// Runs it from its start, sample by sample. Every run gives the same.
     fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError>;
+
+    /// What a run tells beside its samples; nothing before it has run.
+    fn papers(&self) -> Papers {
+        Papers::default()
+    }
 }
 
 /// Why there is no simulation.

@@ -64,6 +64,13 @@ pub fn drive_of(
                 .error("simulate.drive.prescribed", Fault::Value { why: why.to_owned() })
                 .into());
         }
+        DriveSource::Regulated(_) => {
+            let why = "only the shared-electrode scanner of one axis is regulated; use another drive, such as \
+                       `[simulate.drive.sine]`";
+            return Err(experiment
+                .error("simulate.drive.regulated", Fault::Value { why: why.to_owned() })
+                .into());
+        }
         DriveSource::Recorded(recorded) => {
             let (drive, source) = read(experiment, simulate, recorded)?;
             return Ok((drive, Some(source)));

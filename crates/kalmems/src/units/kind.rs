@@ -79,6 +79,9 @@ kinds! {
     RESISTANCE = "a resistance", of [1, 2, -3, -2, 0, 0], "17.86 kohm";
     VOLTAGE_PER_CAPACITANCE = "a voltage per capacitance", of [2, 4, -7, -3, 0, 0], "-0.3574 V/pF";
     TEMPERATURE = "an absolute temperature", of [0, 0, 0, 0, 1, 0], "300 K";
+    TEMPERATURE_CHANGE = "a change of temperature", of [0, 0, 0, 0, 1, 0], "20 K";
+    PER_TEMPERATURE = "a ratio per temperature", of [0, 0, 0, 0, -1, 0], "-64 ppm/K";
+    VOLTAGE_PER_TEMPERATURE = "a voltage per temperature", of [1, 2, -3, -1, -1, 0], "0.2 mV/K";
     VELOCITY = "a velocity", of [0, 1, -1, 0, 0, 0], "5 mm/s";
     ACCELERATION = "an acceleration", of [0, 1, -2, 0, 0, 0], "9.80665 m/s^2";
     JERK = "a rate of change of an acceleration", of [0, 1, -3, 0, 0, 0], "314 gn/s";

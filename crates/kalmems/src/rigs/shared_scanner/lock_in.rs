@@ -4,6 +4,7 @@ use super::settings::Hardware;
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{StateName, Trajectory, TrajectoryKind};
 use crate::signal::{Sine, fit_sine_at};
+use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::{PI, TAU};
 
 /// The motion A·sin(φ) of one window, φ = ω·t + ψ.
@@ -61,7 +62,7 @@ impl<'a> LockIn<'a> {
         let readout = &self.hardware.readout;
         let sine = fit_sine_at(time_s, signal, self.drive.frequency_hz)?;
         let share = sine.amplitude / (self.stages.0 * 2.0 * (readout.gain * readout.comb.nominal).abs());
-        let z = inverse(share)?;
+        let amplitude = amplitude_of(share, &readout.comb)?;
         let rate = PI * self.drive.frequency_hz;
         // The signal is cosine-shaped: largest in size where 2φ = 0, of the gain's sign.
         let turned = if readout.gain < 0.0 { PI } else { 0.0 };
@@ -69,7 +70,7 @@ impl<'a> LockIn<'a> {
         if let Some(before) = before {
             phase += PI * ((before.phase - phase) / PI).round();
         }
-        Some(Swing { amplitude: readout.comb.angular_width * (2.0 * z).sqrt(), rate, phase })
+        Some(Swing { amplitude, rate, phase })
     }
 
     /// The motion in the new samples of a segment and those kept before, as far as its cycles have ended.
@@ -132,6 +133,11 @@ pub struct Cycles {
 
 /// Samples that a cycle must have at least.
 const ENOUGH: usize = 8;
+
+/// The amplitude in rad of a motion whose signal has this share of 2a·C₀ at twice its frequency. `None` where none has.
+pub fn amplitude_of(share: f64, comb: &GaussianComb<f64>) -> Option<f64> {
+    inverse(share).map(|z| comb.angular_width * (2.0 * z).sqrt())
+}
 
 /// The z at which e^{−z}·I₁(z) has a value, where it rises. `None` above its largest.
 fn inverse(value: f64) -> Option<f64> {

@@ -11,6 +11,7 @@ mod lock_in;
 mod outlook;
 mod past;
 mod plant;
+pub mod regulation;
 mod reproduction;
 mod ring_down;
 mod segment;
@@ -75,6 +76,7 @@ impl Rig for SharedScannerRig {
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         match experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
             Some(DriveSource::RingDown(drive)) => Ok(Box::new(RingDownSimulation::of(experiment, drive)?)),
+            Some(DriveSource::Regulated(_)) => Ok(Box::new(regulation::RegulatedSimulation::of(experiment)?)),
             _ => simulation::simulation(experiment),
         }
     }

@@ -186,7 +186,7 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
 }
 
 /// The stream of the readout's noise.
-const SIGNAL_NOISE: u64 = 0;
+pub const SIGNAL_NOISE: u64 = 0;
 
 impl<D, Z, const N: usize> Simulation for ScannerSimulation<D, Z, N>
 where

@@ -4,10 +4,11 @@ mod driven;
 mod model;
 mod observability;
 
+use super::regulation::expected_drive;
 use super::settings::Hardware;
 use crate::config::{Clock, Experiment};
 use crate::outlook::{Information, Outlook, Topic};
-use crate::simulate::{Drive, SimulateError, drive_of};
+use crate::simulate::{Drive, SimulateError};
 use driven::Driven;
 pub use observability::CycleBound;
 use std::f64::consts::TAU;
@@ -15,8 +16,8 @@ use std::f64::consts::TAU;
 /// Device, drive and what the signal will tell.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let hardware = Hardware::of(experiment)?;
-    let drive = experiment.simulate.as_ref().map(|simulate| drive_of(experiment, simulate)).transpose()?;
-    let drive = drive.map(|(drive, _)| drive);
+    let drive =
+        experiment.simulate.as_ref().map(|simulate| expected_drive(experiment, simulate)).transpose()?;
     let mut topics = vec![device(&hardware)];
     let driven = drive.as_ref().map(|drive| Driven::of(&hardware, drive));
     match &driven {
