@@ -9,7 +9,10 @@ use crate::Mask;
 /// No table: lanes would have to gather from it. Zero below the least subnormal, infinite above the largest number.
 #[inline(always)]
 pub(crate) fn exp<R: Register>(x: R) -> R {
-    // Nearly always; an exponent can then be added, whose bits are those of the products elsewhere.
+    if !R::FUSED {
+        return anywhere(x);
+    }
+    // A small processor: nearly always an exponent can be added. Elsewhere a call that is never made would cost registers.
     if x.abs().lt(R::splat(R::Float::EXP.near)).all() { near(x) } else { x.map(R::Float::exp_anywhere) }
 }
 
@@ -53,4 +56,20 @@ fn e_r<R: Register>(x: R, n: R) -> R {
     let r = high + low;
     let square = r * r;
     R::splat(R::Float::ONE) + (high + low.mac(square, c.tail.at(r, square)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With either way of scaling the bits are the same, so that only fused multiplications can tell processors apart.
+    #[test]
+    fn near_is_anywhere_to_the_last_bit() {
+        for k in -100_000..=100_000 {
+            let x = f64::from(k) * 5.119_9e-3;
+            assert_eq!(near(x), anywhere(x), "{x}");
+            let x = k as f32 * 6.399e-4;
+            assert_eq!(near(x), anywhere(x), "{x}");
+        }
+    }
 }

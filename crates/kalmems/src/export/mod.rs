@@ -17,6 +17,7 @@ pub use scanner::{Integration, ScannerFilter};
 pub use threshold::{CrossingSettings, ThresholdFilter};
 pub use write::{Exported, export, write_export};
 
+use std::fmt::Display;
 use std::num::NonZeroU32;
 
 /// The language of the source.
@@ -58,6 +59,7 @@ fn number(value: f64) -> String {
 }
 
 /// A text with each `@name@` replaced.
-fn fill(text: &str, values: &[(&str, String)]) -> String {
-    values.iter().fold(text.to_owned(), |text, (name, value)| text.replace(&format!("@{name}@"), value))
+fn fill(text: &str, values: &[(&str, &dyn Display)]) -> String {
+    let one = |text: String, (name, value): &(&str, &dyn Display)| text.replace(&format!("@{name}@"), &value.to_string());
+    values.iter().fold(text.to_owned(), one)
 }
