@@ -18,6 +18,35 @@ pub struct Block {
     pub lines: Vec<(usize, u64)>,
 }
 
+impl Block {
+    /// One without rows.
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self { capacity, ..Self::default() }
+    }
+
+    /// Drops what is in it and keeps the memory, for so many columns of numbers and of labels.
+    pub fn clear(&mut self, numbers: usize, labels: usize) {
+        self.rows = 0;
+        self.numbers.resize_with(numbers, Vec::new);
+        self.numbers.iter_mut().for_each(Vec::clear);
+        self.labels.resize_with(labels, Vec::new);
+        self.labels.iter_mut().for_each(Vec::clear);
+        self.faults.clear();
+        self.lines.clear();
+    }
+
+    /// The line of a row from the last entry of `lines` on, or of the row after the last.
+    pub fn line_of(&self, row: usize) -> Option<u64> {
+        let (first, line) = self.lines.last()?;
+        Some(line + row.checked_sub(*first)? as u64)
+    }
+
+    /// Whether it says that the table has ended.
+    pub fn is_end(&self) -> bool {
+        self.rows == 0 && self.faults.is_empty()
+    }
+}
+
 /// The labels of the rows of a block, as runs: `(row of this block where it begins, label)`.
 pub type Labels = Vec<(usize, Vec<u8>)>;
 
@@ -45,10 +74,14 @@ pub enum Fault {
     Infinite(String),
     /// Anything else that is no number, shortened.
     Text(String),
-    /// A row with another number of cells than the header; it is left out.
+    /// Rows with another number of cells than the header; they are left out.
     CellCount {
-        /// As many.
+        /// As many in the first of them.
         found: usize,
+        /// As many as there should be.
+        expected: usize,
+        /// How many rows.
+        rows: u64,
     },
     /// Lines with nothing in them.
     BlankLines {

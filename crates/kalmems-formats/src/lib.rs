@@ -5,9 +5,36 @@
 //! memory is bounded by a block and not by the file. What is no number is told cell by cell and never replaced.
 
 mod block;
+mod csv;
+mod decimal;
+mod element;
 mod error;
+#[cfg(feature = "hdf5")]
+mod hdf5;
+mod lanes;
+mod limits;
+#[cfg(feature = "mat")]
+mod mat;
+mod name;
+#[cfg(feature = "npy")]
+mod npy;
+mod open;
+#[cfg(feature = "parquet")]
+mod parquet;
+mod records;
+mod source;
+#[cfg(any(feature = "mat", feature = "npy"))]
+mod stream;
 mod table;
+#[cfg(feature = "tdms")]
+mod tdms;
+#[cfg(feature = "wav")]
+mod wav;
 
 pub use block::{Block, CellFault, Fault, Labels};
+pub use csv::{Cells, CsvHints, open_csv, read_csv};
+pub use decimal::Shift;
 pub use error::FormatError;
-pub use table::{Column, Description, Table, Wanted};
+pub use open::{Format, Hints, open, open_reader};
+pub use source::ReadSeek;
+pub use table::{Column, Description, Digest, Table, Wanted};

@@ -51,10 +51,29 @@ pub trait Table: Send {
     /// States what to read; before the first block.
     fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError>;
 
+    /// The line of the names, for messages; 1 where a format has no lines.
+    fn header_line(&self) -> u64 {
+        1
+    }
+
     /// Reads the next rows into `block`, whose former contents are dropped and whose memory is used again; at most
-    /// as many as its capacity. No row is the end of the table.
+    /// as many as its capacity. Neither row nor fault is the end of the table.
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError>;
 
     /// How far it has come and how far there is to go, in bytes of the file; 0 where the whole is not known.
     fn progress(&self) -> (u64, u64);
+
+    /// The digest of the file once its end is read, where it is read from its first byte to its last.
+    fn digest(&mut self) -> Option<Digest> {
+        None
+    }
+}
+
+/// Which bytes were read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Digest {
+    /// SHA-256 of all, in hexadecimal.
+    pub sha256: String,
+    /// How many there are.
+    pub bytes: u64,
 }

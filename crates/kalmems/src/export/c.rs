@@ -16,7 +16,9 @@ pub fn files(
     heading: &[String],
 ) -> (String, String) {
     let upper = name.to_uppercase();
-    let comment: String = heading.iter().map(|line| format!(" * {}\n", line.replace("*/", "* /"))).collect();
+    let lines: Vec<String> =
+        heading.iter().map(|line| format!(" * {}\n", line.replace("*/", "* /"))).collect();
+    let comment = lines.concat();
     let (parameters, arguments, what) = match integration {
         Integration::Euler => ("float drive_v", "drive_v", "at the start of the interval"),
         Integration::RungeKutta => (
@@ -31,12 +33,10 @@ pub fn files(
         ("PER_VOLT", scaled.per_volt, "What a signal of 1 V is, in standard deviations of its noise."),
         ("INTERVAL_S", interval_s, "The sampling interval in s."),
     ];
-    let constants: String = constants
-        .iter()
-        .map(|(constant, value, what)| {
-            format!("/* {what} */\n#define {upper}_{constant} {}\n", float(*value))
-        })
-        .collect();
+    let constants = constants.map(|(constant, value, what)| {
+        format!("/* {what} */\n#define {upper}_{constant} {}\n", float(value))
+    });
+    let constants = constants.concat();
     let header = format!(
         r"/*
 {comment} */

@@ -60,6 +60,8 @@ fn number(value: f64) -> String {
 
 /// A text with each `@name@` replaced.
 fn fill(text: &str, values: &[(&str, &dyn Display)]) -> String {
-    let one = |text: String, (name, value): &(&str, &dyn Display)| text.replace(&format!("@{name}@"), &value.to_string());
+    let one = |text: String, (name, value): &(&str, &dyn Display)| {
+        text.replace(&format!("@{name}@"), &value.to_string())
+    };
     values.iter().fold(text.to_owned(), one)
 }

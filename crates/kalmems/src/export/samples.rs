@@ -3,30 +3,30 @@
 use super::Target;
 use std::fmt::Write as _;
 
-/// Drive and signal in V, from the first sample on.
+/// Drive and signal, from the first sample on.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    /// The drive at each sample.
-    pub drive_v: Vec<f64>,
-    /// The drive in the middle of the interval that ends at each sample; at the first the drive itself.
-    pub middle_v: Vec<f64>,
-    /// The signal at each sample.
-    pub signal_v: Vec<f64>,
+    /// The drive in V at each sample.
+    pub drive: Vec<f64>,
+    /// The drive in V in the middle of the interval that ends at each sample; at the first the drive itself.
+    pub middle: Vec<f64>,
+    /// The signal in V at each sample.
+    pub signal: Vec<f64>,
 }
 
 impl Samples {
     /// A file with the tables, in f32.
     pub fn to_source(&self, target: Target, heading: &[String]) -> String {
         let tables = [
-            ("DRIVE_V", "The drive in V at each sample.", &self.drive_v),
+            ("DRIVE_V", "The drive in V at each sample.", &self.drive),
             (
                 "MIDDLE_V",
                 "The drive in V in the middle of the interval that ends at each sample.",
-                &self.middle_v,
+                &self.middle,
             ),
-            ("SIGNAL_V", "The signal in V at each sample.", &self.signal_v),
+            ("SIGNAL_V", "The signal in V at each sample.", &self.signal),
         ];
-        let count = self.signal_v.len();
+        let count = self.signal.len();
         let mut text = match target {
             Target::Rust => "//! Samples of a recording, to try a filter with.\n\n".to_owned(),
             Target::C => "/*\n".to_owned(),

@@ -158,9 +158,9 @@ fn sampled(
         _ => cubic_between(&time_s, |i| drive[i], to, time_s[to - 1].midpoint(time_s[to])),
     };
     let samples = Samples {
-        drive_v: drive[..asked].to_vec(),
-        middle_v: (0..asked).map(middle).collect(),
-        signal_v: signal[..asked].to_vec(),
+        drive: drive[..asked].to_vec(),
+        middle: (0..asked).map(middle).collect(),
+        signal: signal[..asked].to_vec(),
     };
     Ok((interval_s, samples))
 }

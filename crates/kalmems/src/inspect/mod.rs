@@ -20,6 +20,7 @@ pub use statistics::Statistics;
 use crate::recording::read;
 use crate::recording::request::{Request, Wanted};
 use crate::recording::{Clock, Column, Finding, ReadError, Recording, Segment, Source};
+use kalmems_formats::Hints;
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -113,7 +114,9 @@ pub fn inspect_with(
     path: &Path,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Inspection, ReadError> {
-    let survey = survey::survey(path, &mut |done, total| progress(done, total.saturating_mul(2)))?;
+    let hints = Hints::default();
+    let table = kalmems_formats::open(path, &hints).map_err(|source| ReadError::of_format(path, source))?;
+    let survey = survey::survey(table, path, &mut |done, total| progress(done, total.saturating_mul(2)))?;
     let clock = match &survey.time {
         Some(name) => Clock::Column(name.clone()),
         // A row is a sample.
@@ -123,6 +126,7 @@ pub fn inspect_with(
         clock: &clock,
         segment_column: survey.segment.as_deref(),
         columns: Wanted::AllBut(&survey.text),
+        hints: &hints,
     };
     let recording = read::read(path, &request, &mut |done, total| {
         progress(total.saturating_add(done), total.saturating_mul(2))

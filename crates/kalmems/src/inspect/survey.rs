@@ -1,11 +1,12 @@
 //! Which column is the time and which tells records apart, and the reasons in words.
 
 use crate::recording::ReadError;
-use crate::recording::cell::{Cell, Scale};
+use crate::recording::blocks::Blocks;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
-use crate::recording::rows::{Row, Rows};
+use crate::recording::scale::Scale;
 use crate::units::{Header, kind};
+use kalmems_formats::{Block, Fault, Table, Wanted};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -14,9 +15,6 @@ const LONG_RUN: usize = 10;
 
 /// A column that changes more often than this tells no records apart.
 const MOST_RECORDS: usize = 10_000;
-
-/// How many rows are read between two reports of progress.
-const ROWS_PER_REPORT: usize = 1 << 16;
 
 /// What was recognised.
 #[derive(Default)]
@@ -28,24 +26,25 @@ pub(super) struct Survey {
     pub(super) sentences: Vec<String>,
 }
 
-/// Reads the file once and keeps nothing but counts.
-pub(super) fn survey(path: &Path, progress: Progress) -> Result<Survey, ReadError> {
-    let file = || path.display().to_string();
-    let failed = |source| ReadError::Io { file: file(), source };
-    let mut rows = Rows::open(path).map_err(failed)?;
-    let Some(mut scan) = rows.next().map_err(failed)?.map(|header| Scan::new(&header)) else {
+/// Reads a table once and keeps nothing but counts.
+pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> Result<Survey, ReadError> {
+    let names: Vec<Header> = table.description().columns.iter().map(|c| Header::parse(&c.name)).collect();
+    if names.is_empty() {
         return Ok(Survey::default());
+    }
+    let time = names.iter().position(is_time);
+    let power = |column: usize| {
+        let unit = names.get(column).filter(|_| time == Some(column)).and_then(|header| header.unit);
+        Scale::of(unit).power()
     };
-    while let Some(row) = rows.next().map_err(failed)? {
-        if row.cells.len() == scan.columns.len() {
-            scan.take(&row);
-        }
-        if scan.rows.is_multiple_of(ROWS_PER_REPORT) {
-            let (done, total) = rows.progress();
-            if progress(done, total).is_break() {
-                return Err(ReadError::Interrupted { file: file() });
-            }
-        }
+    let wanted: Vec<Wanted> =
+        (0..names.len()).map(|column| Wanted::Number { column, power: power(column) }).collect();
+    let mut blocks = Blocks::start(table, path, &wanted)?;
+    let mut scan = Scan::new(names, time);
+    while let Some(block) = blocks.next(progress)? {
+        scan.take(&block);
+        blocks.reuse(block);
+        blocks.report(progress)?;
     }
     Ok(scan.conclude())
 }
@@ -57,7 +56,7 @@ struct Counts {
     has_unit: bool,
     numbers: usize,
     texts: usize,
-    previous: Vec<u8>,
+    previous: Option<Label>,
     changes: usize,
     /// Changes where the time goes on, and new starts of the time where nothing changes.
     unmatched: usize,
@@ -67,20 +66,18 @@ struct Counts {
 
 struct Scan {
     columns: Vec<Counts>,
-    time: Option<(usize, Scale)>,
+    time: Option<usize>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
-    scratch: Vec<u8>,
+    /// Whether the time starts again at each row of a block.
+    restarted: Vec<bool>,
 }
 
 impl Scan {
-    fn new(header: &Row) -> Self {
-        let names: Vec<Header> =
-            header.cells.iter().map(|cell| Header::parse(&String::from_utf8_lossy(cell))).collect();
-        let time = names.iter().position(is_time);
+    fn new(names: Vec<Header>, time: Option<usize>) -> Self {
         Self {
-            time: time.and_then(|i| Some((i, Scale::of(names.get(i)?.unit)))),
+            time,
             columns: names
                 .into_iter()
                 .map(|h| Counts { has_unit: h.unit.is_some(), name: h.column, ..Counts::default() })
@@ -88,28 +85,31 @@ impl Scan {
             previous_time: f64::NEG_INFINITY,
             restarts: 0,
             rows: 0,
-            scratch: Vec::new(),
+            restarted: Vec::new(),
         }
     }
 
-    fn take(&mut self, row: &Row) {
-        let mut restarted = false;
-        if let Some((index, scale)) = self.time
-            && let Cell::Number(time) =
-                Cell::read(row.cells.get(index).unwrap_or_default(), scale, &mut self.scratch)
-        {
-            restarted = time <= self.previous_time;
-            self.previous_time = time;
+    fn take(&mut self, block: &Block) {
+        self.restarted.clear();
+        self.restarted.resize(block.rows, false);
+        let times = self.time.and_then(|time| block.numbers.get(time)).map_or(&[][..], Vec::as_slice);
+        for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
+            *restarted = *time <= self.previous_time;
+            self.previous_time = *time;
+            self.restarts += usize::from(*restarted);
         }
-        self.restarts += usize::from(restarted);
-        for (column, cell) in self.columns.iter_mut().zip(row.cells) {
-            column.take(cell.trim_ascii(), self.rows == 0, restarted, &mut self.scratch);
+        for (index, (column, numbers)) in self.columns.iter_mut().zip(&block.numbers).enumerate() {
+            let mut faults = block.faults.iter().filter(|fault| fault.column == Some(index)).peekable();
+            for (row, (number, restarted)) in numbers.iter().zip(&self.restarted).enumerate() {
+                let fault = faults.next_if(|fault| fault.row == row).map(|fault| &fault.fault);
+                column.take(*number, fault, *restarted);
+            }
         }
-        self.rows += 1;
+        self.rows += block.rows;
     }
 
     fn conclude(self) -> Survey {
-        let time = self.time.map(|(index, _)| index);
+        let time = self.time;
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = Survey { time: time.and_then(name), ..Survey::default() };
         survey.sentences.push(match &survey.time {
@@ -172,21 +172,31 @@ impl Scan {
 }
 
 impl Counts {
-    fn take(&mut self, cell: &[u8], first: bool, restarted: bool, scratch: &mut Vec<u8>) {
-        match Cell::read(cell, Scale::One, scratch) {
-            Cell::Text => self.texts += 1,
-            Cell::Missing => {}
-            Cell::Number(_) | Cell::Nan | Cell::Infinite => self.numbers += 1,
-        }
-        let mut changed = false;
-        if first || cell != self.previous {
-            let label = Label::of(cell);
-            changed = !first && label != Label::of(&self.previous);
-            cell.clone_into(&mut self.previous);
-            self.changes += usize::from(changed);
-            if (first || changed) && self.changes <= MOST_RECORDS {
-                self.returns |= !self.seen.insert(label);
+    fn take(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
+        let label = match fault {
+            None => {
+                self.numbers += 1;
+                Label::of_number(number)
             }
+            Some(Fault::Text(text)) => {
+                self.texts += 1;
+                Label::Text(text.clone().into_bytes())
+            }
+            Some(Fault::Nan(text) | Fault::Infinite(text)) => {
+                self.numbers += 1;
+                Label::Text(text.clone().into_bytes())
+            }
+            Some(_) => Label::Text(Vec::new()),
+        };
+        let first = self.previous.is_none();
+        let other = self.previous.as_ref() != Some(&label);
+        let changed = !first && other;
+        self.changes += usize::from(changed);
+        if other {
+            if self.changes <= MOST_RECORDS {
+                self.returns |= !self.seen.insert(label.clone());
+            }
+            self.previous = Some(label);
         }
         self.unmatched += usize::from(changed != restarted);
     }

@@ -1,8 +1,10 @@
 //! What can go wrong when a recording is read.
 
 use super::{Finding, Severity};
+use kalmems_formats::FormatError;
 use std::fmt::Write as _;
 use std::io;
+use std::path::Path;
 
 /// Findings that a message lists; a file of another kind could have thousands.
 const LISTED: usize = 20;
@@ -17,6 +19,14 @@ pub enum ReadError {
         file: String,
         /// What the system says.
         source: io::Error,
+    },
+    /// The format of the file is not read, or the file is damaged.
+    #[error("cannot read `{file}`: {source}")]
+    Format {
+        /// The path as given.
+        file: String,
+        /// What is wrong with it.
+        source: FormatError,
     },
     /// The rate of a clock without a time column is no rate.
     #[error(
@@ -70,6 +80,17 @@ pub enum ReadError {
         /// The path as given.
         file: String,
     },
+}
+
+impl ReadError {
+    /// What went wrong with a format.
+    pub(crate) fn of_format(path: &Path, source: FormatError) -> Self {
+        let file = path.display().to_string();
+        match source {
+            FormatError::Io(source) => Self::Io { file, source },
+            source => Self::Format { file, source },
+        }
+    }
 }
 
 fn list(findings: &[Finding]) -> String {

@@ -1,6 +1,6 @@
 //! Collects findings in bounded memory: one entry per kind, column and segment.
 
-use super::{Finding, FindingKind};
+use super::{Finding, FindingKind, Severity};
 use std::collections::BTreeMap;
 
 /// Kind, the column's position in the header, the segment's position.
@@ -61,18 +61,24 @@ impl Findings {
         });
     }
 
+    /// Whether one of them makes the recording unusable.
+    pub(super) fn is_fatal(&self) -> bool {
+        let fatal = |(kind, ..): &Key| kind.severity() == Severity::Fatal;
+        !self.absent.is_empty() || self.entries.keys().any(fatal)
+    }
+
     /// All of them, the fatal ones first, then in the order of their lines.
-    pub(super) fn into_list(self, header: &[String], labels: &[String]) -> Vec<Finding> {
-        let mut list = self.absent;
+    pub(super) fn list(&self, header: &[String], labels: &[String]) -> Vec<Finding> {
+        let mut list = self.absent.clone();
         // Without segments in the file the only one has no name worth saying.
         let label = |segment: usize| labels.get(segment).filter(|label| !label.is_empty()).cloned();
-        list.extend(self.entries.into_iter().map(|((kind, column, segment), entry)| Finding {
+        list.extend(self.entries.iter().map(|(&(kind, column, segment), entry)| Finding {
             kind,
             column: column.and_then(|c| header.get(c).cloned()),
             segment: segment.and_then(label),
             first_row: entry.first_line,
             count: entry.count,
-            detail: entry.detail,
+            detail: entry.detail.clone(),
         }));
         list.sort_by_key(|finding| (finding.severity(), finding.first_row));
         list

@@ -21,7 +21,7 @@
 //! # Ok::<(), kalmems::recording::ReadError>(())
 //! ```
 
-pub(crate) mod cell;
+pub(crate) mod blocks;
 mod error;
 mod finding;
 mod findings;
@@ -31,21 +31,25 @@ mod plan;
 mod rails;
 pub(crate) mod read;
 pub(crate) mod request;
-pub(crate) mod rows;
+pub(crate) mod scale;
 mod segment;
+mod stretches;
 #[cfg(test)]
 mod tests;
 mod time;
 mod unwritten;
+mod window;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
-pub use rails::{SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use segment::{Segment, TimeBase};
+pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
+use kalmems_formats::Hints;
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -108,6 +112,7 @@ impl Column {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     source: Source,
+    recognised: String,
     columns: Vec<Column>,
     segments: Vec<Segment>,
     diagnosis: Vec<Finding>,
@@ -131,6 +136,7 @@ impl Recording {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &Hints::default(),
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }
@@ -146,6 +152,11 @@ impl Recording {
     /// The file it comes from.
     pub const fn source(&self) -> &Source {
         &self.source
+    }
+
+    /// What was recognised of the file's format, in a sentence.
+    pub fn recognised(&self) -> &str {
+        &self.recognised
     }
 
     /// The number of rows.

@@ -1,23 +1,30 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
-use super::cell::{Cell, Scale};
 use super::findings::{Findings, Place};
 use super::label::Label;
-use super::plan::{Plan, Target};
-use super::rows::Row;
+use super::plan::Plan;
+use super::rails::{LONG_RUN, Part, Rails};
+use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
-use super::{Clock, Column, FindingKind as Kind, Recording, Source, rails, time};
+use super::time::TimeCheck;
+use super::{Clock, Column, Finding, FindingKind as Kind, Recording, Source};
+use kalmems_formats::{Block, CellFault, Fault};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// A segment that is being read.
+/// A segment: its first row, its times and, once it has ended, the row after its last and its times' verdict.
 struct Draft {
+    label: String,
     start: usize,
-    times: Vec<f64>,
+    check: TimeCheck,
+    end: Option<(usize, (Option<f64>, bool))>,
 }
 
 pub(super) struct Pass {
     plan: Plan,
+    clock: Clock,
+    /// Rows of a segment over which its usual interval is found.
+    head: usize,
     findings: Findings,
     lines: Lines,
     drafts: Vec<Draft>,
@@ -25,113 +32,125 @@ pub(super) struct Pass {
     /// The present label as it stands in the file, and the line where each label began.
     label: Vec<u8>,
     begun: BTreeMap<Label, usize>,
-    scratch: Vec<u8>,
+    /// One for each target; none for the labels of the segments, which are constant in each by their nature.
+    rails: Vec<Option<Rails>>,
+    /// The times of the rows from `base` on, where they have any; the targets hold their values.
+    times: Vec<f64>,
+    base: usize,
 }
 
 impl Pass {
-    pub(super) fn new(plan: Plan, findings: Findings) -> Self {
+    /// `head`: rows of a segment over which its usual interval is found.
+    pub(super) fn new(plan: Plan, findings: Findings, clock: &Clock, head: usize) -> Self {
+        let rails = |target: &super::plan::Target| {
+            (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
+        };
         Self {
+            rails: plan.targets.iter().map(rails).collect(),
             plan,
+            clock: clock.clone(),
+            head,
             findings,
             lines: Lines::default(),
             drafts: Vec::new(),
             labels: Vec::new(),
             label: Vec::new(),
             begun: BTreeMap::new(),
-            scratch: Vec::new(),
+            times: Vec::new(),
+            base: 0,
         }
     }
 
-    pub(super) fn take(&mut self, row: &Row) {
-        let place = Place { column: None, segment: None, line: row.line };
-        if row.blank_lines > 0 {
-            let first = row.line.saturating_sub(row.blank_lines);
-            if self.plan.names.len() == 1 {
-                // In a file with one column a blank line is a row with an empty cell.
-                for line in first..row.line {
-                    self.take_cells(|_| &[], line);
-                }
-            } else {
-                self.findings.add_many(
-                    Kind::BlankLine,
-                    Place { line: first, ..place },
-                    row.blank_lines,
-                    || "nothing between the rows".to_owned(),
-                );
+    /// Takes the rows of a block.
+    pub(super) fn take(&mut self, block: &Block) {
+        let begin = self.lines.rows();
+        self.lines.push_many(block.rows, &block.lines);
+        self.append(block, begin);
+        let whole = [(0, Vec::new())];
+        let runs = match block.labels.first() {
+            Some(runs) if self.plan.segment_column.is_some() => runs.as_slice(),
+            _ => &whole,
+        };
+        let mut faults = block.faults.iter().peekable();
+        for (index, (start, label)) in runs.iter().enumerate() {
+            let end = runs.get(index + 1).map_or(block.rows, |(next, _)| *next);
+            if end == *start {
+                continue;
             }
+            self.enter_segment(label, begin + start, end - start);
+            while let Some(fault) = faults.next_if(|fault| fault.row < end) {
+                self.note(fault);
+            }
+            self.diagnose(begin + start..begin + end);
         }
-        if row.cells.len() == self.plan.names.len() {
-            self.take_cells(|index| row.cells.get(index).unwrap_or_default(), row.line);
-        } else {
-            let (found, expected) = (row.cells.len(), self.plan.names.len());
-            self.findings.add(Kind::WrongColumnCount, place, || {
-                format!("{} where the header has {expected}", plural(found, "cell"))
+        faults.for_each(|fault| self.note(fault));
+    }
+
+    /// Takes the numbers of a block, of which the first row is the row `begin`.
+    fn append(&mut self, block: &Block, begin: usize) {
+        let numbers = |slot: usize| block.numbers.get(slot).map_or(&[][..], Vec::as_slice);
+        if let Some(clock) = &self.plan.clock {
+            append(&mut self.times, numbers(clock.slot), clock.scale, |_, _| {});
+        }
+        for target in &mut self.plan.targets {
+            append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
+                let place = Place {
+                    column: Some(target.index),
+                    segment: self.drafts.len().checked_sub(1),
+                    line: self.lines.of(begin + row),
+                };
+                self.findings.add(Kind::Infinite, place, || format!("`{number:e}` is not finite"));
             });
         }
     }
 
-    fn take_cells<'a>(&mut self, cell: impl Fn(usize) -> &'a [u8], line: usize) {
-        self.enter_segment(self.plan.segment_column.map(&cell), line);
-        let segment = self.drafts.len().checked_sub(1);
-        if let (Some(clock), Some(draft)) = (&self.plan.clock, self.drafts.last_mut()) {
-            let text = cell(clock.index);
-            let time = Cell::read(text, clock.scale, &mut self.scratch);
-            draft.times.push(if let Cell::Number(time) = time { time } else { f64::NAN });
-            if !matches!(time, Cell::Number(_)) {
-                let place = Place { column: Some(clock.index), segment, line };
-                self.findings.add(Kind::NoTime, place, || match time {
-                    Cell::Missing => "the cell is empty".to_owned(),
-                    _ => format!("`{}` is no time", excerpt(text)),
+    /// Counts what is wrong with a cell or a line.
+    fn note(&mut self, fault: &CellFault) {
+        let line = usize::try_from(fault.line).unwrap_or(usize::MAX);
+        let count = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
+        let place = Place { column: fault.column, segment: self.drafts.len().checked_sub(1), line };
+        let of_row = Place { column: None, segment: None, line };
+        match &fault.fault {
+            Fault::CellCount { found, expected, rows } => {
+                self.findings.add_many(Kind::WrongColumnCount, of_row, count(*rows), || {
+                    format!("{} where the header has {expected}", plural(*found, "cell"))
                 });
             }
+            Fault::BlankLines { count: lines } => {
+                self.findings.add_many(Kind::BlankLine, of_row, count(*lines), || {
+                    "nothing between the rows".to_owned()
+                });
+            }
+            cell => {
+                if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
+                    self.findings.add(Kind::NoTime, place, || match cell {
+                        Fault::Nan(text) | Fault::Infinite(text) | Fault::Text(text) => {
+                            format!("`{text}` is no time")
+                        }
+                        _ => "the cell is empty".to_owned(),
+                    });
+                }
+                if self.plan.targets.iter().any(|target| Some(target.index) == fault.column) {
+                    let (kind, detail) = match cell {
+                        Fault::Nan(text) => (Kind::Nan, format!("`{text}` is no number by its own word")),
+                        Fault::Infinite(text) => (Kind::Infinite, format!("`{text}` is not finite")),
+                        Fault::Text(text) => (Kind::NonNumeric, format!("`{text}` is no number")),
+                        _ => (Kind::Missing, "the cell is empty".to_owned()),
+                    };
+                    self.findings.add(kind, place, || detail);
+                }
+            }
         }
-        for target in &mut self.plan.targets {
-            let text = cell(target.index);
-            let (kind, detail): (_, fn(&[u8]) -> String) =
-                match Cell::read(text, target.scale, &mut self.scratch) {
-                    Cell::Number(value) => {
-                        target.values.push(value);
-                        continue;
-                    }
-                    Cell::Missing => (Kind::Missing, |_| "the cell is empty".to_owned()),
-                    Cell::Nan => {
-                        (Kind::Nan, |text| format!("`{}` is no number by its own word", excerpt(text)))
-                    }
-                    Cell::Infinite => (Kind::Infinite, |text| format!("`{}` is not finite", excerpt(text))),
-                    Cell::Text => (Kind::NonNumeric, |text| format!("`{}` is no number", excerpt(text))),
-                };
-            target.values.push(f64::NAN);
-            self.findings.add(kind, Place { column: Some(target.index), segment, line }, || detail(text));
-        }
-        self.lines.push(line);
     }
 
-    /// A row of numbers that never was text. A number that its column's text would change goes through the text.
-    pub(super) fn take_numbers(&mut self, cells: &[f64], line: usize) {
-        let as_it_is = |target: &Target| {
-            target.scale == Scale::One && cells.get(target.index).is_some_and(|x| x.is_finite())
-        };
-        if !self.plan.clock.iter().chain(&self.plan.targets).all(as_it_is) {
-            let texts: Vec<String> = cells.iter().map(f64::to_string).collect();
-            return self.take_cells(|index| texts.get(index).map_or(&[], |text| text.as_bytes()), line);
-        }
-        self.enter_segment(None, line);
-        if let (Some(clock), Some(draft)) = (&self.plan.clock, self.drafts.last_mut()) {
-            draft.times.push(cells.get(clock.index).copied().unwrap_or(f64::NAN));
-        }
-        for target in &mut self.plan.targets {
-            target.values.push(cells.get(target.index).copied().unwrap_or(f64::NAN));
-        }
-        self.lines.push(line);
-    }
-
-    /// Begins a segment where the label is another one.
-    fn enter_segment(&mut self, label: Option<&[u8]>, line: usize) {
-        let label = label.unwrap_or_default().trim_ascii();
+    /// Begins a segment where the label of some rows is another one.
+    fn enter_segment(&mut self, label: &[u8], row: usize, rows: usize) {
+        let label = label.trim_ascii();
+        let line = self.lines.of(row);
         let place = Place { column: self.plan.segment_column, segment: None, line };
         let unlabelled = self.plan.segment_column.is_some() && label.is_empty();
         if unlabelled {
-            self.findings.add(Kind::NoLabel, place, || "the cell is empty".to_owned());
+            self.findings.add_many(Kind::NoLabel, place, rows, || "the cell is empty".to_owned());
         }
         // A row without label stays with those before it, as it must be somewhere; the recording is not used.
         if !self.drafts.is_empty() && (unlabelled || label == self.label) {
@@ -143,9 +162,11 @@ impl Pass {
         if same {
             return;
         }
+        self.end_segment(row);
         let segment = Some(self.drafts.len());
-        self.drafts.push(Draft { start: self.lines.rows(), times: Vec::new() });
-        self.labels.push(String::from_utf8_lossy(label).into_owned());
+        let name = String::from_utf8_lossy(label).into_owned();
+        self.labels.push(name.clone());
+        self.drafts.push(Draft { label: name, start: row, check: TimeCheck::new(self.head), end: None });
         if let Some(begun) = self.begun.get(&key) {
             self.findings.add(Kind::SegmentReturns, Place { segment, ..place }, || {
                 format!("the segment of line {begun} comes again")
@@ -155,72 +176,206 @@ impl Pass {
         }
     }
 
-    pub(super) fn finish(mut self, source: Source, clock: &Clock) -> Recording {
+    /// Checks the times and values of some rows, all of the present segment.
+    fn diagnose(&mut self, rows: Range<usize>) {
+        let Some(segment) = self.drafts.len().checked_sub(1) else { return };
+        let Some(draft) = self.drafts.last_mut() else { return };
+        let column = self.plan.clock.as_ref().map(|clock| clock.index);
+        if column.is_some() {
+            let lines = &self.lines;
+            let start = draft.start;
+            let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
+            let times = self.times.get(start.max(self.base) - self.base..rows.end - self.base);
+            draft.check.take(times.unwrap_or_default(), rows.len(), place, &mut self.findings);
+        }
+        for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
+            let Some(rails) = rails else { continue };
+            let from = draft.start.max(self.base) - self.base;
+            let values = target.values.get(from..rows.end - self.base).unwrap_or_default();
+            rails.take(&Part { values, fresh: rows.len(), end: rows.end, segment }, &self.lines);
+        }
+    }
+
+    /// Ends the present segment before a row.
+    fn end_segment(&mut self, end: usize) {
+        let Some(segment) = self.drafts.len().checked_sub(1) else { return };
+        let Some(draft) = self.drafts.last_mut() else { return };
+        let from = draft.start.max(self.base) - self.base;
+        let verdict = match self.clock {
+            Clock::Rate { rate_hz, .. } => (Some(rate_hz.recip()), true),
+            Clock::Column(_) => {
+                let column = self.plan.clock.as_ref().map(|clock| clock.index);
+                let (lines, start) = (&self.lines, draft.start);
+                let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
+                let times = self.times.get(from..end - self.base).unwrap_or_default();
+                draft.check.finish(times, place, &mut self.findings)
+            }
+        };
+        draft.end = Some((end, verdict));
+        for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
+            let values = target.values.get(from..end - self.base).unwrap_or_default();
+            if let Some(rails) = rails {
+                rails.end_segment(&Part { values, fresh: 0, end, segment });
+            }
+        }
+    }
+
+    /// The end of the rows.
+    pub(super) fn end(&mut self) {
         if self.drafts.is_empty() {
             let place = Place { column: None, segment: None, line: self.plan.line };
             self.findings.add(Kind::HeaderOnly, place, || "there are names and no row of numbers".to_owned());
         }
-        let ends: Vec<usize> =
-            self.drafts.iter().skip(1).map(|d| d.start).chain([self.lines.rows()]).collect();
-        let ranges: Vec<Range<usize>> =
-            self.drafts.iter().zip(ends).map(|(draft, end)| draft.start..end).collect();
-        let time_column = self.plan.clock.as_ref().map(|clock| clock.index);
-        let mut segments = Vec::with_capacity(ranges.len());
-        for (index, draft) in self.drafts.into_iter().enumerate() {
-            let Some(range) = ranges.get(index).cloned() else { continue };
-            let place = |i: usize| Place {
-                column: time_column,
-                segment: Some(index),
-                line: self.lines.of(range.start + i),
-            };
-            let time = match *clock {
-                Clock::Rate { rate_hz, start_s } => TimeBase {
-                    times: Times::Rate { rate_hz, start_s, len: range.len() },
-                    interval_s: Some(rate_hz.recip()),
-                    uniform: true,
-                },
-                Clock::Column(_) => {
-                    let (interval_s, uniform) = time::check(&draft.times, place, &mut self.findings);
-                    TimeBase { times: Times::Column(draft.times), interval_s, uniform }
-                }
-            };
-            segments.push(Segment {
-                label: self.labels.get(index).cloned().unwrap_or_default(),
-                rows: range,
-                time,
-            });
+        self.end_segment(self.lines.rows());
+        for rails in std::mem::take(&mut self.rails).into_iter().flatten() {
+            rails.finish(self.drafts.len(), &mut self.findings);
         }
-        for target in &self.plan.targets {
-            // The labels of the segments are constant in each by their nature.
-            if self.plan.segment_column != Some(target.index) {
-                rails::check(&target.values, target.index, &ranges, &self.lines, &mut self.findings);
+    }
+
+    /// Lets go of rows, so far as no check needs them any more; at least those from `row` on stay.
+    pub(super) fn forget(&mut self, row: usize) {
+        let Some(draft) = self.drafts.last() else { return };
+        let needed = if self.plan.clock.is_some() && draft.check.is_waiting() {
+            draft.start
+        } else {
+            self.lines.rows().saturating_sub(3 * LONG_RUN)
+        };
+        let row = row.min(needed);
+        // Moving what stays costs as much as letting go; it is worth it for as many rows.
+        if row < self.base + (self.lines.rows() - self.base) / 2 {
+            return;
+        }
+        let segment = self.drafts.len() - 1;
+        let (end, from) = (self.lines.rows(), draft.start.max(self.base) - self.base);
+        for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
+            if let Some(rails) = rails {
+                let values = target.values.get(from..).unwrap_or_default();
+                rails.forget(&Part { values, fresh: 0, end, segment });
             }
         }
+        for target in &mut self.plan.targets {
+            target.values.drain(..row - self.base);
+        }
+        if self.plan.clock.is_some() {
+            self.times.drain(..row - self.base);
+        }
+        self.lines.forget(row);
+        self.base = row;
+    }
+
+    /// The number of rows so far.
+    pub(super) const fn rows(&self) -> usize {
+        self.lines.rows()
+    }
+
+    /// Whether something was found that makes the recording unusable.
+    pub(super) fn is_fatal(&self) -> bool {
+        self.findings.is_fatal()
+    }
+
+    /// The rows of a segment; without the end while it goes on. `None` where there is no such segment yet.
+    pub(super) fn segment(&self, index: usize) -> Option<(usize, Option<usize>)> {
+        self.drafts.get(index).map(|draft| (draft.start, draft.end.map(|(end, _)| end)))
+    }
+
+    /// Rows of a segment as a recording of their own, whose vectors `spare` provides.
+    pub(super) fn part(
+        &self,
+        segment: usize,
+        rows: Range<usize>,
+        source: &Source,
+        recognised: &str,
+        spare: &mut Vec<Vec<f64>>,
+    ) -> Option<Recording> {
+        let draft = self.drafts.get(segment)?;
+        let range = rows.start.checked_sub(self.base)?..rows.end.checked_sub(self.base)?;
+        let mut copy = |values: &[f64]| {
+            let mut copy = spare.pop().unwrap_or_default();
+            copy.clear();
+            copy.extend_from_slice(values.get(range.clone()).unwrap_or_default());
+            copy
+        };
+        let time = match self.clock {
+            Clock::Rate { rate_hz, start_s } => {
+                rate_times(rate_hz, start_s, rows.start - draft.start, rows.len())
+            }
+            Clock::Column(_) => {
+                let times = copy(&self.times);
+                let interval_s = draft.check.interval_s();
+                let uniform = super::time::are_uniform(&times, interval_s);
+                TimeBase { times: Times::Column(times), interval_s, uniform }
+            }
+        };
+        let columns = self.plan.targets.iter();
+        Some(Recording {
+            source: source.clone(),
+            recognised: recognised.to_owned(),
+            columns: columns.map(|t| Column { header: t.header.clone(), values: copy(&t.values) }).collect(),
+            segments: vec![Segment { label: draft.label.clone(), rows: 0..rows.len(), time }],
+            diagnosis: Vec::new(),
+            rows: rows.len(),
+        })
+    }
+
+    /// All that was found, the fatal first.
+    pub(super) fn findings(&self) -> Vec<Finding> {
+        self.findings.list(&self.plan.names, &self.labels)
+    }
+
+    /// The whole recording, of which no row was let go of.
+    pub(super) fn finish(mut self, source: Source, recognised: String) -> Recording {
+        self.end();
+        let rows = self.rows();
+        let mut segments = Vec::with_capacity(self.drafts.len());
+        let mut times = self.times;
+        for draft in self.drafts.into_iter().rev() {
+            let (end, (interval_s, uniform)) = draft.end.unwrap_or((rows, (None, false)));
+            let time = match self.clock {
+                Clock::Rate { rate_hz, start_s } => rate_times(rate_hz, start_s, 0, end - draft.start),
+                Clock::Column(_) => {
+                    let of = if draft.start == 0 {
+                        std::mem::take(&mut times)
+                    } else {
+                        times.split_off(draft.start.min(times.len()))
+                    };
+                    TimeBase { times: Times::Column(of), interval_s, uniform }
+                }
+            };
+            segments.push(Segment { label: draft.label, rows: draft.start..end, time });
+        }
+        segments.reverse();
+        let columns = self.plan.targets.into_iter();
         Recording {
             source,
-            columns: self
-                .plan
-                .targets
-                .into_iter()
-                .map(|t| Column { header: t.header, values: t.values })
-                .collect(),
-            diagnosis: self.findings.into_list(&self.plan.names, &self.labels),
+            recognised,
+            columns: columns.map(|t| Column { header: t.header, values: t.values }).collect(),
+            diagnosis: self.findings.list(&self.plan.names, &self.labels),
             segments,
-            rows: self.lines.rows(),
+            rows,
         }
     }
 }
 
-/// A cell in a message, shortened.
-fn excerpt(cell: &[u8]) -> String {
-    const LONGEST: usize = 40;
-    let text = String::from_utf8_lossy(cell.trim_ascii());
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    if text.chars().nth(LONGEST).is_some() {
-        short.push('…');
+/// The times of a clock that the file does not hold, from a row of a segment on.
+fn rate_times(rate_hz: f64, start_s: f64, first: usize, len: usize) -> TimeBase {
+    TimeBase {
+        times: Times::Rate { rate_hz, start_s, first, len },
+        interval_s: Some(rate_hz.recip()),
+        uniform: true,
     }
-    short
+}
+
+/// Appends numbers in SI; one that is beyond f64 there becomes NaN, and its row and what it was are told.
+fn append(values: &mut Vec<f64>, numbers: &[f64], scale: Scale, mut beyond: impl FnMut(usize, f64)) {
+    let Scale::Factor(factor) = scale else { return values.extend_from_slice(numbers) };
+    values.extend(numbers.iter().enumerate().map(|(row, number)| {
+        let si = number * factor;
+        if si.is_infinite() {
+            beyond(row, *number);
+            return f64::NAN;
+        }
+        si
+    }));
 }
 
 fn plural(count: usize, noun: &str) -> String {

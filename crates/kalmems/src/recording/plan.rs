@@ -1,12 +1,13 @@
 //! Which columns of a file are read, as its header says.
 
-use super::cell::Scale;
 use super::error::hint;
 use super::findings::{Findings, Place};
 use super::request::{Request, Wanted};
+use super::scale::Scale;
 use super::{Clock, Finding, FindingKind as Kind};
 use crate::units::{Header, Unit, UnitError, kind};
-use csv::ByteRecord;
+use kalmems_formats as formats;
+use std::collections::BTreeMap;
 
 /// A column that is being read.
 pub(super) struct Target {
@@ -14,13 +15,16 @@ pub(super) struct Target {
     pub(super) index: usize,
     pub(super) header: Header,
     pub(super) scale: Scale,
+    /// Which of the columns of numbers in a block it is.
+    pub(super) slot: usize,
+    /// Its values in SI, as far as they are kept.
     pub(super) values: Vec<f64>,
 }
 
 impl Target {
     fn new(index: usize, name: &str) -> Self {
         let header = Header::parse(name);
-        Self { index, scale: Scale::of(header.unit), header, values: Vec::new() }
+        Self { index, scale: Scale::of(header.unit), header, slot: 0, values: Vec::new() }
     }
 }
 
@@ -38,14 +42,16 @@ impl Plan {
     /// Finds the columns in the header. What cannot be found is a finding, and the rest is read all the same;
     /// an error is a header whose columns cannot even be told.
     pub(super) fn of(
-        header: &ByteRecord,
+        names: &[String],
         line: usize,
         request: &Request,
         findings: &mut Findings,
     ) -> Result<Self, Vec<Finding>> {
-        let names: Vec<String> =
-            header.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned()).collect();
-        if header.iter().all(|cell| fast_float2::parse::<f64, _>(cell.trim_ascii()).is_ok()) {
+        let names: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
+        if names.is_empty() {
+            return Err(unreadable(Kind::Empty, line, "the file is empty".to_owned()));
+        }
+        if names.iter().all(|name| fast_float2::parse::<f64, _>(name).is_ok()) {
             return Err(unreadable(Kind::NoHeader, line, "the first line holds numbers".to_owned()));
         }
         if let [only] = names.as_slice()
@@ -97,7 +103,30 @@ impl Plan {
                 Some(_) => {}
             }
         }
-        Ok(Self { line, names, clock, segment_column, targets })
+        let mut plan = Self { line, names, clock, segment_column, targets };
+        plan.number();
+        Ok(plan)
+    }
+
+    /// Gives each column a slot of the blocks; one that is wanted twice is read once.
+    fn number(&mut self) {
+        let mut slots = BTreeMap::new();
+        for target in self.clock.iter_mut().chain(&mut self.targets) {
+            let next = slots.len();
+            target.slot = *slots.entry(target.index).or_insert(next);
+        }
+    }
+
+    /// What is to be read.
+    pub(super) fn wanted(&self) -> Vec<formats::Wanted> {
+        let mut wanted = Vec::new();
+        for target in self.clock.iter().chain(&self.targets) {
+            if target.slot == wanted.len() {
+                wanted.push(formats::Wanted::Number { column: target.index, power: target.scale.power() });
+            }
+        }
+        wanted.extend(self.segment_column.map(|column| formats::Wanted::Label { column }));
+        wanted
     }
 }
 
@@ -122,7 +151,7 @@ fn find(wanted: &str, names: &[String], line: usize, findings: &mut Findings) ->
 pub(super) fn unreadable(kind: Kind, line: usize, detail: String) -> Vec<Finding> {
     let mut findings = Findings::default();
     findings.add(kind, Place { column: None, segment: None, line }, || detail);
-    findings.into_list(&[], &[])
+    findings.list(&[], &[])
 }
 
 /// Why a name has no unit, with the unit that was probably meant.

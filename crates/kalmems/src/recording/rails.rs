@@ -11,11 +11,24 @@
 //! - A clipped signal runs into its rail: within the nearest `n`/8 rows it leaves the value by an eighth of what it
 //!   leaves it by within `n` rows if it is straight there, by a fourteenth if it is a clipped parabola. One that
 //!   settles creeps: [`SATURATION_CREEP`] divides the two.
+//!
+//! All of this is found in one pass. The runs at the present extreme are judged when the rows after them are there; a
+//! new extreme drops them. What a run leaves its value by is compared with the step at the end, since the step can only
+//! shrink. Where rows are let go of before the end, a run of [`LONG_RUN`] rows or more is judged by as many rows on
+//! either side.
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
 use super::segment::Lines;
+use std::collections::BTreeMap;
 use std::ops::Range;
+
+/// A run this long is judged by as many rows before and after it, where the rows are not all kept.
+pub const LONG_RUN: usize = 8192;
+
+/// Runs that the step does not decide yet, sorted by what they leave their value by: where there are more, those that leave
+/// it least are given up. A step that is not known after so many different ones is that of no converter.
+const MOST_UNDECIDED: usize = 1 << 14;
 
 /// The shortest run of rows at an extreme value that can be saturation.
 pub const SATURATION_RUN: usize = 8;
@@ -27,121 +40,359 @@ pub const SATURATION_STEPS: f64 = 16.0;
 /// eighth of them.
 pub const SATURATION_CREEP: f64 = 24.0;
 
-/// Checks a column: `column` is its position in the header, `segments` the rows of each segment.
-pub(super) fn check(
-    values: &[f64],
+/// The checks of one column, as its values come.
+pub(super) struct Rails {
+    /// Its position in the header.
     column: usize,
-    segments: &[Range<usize>],
-    lines: &Lines,
-    findings: &mut Findings,
-) {
-    let Some((low, high)) = extremes(values) else { return };
-    let place = |segment, row| Place { column: Some(column), segment, line: lines.of(row) };
-    if low.level.to_bits() == high.level.to_bits() {
-        if values.iter().filter(|v| !v.is_nan()).count() > 1 {
-            findings.add(Kind::Constant, place(None, 0), || format!("always {}", short(low.level)));
-        }
-        return;
-    }
-    for (index, rows) in segments.iter().enumerate() {
-        let Some(part) = values.get(rows.clone()) else { continue };
-        if segments.len() > 1
-            && part.len() >= SATURATION_RUN
-            && let Some((only, _)) = extremes(part).filter(|(low, high)| low.level >= high.level)
-        {
-            findings.add(Kind::Constant, place(Some(index), rows.start), || {
-                format!("always {} in this segment", short(only.level))
-            });
-            continue;
-        }
-        let found =
-            [("highest", high), ("lowest", low)].map(|(name, rail)| (name, rail.level, rail.runs(part)));
-        let first = found.iter().filter(|f| f.2.samples > 0).map(|f| f.2.first).min().unwrap_or(0);
-        let samples = found.iter().map(|f| f.2.samples).sum();
-        findings.add_many(Kind::Saturation, place(Some(index), rows.start + first), samples, || {
-            let parts: Vec<String> = found
-                .iter()
-                .filter(|f| f.2.samples > 0)
-                .map(|(name, level, runs)| {
-                    format!("at its {name} value {} in runs of up to {} rows", short(*level), runs.longest)
-                })
-                .collect();
-            format!("stays {}", parts.join(" and "))
-        });
+    rails: Option<[Rail; 2]>,
+    /// The line of the first row.
+    first_line: usize,
+    numbers: usize,
+    segment: SegmentExtremes,
+    /// Segments whose values are all the same: position, line and value.
+    constant: Vec<(usize, usize, f64)>,
+}
+
+/// What is known of the present segment.
+#[derive(Default)]
+struct SegmentExtremes {
+    index: usize,
+    line: usize,
+    rows: usize,
+    extremes: Option<(f64, f64)>,
+}
+
+/// Where values stand.
+pub(super) struct Part<'a> {
+    /// The values of the segment up to now: all, or at least three times [`LONG_RUN`] of them and the fresh ones.
+    pub(super) values: &'a [f64],
+    /// How many of them, at the end, were not there before.
+    pub(super) fresh: usize,
+    /// The row of the recording after the last.
+    pub(super) end: usize,
+    /// The segment's position.
+    pub(super) segment: usize,
+}
+
+impl Part<'_> {
+    /// The values of some rows of the recording, as far as they are there.
+    fn of(&self, rows: Range<usize>) -> &[f64] {
+        let first = self.end - self.values.len();
+        let (start, end) = (rows.start.max(first), rows.end.min(self.end));
+        self.values.get(start - first..end.max(start) - first).unwrap_or_default()
     }
 }
 
-/// An extreme value and the distance to the next one that occurs.
-#[derive(Clone, Copy)]
+impl Rails {
+    pub(super) fn new(column: usize) -> Self {
+        Self {
+            column,
+            rails: None,
+            first_line: 0,
+            numbers: 0,
+            segment: SegmentExtremes::default(),
+            constant: Vec::new(),
+        }
+    }
+
+    /// Takes the fresh values of a part.
+    pub(super) fn take(&mut self, part: &Part, lines: &Lines) {
+        let begin = part.end - part.fresh;
+        let fresh = part.of(begin..part.end);
+        if begin == 0 {
+            self.first_line = lines.of(0);
+        }
+        if self.segment.rows == 0 {
+            self.segment =
+                SegmentExtremes { index: part.segment, line: lines.of(begin), ..SegmentExtremes::default() };
+        }
+        self.segment.rows += fresh.len();
+        let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
+        let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else {
+            self.meet(part, lines);
+            return;
+        };
+        self.numbers = self.numbers.saturating_add(numbers().count());
+        let (lowest, highest) = self.segment.extremes.unwrap_or((low, high));
+        self.segment.extremes = Some((lowest.min(low), highest.max(high)));
+        let [bottom, top] = self.rails.get_or_insert_with(|| [Rail::new(low), Rail::new(high)]);
+        if low < bottom.level {
+            *bottom = Rail::below_all(low, bottom.level);
+        }
+        if high > top.level {
+            *top = Rail::below_all(high, top.level);
+        }
+        for rail in [bottom, top] {
+            rail.step =
+                numbers().map(|v| (v - rail.level).abs()).filter(|d| *d > 0.0).fold(rail.step, f64::min);
+        }
+        self.meet(part, lines);
+    }
+
+    fn meet(&mut self, part: &Part, lines: &Lines) {
+        for rail in self.rails.iter_mut().flatten() {
+            rail.take(part, lines);
+        }
+    }
+
+    /// The rows before one are about to be let go of.
+    pub(super) fn forget(&mut self, part: &Part) {
+        for rail in self.rails.iter_mut().flatten() {
+            rail.freeze(part);
+        }
+    }
+
+    /// The end of a segment, with its last part.
+    pub(super) fn end_segment(&mut self, part: &Part) {
+        for rail in self.rails.iter_mut().flatten() {
+            rail.end_segment(part);
+        }
+        let segment = std::mem::take(&mut self.segment);
+        if segment.rows >= SATURATION_RUN
+            && let Some((low, high)) = segment.extremes
+            && low >= high
+        {
+            self.constant.push((segment.index, segment.line, low));
+        }
+    }
+
+    /// The end of the recording.
+    pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
+        let place = |segment, line| Place { column: Some(self.column), segment, line };
+        let Some([low, high]) = self.rails else { return };
+        if low.level.to_bits() == high.level.to_bits() {
+            if self.numbers > 1 {
+                findings.add(Kind::Constant, place(None, self.first_line), || {
+                    format!("always {}", short(low.level))
+                });
+            }
+            return;
+        }
+        if segments > 1 {
+            for (segment, line, level) in self.constant {
+                findings.add(Kind::Constant, place(Some(segment), line), || {
+                    format!("always {} in this segment", short(level))
+                });
+            }
+        }
+        let mut found: BTreeMap<usize, [Tally; 2]> = BTreeMap::new();
+        let levels = [high.level, low.level];
+        for (side, rail) in [high, low].into_iter().enumerate() {
+            for (segment, tally) in rail.tallies() {
+                if let Some(own) = found.entry(segment).or_default().get_mut(side) {
+                    *own = tally;
+                }
+            }
+        }
+        for (segment, tallies) in found {
+            let samples = tallies.iter().map(|t| t.samples).sum();
+            let first = tallies.iter().filter(|t| t.samples > 0).map(|t| t.first).min().unwrap_or_default();
+            findings.add_many(Kind::Saturation, place(Some(segment), first.1), samples, || {
+                let parts: Vec<String> = ["highest", "lowest"]
+                    .iter()
+                    .zip(levels)
+                    .zip(&tallies)
+                    .filter(|(_, tally)| tally.samples > 0)
+                    .map(|((name, level), tally)| {
+                        format!(
+                            "at its {name} value {} in runs of up to {} rows",
+                            short(level),
+                            tally.longest
+                        )
+                    })
+                    .collect();
+                format!("stays {}", parts.join(" and "))
+            });
+        }
+    }
+}
+
+/// An extreme value, the distance to the next one that occurs, and the runs at it.
 struct Rail {
     level: f64,
     step: f64,
+    /// The run that is going on.
+    open: Option<Run>,
+    /// Runs whose rows after them are not all there.
+    waiting: Vec<Run>,
+    /// What is sure, by segment.
+    sure: BTreeMap<usize, Tally>,
+    /// What depends on the step, by what the runs leave their value by (the bits of a number that is not negative are in its
+    /// order) and by segment.
+    undecided: BTreeMap<(u64, usize), Tally>,
 }
 
-#[derive(Default)]
-struct Runs {
-    first: usize,
+/// A run of rows at an extreme value.
+#[derive(Clone)]
+struct Run {
+    start: usize,
+    rows: usize,
+    /// The line of its first row.
+    line: usize,
+    /// What is before it, where its rows are let go of.
+    before: Option<Side>,
+}
+
+/// The signal on one side of a run.
+#[derive(Clone, Copy)]
+struct Side {
+    /// How far it leaves the level by where it runs into it; 0 where it creeps.
+    departure: f64,
+    /// Whether there are as many rows as the run has.
+    complete: bool,
+}
+
+/// Runs together: where the first begins (row and line), how long the longest is and how many rows there are.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    first: (usize, usize),
     longest: usize,
     samples: usize,
 }
 
+impl Tally {
+    fn add(&mut self, other: Self) {
+        self.first = if self.samples == 0 { other.first } else { self.first.min(other.first) };
+        self.longest = self.longest.max(other.longest);
+        self.samples += other.samples;
+    }
+}
+
 impl Rail {
-    fn runs(self, values: &[f64]) -> Runs {
-        let mut runs = Runs::default();
-        let mut start = 0;
-        // Exactly equal is what is meant: a clipped signal repeats the value of its rail.
-        #[allow(clippy::float_cmp)]
-        for run in values.chunk_by(|a, b| a == b) {
-            let end = start + run.len();
-            if run.len() >= SATURATION_RUN
-                && run.first() == Some(&self.level)
-                && self.is_clipped(values, start, end)
-            {
-                if runs.samples == 0 {
-                    runs.first = start;
-                }
-                runs.longest = runs.longest.max(run.len());
-                runs.samples += run.len();
-            }
-            start = end;
+    const fn new(level: f64) -> Self {
+        Self {
+            level,
+            step: f64::INFINITY,
+            open: None,
+            waiting: Vec::new(),
+            sure: BTreeMap::new(),
+            undecided: BTreeMap::new(),
         }
-        runs
     }
 
-    /// Whether the signal runs into the level on both sides of the run; where the record ends too early on both
-    /// sides, on one of them.
-    fn is_clipped(self, values: &[f64], start: usize, end: usize) -> bool {
-        let length = end - start;
-        let before = values.get(start.saturating_sub(length)..start).unwrap_or_default();
-        let after = values.get(end..values.len().min(end + length)).unwrap_or_default();
-        let runs_in = |side: &[f64], near: &[f64]| {
-            let (far, near) = (self.departure(side), self.departure(near));
-            far > SATURATION_STEPS * self.step && far <= SATURATION_CREEP * near
-        };
-        let nearest = |side: &[f64]| side.len().min(side.len() / 8 + 1);
-        let in_before = runs_in(before, before.split_at(before.len() - nearest(before)).1);
-        let in_after = runs_in(after, after.split_at(nearest(after)).0);
-        match (before.len() == length, after.len() == length) {
-            (true, true) => in_before && in_after,
-            (true, false) => in_before,
-            (false, true) => in_after,
-            (false, false) => in_before || in_after,
+    /// A level beyond all values before, the nearest of which is the level until now.
+    fn below_all(level: f64, before: f64) -> Self {
+        Self { step: (before - level).abs(), ..Self::new(level) }
+    }
+
+    fn take(&mut self, part: &Part, lines: &Lines) {
+        let begin = part.end - part.fresh;
+        let mut row = begin;
+        // Exactly equal is what is meant: a clipped signal repeats the value of its rail.
+        while row < part.end {
+            let rest = part.of(row..part.end);
+            if self.open.is_none() {
+                let Some(next) = rest.iter().position(|v| *v == self.level) else { break };
+                row += next;
+                self.open = Some(Run { start: row, rows: 0, line: 0, before: None });
+            }
+            let rest = part.of(row..part.end);
+            let more = rest.iter().position(|v| *v != self.level).unwrap_or(rest.len());
+            row += more;
+            if let Some(run) = &mut self.open {
+                if run.rows < SATURATION_RUN && run.rows + more >= SATURATION_RUN {
+                    run.line = lines.of(run.start);
+                }
+                run.rows += more;
+            }
+            if row < part.end {
+                self.close();
+            }
+        }
+        self.judge(part, false);
+    }
+
+    fn close(&mut self) {
+        self.waiting.extend(self.open.take().filter(|run| run.rows >= SATURATION_RUN));
+    }
+
+    /// Judges the runs that have all their rows after them, at the end of a segment all.
+    fn judge(&mut self, part: &Part, last: bool) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        for run in std::mem::take(&mut self.waiting) {
+            let end = run.start + run.rows;
+            let rows = run.before.map_or(run.rows, |_| run.rows.min(LONG_RUN));
+            if end + rows > part.end && !last {
+                self.waiting.push(run);
+                continue;
+            }
+            let before = run.before.unwrap_or_else(|| self.before(&run, part, run.rows));
+            let after = part.of(end..end + rows);
+            let after = self.side(after, after.split_at(nearest(after)).0, rows);
+            // Into the level on both sides; where the record ends too early on both sides, on one of them.
+            let departure = match (before.complete, after.complete) {
+                (true, true) => before.departure.min(after.departure),
+                (true, false) => before.departure,
+                (false, true) => after.departure,
+                (false, false) => before.departure.max(after.departure),
+            };
+            let tally = Tally { first: (run.start, run.line), longest: run.rows, samples: run.rows };
+            if departure > SATURATION_STEPS * self.step {
+                self.sure.entry(part.segment).or_default().add(tally);
+            } else if departure > 0.0 {
+                self.undecided.entry((departure.to_bits(), part.segment)).or_default().add(tally);
+            }
+        }
+        if self.undecided.len() > MOST_UNDECIDED {
+            self.decide();
+            while self.undecided.len() > MOST_UNDECIDED {
+                self.undecided.pop_first();
+            }
+        }
+    }
+
+    /// What is before a run.
+    fn before(&self, run: &Run, part: &Part, rows: usize) -> Side {
+        let before = part.of(run.start.saturating_sub(rows)..run.start);
+        self.side(before, before.split_at(before.len() - nearest(before)).1, rows)
+    }
+
+    fn side(&self, side: &[f64], near: &[f64], rows: usize) -> Side {
+        let (far, near) = (self.departure(side), self.departure(near));
+        Side {
+            departure: if far <= SATURATION_CREEP * near { far } else { 0.0 },
+            complete: side.len() == rows,
         }
     }
 
     /// How far values are from the level at most, passing over NaN.
-    fn departure(self, values: &[f64]) -> f64 {
+    fn departure(&self, values: &[f64]) -> f64 {
         values.iter().map(|v| (v - self.level).abs()).fold(0.0, f64::max)
+    }
+
+    /// Keeps what is known of long runs before their rows are let go of.
+    fn freeze(&mut self, part: &Part) {
+        let level = Self::new(self.level);
+        for run in self.open.iter_mut().chain(&mut self.waiting) {
+            if run.rows >= LONG_RUN && run.before.is_none() {
+                run.before = Some(level.before(run, part, LONG_RUN));
+            }
+        }
+    }
+
+    fn end_segment(&mut self, part: &Part) {
+        self.close();
+        self.judge(part, true);
+    }
+
+    /// Moves what the step has decided.
+    fn decide(&mut self) {
+        let least = (SATURATION_STEPS * self.step).to_bits();
+        for ((_, segment), tally) in self.undecided.split_off(&(least + 1, 0)) {
+            self.sure.entry(segment).or_default().add(tally);
+        }
+    }
+
+    /// All runs that the step leaves, by segment.
+    fn tallies(mut self) -> BTreeMap<usize, Tally> {
+        self.decide();
+        self.sure
     }
 }
 
-/// The lowest and the highest value, passing over NaN; `None` where there is no other.
-fn extremes(values: &[f64]) -> Option<(Rail, Rail)> {
-    let numbers = || values.iter().copied().filter(|v| !v.is_nan());
-    let low = numbers().reduce(f64::min)?;
-    let high = numbers().reduce(f64::max)?;
-    let nearest = |level: f64| {
-        numbers().map(|v| (v - level).abs()).filter(|d| *d > 0.0).reduce(f64::min).unwrap_or(f64::INFINITY)
-    };
-    Some((Rail { level: low, step: nearest(low) }, Rail { level: high, step: nearest(high) }))
+/// How many rows are next to a run.
+fn nearest(side: &[f64]) -> usize {
+    side.len().min(side.len() / 8 + 1)
 }

@@ -1,11 +1,12 @@
 //! Reads a file from its first byte to its last.
 
+use super::blocks::Blocks;
 use super::findings::Findings;
 use super::pass::Pass;
-use super::plan::{Plan, unreadable};
+use super::plan::Plan;
 use super::request::Request;
-use super::rows::Rows;
-use super::{Clock, FindingKind, ReadError, Recording};
+use super::{Clock, ReadError, Recording, Source};
+use kalmems_formats::{Digest, Table};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -15,37 +16,82 @@ const ROWS_PER_REPORT: usize = 1 << 16;
 /// Called with the bytes read and the bytes in all.
 pub(crate) type Progress<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
+/// A file that is being read: its blocks, and the pass that takes them.
+pub(super) struct Reading {
+    pub(super) pass: Pass,
+    blocks: Blocks,
+    source: Source,
+    pub(super) recognised: String,
+}
+
+impl Reading {
+    /// Opens a file and begins to read it. `head`: rows of a segment over which its usual interval is found.
+    pub(super) fn open(path: &Path, request: &Request, head: usize) -> Result<Self, ReadError> {
+        let file = || path.display().to_string();
+        if let Clock::Rate { rate_hz, start_s } = *request.clock
+            && !(rate_hz > 0.0 && rate_hz.is_finite() && start_s.is_finite())
+        {
+            return Err(ReadError::Clock { file: file(), rate_hz, start_s });
+        }
+        let table = kalmems_formats::open(path, request.hints)
+            .map_err(|source| ReadError::of_format(path, source))?;
+        Self::of(table, path, request, head)
+    }
+
+    /// Begins to read a table; `path` is what messages call it.
+    pub(super) fn of(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        head: usize,
+    ) -> Result<Self, ReadError> {
+        let file = || path.display().to_string();
+        let description = table.description();
+        let names: Vec<String> = description.columns.iter().map(|column| column.name.clone()).collect();
+        let recognised = format!("{}: {}", description.format, description.recognised);
+        let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
+        let mut findings = Findings::default();
+        let plan = Plan::of(&names, line, request, &mut findings)
+            .map_err(|findings| ReadError::Unusable { file: file(), findings })?;
+        let blocks = Blocks::start(table, path, &plan.wanted())?;
+        let name =
+            path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+        Ok(Self {
+            pass: Pass::new(plan, findings, request.clock, head),
+            blocks,
+            source: Source { file: name, sha256: String::new(), bytes: 0 },
+            recognised,
+        })
+    }
+
+    /// Takes one block; `false` after the last, when the pass is at its end.
+    pub(super) fn step(&mut self, progress: Progress) -> Result<bool, ReadError> {
+        let before = self.pass.rows();
+        if let Some(block) = self.blocks.next(progress)? {
+            self.pass.take(&block);
+            self.blocks.reuse(block);
+            if before / ROWS_PER_REPORT < self.pass.rows() / ROWS_PER_REPORT {
+                self.blocks.report(progress)?;
+            }
+            return Ok(true);
+        }
+        self.blocks.report(progress)?;
+        if let Some(Digest { sha256, bytes }) = self.blocks.digest() {
+            self.source.sha256.clone_from(sha256);
+            self.source.bytes = *bytes;
+        }
+        Ok(false)
+    }
+
+    /// The file; its digest and its length are there when it is read.
+    pub(super) const fn source(&self) -> &Source {
+        &self.source
+    }
+}
+
 /// Reads the whole file; the recording is there even where a finding is fatal, for it to be looked at.
 pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result<Recording, ReadError> {
-    let file = || path.display().to_string();
-    if let Clock::Rate { rate_hz, start_s } = *request.clock
-        && !(rate_hz > 0.0 && rate_hz.is_finite() && start_s.is_finite())
-    {
-        return Err(ReadError::Clock { file: file(), rate_hz, start_s });
-    }
-    let failed = |source| ReadError::Io { file: file(), source };
-    let mut rows = Rows::open(path).map_err(failed)?;
-    let mut findings = Findings::default();
-    let plan = match rows.next().map_err(failed)? {
-        Some(header) => Plan::of(header.cells, header.line, request, &mut findings),
-        None => Err(unreadable(FindingKind::Empty, 1, "the file is empty".to_owned())),
-    }
-    .map_err(|findings| ReadError::Unusable { file: file(), findings })?;
-    let mut pass = Pass::new(plan, findings);
-    let mut count = 0_usize;
-    while let Some(row) = rows.next().map_err(failed)? {
-        pass.take(&row);
-        count += 1;
-        if count.is_multiple_of(ROWS_PER_REPORT) {
-            let (done, total) = rows.progress();
-            if progress(done, total).is_break() {
-                return Err(ReadError::Interrupted { file: file() });
-            }
-        }
-    }
-    let (done, total) = rows.progress();
-    if progress(done, total).is_break() {
-        return Err(ReadError::Interrupted { file: file() });
-    }
-    Ok(pass.finish(rows.into_source(), request.clock))
+    let mut reading = Reading::open(path, request, usize::MAX)?;
+    while reading.step(progress)? {}
+    Ok(reading.pass.finish(reading.source, reading.recognised))
 }

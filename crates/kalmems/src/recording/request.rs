@@ -1,12 +1,14 @@
 //! What is asked of a file.
 
 use super::Clock;
+use kalmems_formats::Hints;
 
 /// What to take from a file.
 pub(crate) struct Request<'a> {
     pub(crate) clock: &'a Clock,
     pub(crate) segment_column: Option<&'a str>,
     pub(crate) columns: Wanted<'a>,
+    pub(crate) hints: &'a Hints,
 }
 
 /// The columns to take.

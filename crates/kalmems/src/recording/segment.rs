@@ -14,6 +14,16 @@ pub struct Segment {
     pub time: TimeBase,
 }
 
+impl Segment {
+    /// Some of its rows, counted from its first.
+    #[must_use]
+    pub fn part(&self, rows: &Range<usize>) -> Self {
+        let time = TimeBase { times: self.time.times.part(rows), ..self.time };
+        let start = self.rows.start;
+        Self { label: self.label.clone(), rows: start + rows.start..start + rows.end, time }
+    }
+}
+
 /// The times of a segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimeBase {
@@ -28,7 +38,28 @@ pub(super) enum Times {
     /// As the file has them.
     Column(Vec<f64>),
     /// From a clock that the file does not hold.
-    Rate { rate_hz: f64, start_s: f64, len: usize },
+    Rate {
+        rate_hz: f64,
+        start_s: f64,
+        /// The row of the segment that is the first here.
+        first: usize,
+        len: usize,
+    },
+}
+
+impl Times {
+    /// Those of some rows.
+    fn part(&self, rows: &Range<usize>) -> Self {
+        match self {
+            Self::Column(times) => Self::Column(times.get(rows.clone()).unwrap_or_default().to_vec()),
+            Self::Rate { rate_hz, start_s, first, len } => Self::Rate {
+                rate_hz: *rate_hz,
+                start_s: *start_s,
+                first: first + rows.start,
+                len: rows.end.min(*len).saturating_sub(rows.start),
+            },
+        }
+    }
 }
 
 impl TimeBase {
@@ -42,7 +73,9 @@ impl TimeBase {
     pub fn at(&self, i: usize) -> f64 {
         match &self.times {
             Times::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
-            Times::Rate { rate_hz, start_s, len } if i < *len => start_s + i as f64 / rate_hz,
+            Times::Rate { rate_hz, start_s, first, len } if i < *len => {
+                start_s + (first + i) as f64 / rate_hz
+            }
             Times::Rate { .. } => f64::NAN,
         }
     }
@@ -85,17 +118,26 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// The next row stands on this line.
-    pub(super) fn push(&mut self, line: usize) {
-        if self.of(self.rows) != line {
-            self.breaks.push((self.rows, line));
-        }
-        self.rows += 1;
-    }
-
     pub(super) fn of(&self, row: usize) -> usize {
         let after = self.breaks.partition_point(|(first, _)| *first <= row);
         after.checked_sub(1).and_then(|i| self.breaks.get(i)).map_or(0, |(first, line)| line + row - first)
+    }
+
+    /// The next rows stand on these lines, each entry being a row and its line, the others on the lines after.
+    pub(super) fn push_many(&mut self, rows: usize, lines: &[(usize, u64)]) {
+        for (row, line) in lines {
+            let (row, line) = (self.rows + row, usize::try_from(*line).unwrap_or(usize::MAX));
+            if self.of(row) != line {
+                self.breaks.push((row, line));
+            }
+        }
+        self.rows += rows;
+    }
+
+    /// Drops what is known of the rows before one alone.
+    pub(super) fn forget(&mut self, row: usize) {
+        let after = self.breaks.partition_point(|(first, _)| *first <= row);
+        self.breaks.drain(..after.saturating_sub(1));
     }
 
     pub(super) const fn rows(&self) -> usize {

@@ -3,6 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 use std::fmt::Write as _;
+use std::ops::Range;
 
 fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
     Layout {
@@ -49,56 +50,62 @@ fn sine(rows: usize, period: f64, amplitude: f64, phase: f64, clip: f64) -> Stri
     text
 }
 
-#[test]
-fn every_kind_of_finding_says_where_what_and_what_to_do() {
+/// Files with each kind of finding: name, text and layout.
+fn files() -> Vec<(&'static str, String, Layout)> {
     let time = layout("time_s", "", &["cap_V"]);
     let rows = "time_s,cap_V\n0,1\n1,2\n";
-    let mut report = String::new();
     let clipped = sine(600, 200.0, 100.0, 0.0, 80.0);
-    for (name, text, layout) in [
-        ("good", rows, &time),
-        ("empty", "", &time),
-        ("only comments", "# nothing\n\n", &time),
-        ("header only", "# a comment\ntime_s,cap_V\n", &time),
-        ("no header", "# time_s,cap_V\n0,1\n1,2\n", &time),
-        ("semicolons", "time_s;cap_V\n0;1\n", &time),
-        ("no such column", "time_s,cap_mV\n0,1\n1,2\n", &time),
-        ("nothing like it", "time_s,x_m\n0,1\n1,2\n", &time),
-        ("twice", "time_s,cap_V,cap_V\n0,1,1\n1,2,2\n", &time),
-        ("twice, all", "time_s,cap_V,cap_V\n0,1,1\n1,2,2\n", &layout("time_s", "", &[])),
-        ("unknown unit", "time_s,cap_v\n0,1\n1,2\n", &layout("time_s", "", &["cap_v"])),
-        ("no unit", "time_s,direction\n0,1\n1,2\n", &layout("time_s", "", &["direction"])),
-        ("no unit, all", "time_s,direction\n0,1\n1,2\n", &layout("time_s", "", &[])),
-        ("time in volts", "time_V,cap_V\n0,1\n1,2\n", &layout("time_V", "", &["cap_V"])),
-        ("wrong rows", "time_s,cap_V\n0,1\n1\n2,3\n3,4,5\n", &time),
-        ("words", "time_s,cap_V\n0,1\n1,high\n2,\"1,5\"\n3,0\n", &time),
-        ("time missing", "time_s,cap_V\n0,1\n,2\nnan,3\nlate,4\n4,5\n", &time),
-        ("time repeated", "time_s,cap_V\n0,1\n1,2\n1,3\n1,4\n2,5\n", &time),
-        ("time decreases", "time_s,cap_V\n0,1\n1,2\n2,3\n0,4\n1,5\n2,6\n0,7\n", &time),
-        ("no label", "r,time_s,cap_V\n,0,1\n,1,2\na,2,3\n,3,4\na,4,5\n", &layout("time_s", "r", &["cap_V"])),
+    let files = [
+        ("good", rows, time.clone()),
+        ("empty", "", time.clone()),
+        ("only comments", "# nothing\n\n", time.clone()),
+        ("header only", "# a comment\ntime_s,cap_V\n", time.clone()),
+        ("no header", "# time_s,cap_V\n0,1\n1,2\n", time.clone()),
+        ("semicolons", "time_s;cap_V\n0;1\n", time.clone()),
+        ("no such column", "time_s,cap_mV\n0,1\n1,2\n", time.clone()),
+        ("nothing like it", "time_s,x_m\n0,1\n1,2\n", time.clone()),
+        ("twice", "time_s,cap_V,cap_V\n0,1,1\n1,2,2\n", time.clone()),
+        ("twice, all", "time_s,cap_V,cap_V\n0,1,1\n1,2,2\n", layout("time_s", "", &[])),
+        ("unknown unit", "time_s,cap_v\n0,1\n1,2\n", layout("time_s", "", &["cap_v"])),
+        ("no unit", "time_s,direction\n0,1\n1,2\n", layout("time_s", "", &["direction"])),
+        ("no unit, all", "time_s,direction\n0,1\n1,2\n", layout("time_s", "", &[])),
+        ("time in volts", "time_V,cap_V\n0,1\n1,2\n", layout("time_V", "", &["cap_V"])),
+        ("wrong rows", "time_s,cap_V\n0,1\n1\n2,3\n3,4,5\n", time.clone()),
+        ("words", "time_s,cap_V\n0,1\n1,high\n2,\"1,5\"\n3,0\n", time.clone()),
+        ("time missing", "time_s,cap_V\n0,1\n,2\nnan,3\nlate,4\n4,5\n", time.clone()),
+        ("time repeated", "time_s,cap_V\n0,1\n1,2\n1,3\n1,4\n2,5\n", time.clone()),
+        ("time decreases", "time_s,cap_V\n0,1\n1,2\n2,3\n0,4\n1,5\n2,6\n0,7\n", time.clone()),
+        ("no label", "r,time_s,cap_V\n,0,1\n,1,2\na,2,3\n,3,4\na,4,5\n", layout("time_s", "r", &["cap_V"])),
         (
             "returns",
             "r,time_s,cap_V\na,0,1\na,1,2\nb,0,3\nb,1,4\na,0,5\na,1,6\n",
-            &layout("time_s", "r", &["cap_V"]),
+            layout("time_s", "r", &["cap_V"]),
         ),
-        ("blank lines", "time_s,cap_V\n0,1\n\n \n1,2\n2,3\n\n\n", &time),
-        ("blank line in one column", "cap_V\n1\n\n3\n\n", &layout("", "", &["cap_V"])),
-        ("missing", "time_s,cap_V\n0,1\n1,\n2,3\n3, \n4,NaN\n5,-inf\n6,1e999\n7,0\n", &time),
-        ("gaps", "time_s,cap_V\n0,1\n1,2\n2,3\n5,4\n6,3\n8,2\n9,3\n", &time),
+        ("blank lines", "time_s,cap_V\n0,1\n\n \n1,2\n2,3\n\n\n", time.clone()),
+        ("blank line in one column", "cap_V\n1\n\n3\n\n", layout("", "", &["cap_V"])),
+        ("missing", "time_s,cap_V\n0,1\n1,\n2,3\n3, \n4,NaN\n5,-inf\n6,1e999\n7,0\n", time.clone()),
+        ("gaps", "time_s,cap_V\n0,1\n1,2\n2,3\n5,4\n6,3\n8,2\n9,3\n", time.clone()),
         (
             "irregular",
             "time_ms,cap_V\n0,1\n1,2\n2.02,3\n3,4\n4.5,3\n5.5,2\n6.5,3\n7.5,2\n",
-            &layout("time_ms", "", &["cap_V"]),
+            layout("time_ms", "", &["cap_V"]),
         ),
-        ("constant", "time_s,cap_V\n0,0\n1,0\n2,0\n3,\n", &time),
-        ("saturated", clipped.as_str(), &layout("time_us", "", &["cap_V"])),
+        ("constant", "time_s,cap_V\n0,0\n1,0\n2,0\n3,\n", time.clone()),
+        ("saturated", clipped.as_str(), layout("time_us", "", &["cap_V"])),
         (
             "all at once",
             "time_s,cap_V\n0,1\n1\n2,x\n2,5\n3,\n1,4\n",
-            &layout("time_s", "record", &["cap_V", "drive_V"]),
+            layout("time_s", "record", &["cap_V", "drive_V"]),
         ),
-    ] {
-        writeln!(report, "## {name}\n{}\n", diagnosis(text, layout)).unwrap();
+    ];
+    files.map(|(name, text, layout): (_, &str, Layout)| (name, text.to_owned(), layout)).to_vec()
+}
+
+#[test]
+fn every_kind_of_finding_says_where_what_and_what_to_do() {
+    let mut report = String::new();
+    for (name, text, layout) in files() {
+        writeln!(report, "## {name}\n{}\n", diagnosis(&text, &layout)).unwrap();
     }
     insta::assert_snapshot!(report);
 }
@@ -296,6 +303,134 @@ fn a_signal_that_settles_is_not_saturated() {
                 writeln!(text, "{i},{code}").unwrap();
             }
             assert_eq!(saturated(&text), 0, "{time_constant} {steps}");
+        }
+    }
+}
+
+/// What a reading gives, bit for bit: columns, segments with their times, and findings.
+#[derive(Debug, PartialEq)]
+struct Whole {
+    columns: Vec<Vec<u64>>,
+    segments: Vec<(String, Range<usize>, Vec<u64>, Option<f64>)>,
+    findings: String,
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+fn whole(path: &Path, layout: &Layout) -> Result<Whole, String> {
+    let recording = Recording::read(path, layout).map_err(|error| error.to_string())?;
+    let segment =
+        |s: &Segment| (s.label.clone(), s.rows.clone(), bits(&s.time.to_vec()), s.time.interval_s());
+    Ok(Whole {
+        columns: recording.columns().iter().map(|c| bits(&c.values)).collect(),
+        segments: recording.segments().iter().map(segment).collect(),
+        findings: format!("{:?}", recording.diagnosis()),
+    })
+}
+
+/// The same put together from stretches, each of which is checked to hold what is promised around it.
+fn put_together(path: &Path, layout: &Layout, around: Around) -> Result<Whole, String> {
+    let go_on = &mut |_, _| ControlFlow::Continue(());
+    let mut stretches = Stretches::open(path, layout, around).map_err(|error| error.to_string())?;
+    let mut whole = Whole { columns: Vec::new(), segments: Vec::new(), findings: String::new() };
+    while let Some(stretch) = stretches.next(go_on).map_err(|error| error.to_string())? {
+        let Stretch { recording, fresh, begins, ends } = &stretch;
+        let [own] = recording.segments() else { panic!() };
+        assert_eq!(own.rows, 0..recording.rows());
+        let first = whole.columns.first().map_or(0, Vec::len);
+        if *begins {
+            assert_eq!(fresh.start, 0);
+            whole.segments.push((own.label.clone(), first..first, Vec::new(), own.time.interval_s()));
+        }
+        whole.columns.resize(recording.columns().len(), Vec::new());
+        let segment = whole.segments.last_mut().unwrap();
+        assert_eq!(fresh.start, around.before.min(segment.1.len()));
+        let (times, usual) = (&mut segment.2, &segment.3);
+        let now = bits(&own.time.to_vec());
+        assert_eq!(now[..fresh.start], times[times.len() - fresh.start..]);
+        times.extend(&now[fresh.clone()]);
+        assert_eq!(own.time.interval_s(), *usual);
+        for (all, column) in whole.columns.iter_mut().zip(recording.columns()) {
+            let now = bits(&column.values);
+            let again = &all[all.len() - fresh.start..];
+            let differs = now[..fresh.start].iter().zip(again).position(|(a, b)| a != b);
+            assert_eq!(differs, None, "{around:?} {} {fresh:?} {}", column.header.column, all.len());
+            all.extend(&now[fresh.clone()]);
+        }
+        segment.1.end += fresh.len();
+        let size = if *begins { around.first } else { around.rows };
+        assert!(fresh.len() == size || *ends && (1..size).contains(&fresh.len()));
+        assert!(
+            recording.rows() - fresh.end == around.after
+                || *ends
+                || recording.rows() - fresh.end < around.after
+        );
+        stretches.reuse(stretch);
+    }
+    let (source, findings) = stretches.finish();
+    assert_eq!(source.bytes, std::fs::metadata(path).unwrap().len());
+    whole.findings = format!("{findings:?}");
+    Ok(whole)
+}
+
+#[test]
+fn stretches_put_together_are_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let mut many = files();
+    let records = "r,x_V\na,1\na,2\nb,3\nb,4\nb,5\nc,6\n";
+    many.push(("a rate", records.to_owned(), layout("", "r", &["x_V"])));
+    for (name, text, layout) in many {
+        std::fs::write(&path, &text).unwrap();
+        let expected = whole(&path, &layout);
+        for (rows, before, after) in [(1, 0, 0), (1, 3, 2), (2, 1, 1), (7, 0, 5), (1000, 10, 10)] {
+            // The usual interval is that of the first stretch.
+            let around = Around { rows, first: 1000, before, after };
+            let found = put_together(&path, &layout, around);
+            assert!(found == expected, "{name} {around:?}: {found:?} for {expected:?}");
+        }
+    }
+}
+
+/// Several records far longer than a stretch and than what is kept, with what each check looks for.
+#[test]
+fn long_recordings_in_stretches_have_the_findings_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let mut text = "r,time_s,clipped_V,still_V,smooth_V,grows_V\n".to_owned();
+    for (label, rows) in [("a", 60_000), ("b", 50), ("c", 70_000)] {
+        for i in 0..rows {
+            if label == "c" && (40_000..40_003).contains(&i) {
+                continue;
+            }
+            let angle = std::f64::consts::TAU * f64::from(i) / 3011.7;
+            let clip = if label == "a" { 80.0 } else { 90.0 };
+            let clipped = (100.0 * angle.sin()).round().clamp(-80.0, clip);
+            let grows = (100.0 * angle.sin() * f64::from(1 + i / 10_000)).round().min(300.0);
+            let smooth = if i == 35_000 { String::new() } else { format!("{:.3}", angle.cos()) };
+            let jitter = if label == "c" && i == 50_000 { ".3" } else { "" };
+            writeln!(text, "{label},{i}{jitter},{clipped},{},{smooth},{grows}", u8::from(label == "c"))
+                .unwrap();
+        }
+    }
+    std::fs::write(&path, &text).unwrap();
+    for (layout, kinds) in [
+        (layout("time_s", "r", &[]), 10),
+        (layout("", "r", &["clipped_V", "grows_V"]), 4),
+        (layout("", "", &["clipped_V", "smooth_V", "still_V"]), 2),
+    ] {
+        let expected = whole(&path, &layout).unwrap();
+        assert!(expected.findings.matches("Finding {").count() >= kinds, "{}", expected.findings);
+        for around in [
+            Around { rows: 1000, first: 1000, before: 0, after: 0 },
+            Around { rows: 777, first: 20_000, before: 300, after: 50 },
+            Around { rows: 65_536, first: 65_536, before: 10_000, after: 10_000 },
+        ] {
+            let found = put_together(&path, &layout, around).unwrap();
+            assert_eq!(found.findings, expected.findings, "{around:?}");
+            assert!(found == expected, "{around:?}");
         }
     }
 }

@@ -1,7 +1,8 @@
-//! The diagnosis of a segment's times.
+//! The diagnosis of a segment's times, as they come.
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
+use std::cmp::Ordering;
 
 /// How far an interval may be from the segment's median, as a part of the median.
 pub const TIME_TOLERANCE: f64 = 0.01;
@@ -9,81 +10,175 @@ pub const TIME_TOLERANCE: f64 = 0.01;
 /// How far a gap may be from a whole number of intervals, as a part of one interval.
 pub const GAP_TOLERANCE: f64 = 0.1;
 
-/// Checks the times of a segment, whose row `i` is at `place(i)`; the median interval, and whether all are it.
-pub(super) fn check(
-    times: &[f64],
-    place: impl Fn(usize) -> Place,
-    findings: &mut Findings,
-) -> (Option<f64>, bool) {
-    let steps = || times.iter().zip(times.iter().skip(1)).enumerate();
-    let mut uniform = times.len() > 1;
-    let mut positive = Vec::with_capacity(times.len());
-    for (i, (before, after)) in steps() {
-        let order = match after.partial_cmp(before) {
-            Some(std::cmp::Ordering::Greater) => {
-                positive.push(after - before);
+/// The checks of one segment's times. The usual interval is the median over the head of the segment, which is known once
+/// the head is read or the segment ends; what came before is judged then, what comes after as it comes.
+pub(super) struct TimeCheck {
+    /// Rows of the head.
+    head: usize,
+    rows: usize,
+    /// The usual interval, once it is known: `Some(None)` where no row of the head follows another in time.
+    median: Option<Option<f64>>,
+    ordered: bool,
+    gaps: Found,
+    missing: f64,
+    irregular: Found,
+    shortest: f64,
+    longest: f64,
+}
+
+impl TimeCheck {
+    pub(super) fn new(head: usize) -> Self {
+        Self {
+            head,
+            rows: 0,
+            median: None,
+            ordered: true,
+            gaps: Found::default(),
+            missing: 0.0,
+            irregular: Found::default(),
+            shortest: f64::INFINITY,
+            longest: 0.0,
+        }
+    }
+
+    /// Whether the times so far are still needed from the first on.
+    pub(super) const fn is_waiting(&self) -> bool {
+        self.median.is_none()
+    }
+
+    /// The usual interval, as far as it is known.
+    pub(super) fn interval_s(&self) -> Option<f64> {
+        self.median.flatten()
+    }
+
+    /// Takes the last `fresh` of `times`, which are the segment's times up to now: all while the head is read, at least the
+    /// one before the fresh ones after that. The segment's row `i` is at `place(i)`.
+    pub(super) fn take(
+        &mut self,
+        times: &[f64],
+        fresh: usize,
+        place: impl Fn(usize) -> Place,
+        findings: &mut Findings,
+    ) {
+        let first = times.len().saturating_sub(fresh + 1);
+        // The segment's row that `times` begins with.
+        let base = self.rows + fresh - times.len();
+        for (i, (before, after)) in steps(times, first) {
+            let (kind, word) = match after.partial_cmp(&before) {
+                Some(Ordering::Greater) => continue,
+                Some(Ordering::Equal) => (Kind::RepeatedTime, "again after"),
+                Some(Ordering::Less) => (Kind::DecreasingTime, "after"),
+                // One of them is no number, which the reading has counted.
+                None => {
+                    self.ordered = false;
+                    continue;
+                }
+            };
+            self.ordered = false;
+            findings.add(kind, place(base + i), || format!("{after} s {word} {before} s"));
+        }
+        self.rows += fresh;
+        if !self.is_waiting() {
+            self.judge(times, first, base, place);
+        } else if self.rows >= self.head {
+            self.settle(times, place);
+        }
+    }
+
+    /// Finds the usual interval and judges all so far by it.
+    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place) {
+        let head = times.get(..self.head.min(times.len())).unwrap_or_default();
+        let mut positive: Vec<f64> =
+            steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
+        self.median = Some(median(&mut positive));
+        self.judge(times, 0, 0, place);
+    }
+
+    /// Judges the intervals from that after `times[first]` on.
+    fn judge(&mut self, times: &[f64], first: usize, base: usize, place: impl Fn(usize) -> Place) {
+        let Some(median) = self.interval_s() else { return };
+        for (i, (before, after)) in steps(times, first) {
+            let interval = after - before;
+            if !(interval > 0.0) || is_usual(before, after, median) {
                 continue;
             }
-            Some(std::cmp::Ordering::Equal) => Some((Kind::RepeatedTime, "again after")),
-            Some(std::cmp::Ordering::Less) => Some((Kind::DecreasingTime, "after")),
-            // One of them is no number, which the reading has counted.
-            None => None,
-        };
-        uniform = false;
-        if let Some((kind, word)) = order {
-            findings.add(kind, place(i + 1), || format!("{after} s {word} {before} s"));
+            let whole = (interval / median).round();
+            if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
+                self.gaps.add(|| place(base + i));
+                self.missing += whole - 1.0;
+            } else {
+                self.irregular.add(|| place(base + i));
+                self.shortest = self.shortest.min(interval);
+                self.longest = self.longest.max(interval);
+            }
         }
     }
-    let Some(median) = median(&mut positive) else { return (None, false) };
 
-    let mut gaps = Found::default();
-    let mut irregular = Found::default();
-    let (mut shortest, mut longest) = (f64::INFINITY, 0.0_f64);
-    let mut missing = 0.0;
-    for (i, (before, after)) in steps() {
-        let interval = after - before;
-        // The times themselves are rounded; far from zero that is more than a part of the interval.
-        let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
-        // The comparison is false for times that are no numbers as well.
-        if !(interval > 0.0 && (interval - median).abs() > TIME_TOLERANCE * median + rounding) {
-            continue;
+    /// The end of the segment, whose times are `times` as for [`TimeCheck::take`]: the usual interval, and whether all are it.
+    pub(super) fn finish(
+        &mut self,
+        times: &[f64],
+        place: impl Fn(usize) -> Place,
+        findings: &mut Findings,
+    ) -> (Option<f64>, bool) {
+        if self.is_waiting() {
+            self.settle(times, place);
         }
-        let whole = (interval / median).round();
-        if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
-            gaps.add(i + 1);
-            missing += whole - 1.0;
-        } else {
-            irregular.add(i + 1);
-            shortest = shortest.min(interval);
-            longest = longest.max(interval);
+        let Some(median) = self.interval_s() else { return (None, false) };
+        if let Some(place) = self.gaps.first {
+            findings.add_many(Kind::Gap, place, self.gaps.count, || {
+                let missing = self.missing;
+                let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
+                format!("{missing} {samples} {are} missing where one is expected every {} s", short(median))
+            });
         }
+        if let Some(place) = self.irregular.first {
+            findings.add_many(Kind::IrregularTime, place, self.irregular.count, || {
+                let (percent, longest, median) = (TIME_TOLERANCE * 100.0, short(self.longest), short(median));
+                let intervals = match self.irregular.count {
+                    1 => format!("an interval of {longest} s"),
+                    _ => format!("intervals from {} s to {longest} s", short(self.shortest)),
+                };
+                format!("{intervals}, more than {percent} % off the median of {median} s")
+            });
+        }
+        let regular = self.gaps.count == 0 && self.irregular.count == 0;
+        (Some(median), self.rows > 1 && self.ordered && regular)
     }
-    uniform &= gaps.count == 0 && irregular.count == 0;
-    findings.add_many(Kind::Gap, place(gaps.first), gaps.count, || {
-        let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
-        format!("{missing} {samples} {are} missing where one is expected every {} s", short(median))
-    });
-    findings.add_many(Kind::IrregularTime, place(irregular.first), irregular.count, || {
-        let (percent, longest, median) = (TIME_TOLERANCE * 100.0, short(longest), short(median));
-        let intervals = match irregular.count {
-            1 => format!("an interval of {longest} s"),
-            _ => format!("intervals from {} s to {longest} s", short(shortest)),
-        };
-        format!("{intervals}, more than {percent} % off the median of {median} s")
-    });
-    (Some(median), uniform)
+}
+
+/// Whether all of some times follow each other by the usual interval.
+pub(super) fn are_uniform(times: &[f64], median: Option<f64>) -> bool {
+    let usual = |median| {
+        steps(times, 0).all(|(_, (before, after))| after > before && is_usual(before, after, median))
+    };
+    times.len() > 1 && median.is_some_and(usual)
+}
+
+/// Whether an interval is the median, within the tolerance.
+fn is_usual(before: f64, after: f64, median: f64) -> bool {
+    // The times themselves are rounded; far from zero that is more than a part of the interval.
+    let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
+    // True for times that are no numbers as well.
+    !((after - before - median).abs() > TIME_TOLERANCE * median + rounding)
+}
+
+/// Times and those before them, from the one after `first` on, with their places.
+fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64))> {
+    let times = times.get(first..).unwrap_or_default();
+    times.iter().zip(times.iter().skip(1)).enumerate().map(move |(i, (a, b))| (first + i + 1, (*a, *b)))
 }
 
 #[derive(Default)]
 struct Found {
-    first: usize,
+    first: Option<Place>,
     count: usize,
 }
 
 impl Found {
-    fn add(&mut self, i: usize) {
+    fn add(&mut self, place: impl Fn() -> Place) {
         if self.count == 0 {
-            self.first = i;
+            self.first = Some(place());
         }
         self.count += 1;
     }

@@ -17,12 +17,15 @@ const MODELS: usize = 27;
 
 type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
 
+/// The filters of all models, and how likely each is.
+pub type Models = Bank<Ekf<f64, 4>, f64, 4, MODELS>;
+
 /// A bank on its way through a segment. The filter that is led through it takes over what the bank says.
 pub struct BankCourse<'a> {
     hardware: &'a Hardware,
     data: &'a SegmentData<'a>,
     factors: Vec<Factors<f64>>,
-    bank: Box<Bank<Ekf<f64, 4>, f64, 4, MODELS>>,
+    bank: Box<Models>,
     processes: Box<[Step<f64>; MODELS]>,
     readouts: [Readout; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
@@ -62,6 +65,17 @@ impl<'a> BankCourse<'a> {
             noise: std::array::from_fn(|model| varied[model].noise),
             factors,
         })
+    }
+
+    /// The same from where the models were left, if they were.
+    #[must_use]
+    pub fn continuing(self, models: Option<Box<Models>>) -> Self {
+        Self { bank: models.unwrap_or(self.bank), ..self }
+    }
+
+    /// Where the models are now.
+    pub fn into_models(self) -> Box<Models> {
+        self.bank
     }
 }
 

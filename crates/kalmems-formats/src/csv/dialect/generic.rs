@@ -1,0 +1,150 @@
+//! A line of names, perhaps a line of units, and rows: what most programs write.
+
+use super::head::{Head, text};
+use super::units::{column_name, unit_cell};
+use super::{Found, Origin, marks};
+use crate::csv::split::Split;
+use crate::{FormatError, Hints};
+
+/// Rows that are looked at.
+const ROWS: usize = 64;
+
+/// The dialect of a text whose names are in the line `header` of its head.
+pub(super) fn find(head: &Head, header: usize, hints: &Hints) -> Result<Found, FormatError> {
+    let separator = marks::separator(head, header, &hints.csv)?;
+    let (names, header_lines) = names(head, header, separator);
+    let after = header + header_lines;
+    let units_index = match hints.csv.units_line {
+        Some(line) => Some(line_index(head, line, "units_line")?),
+        None => Some(head.filled(after)).filter(|index| is_units(head, *index, separator, &names)),
+    };
+    let first_row = match hints.csv.first_row_line {
+        Some(line) => line_index(head, line, "first_row_line")?,
+        None if hints.columns.is_some() && names.iter().all(|name| is_number(name)) => header,
+        None => units_index.map_or(after, |index| head.filled(index + 1)),
+    };
+    if hints.csv.header_line.is_none() {
+        refuse_preamble(head, header, first_row, separator, names.len())?;
+    }
+    let units = units_index.map(|index| head.cells(index, separator));
+    let (cells, trailing) = width(head, first_row, separator, &names);
+    let unit = |index: usize| units.as_ref().and_then(|units| unit_cell(units.get(index)?));
+    let columns: Vec<(String, Origin)> = names
+        .iter()
+        .take(cells)
+        .enumerate()
+        .map(|(index, name)| (column_name(name, unit(index).as_deref(), index), Origin::Cell(index)))
+        .collect();
+    let joined = columns.iter().zip(&names).any(|((joined, _), name)| joined != name);
+    Ok(Found {
+        instrument: None,
+        separator,
+        point: marks::point(head, first_row, separator, &hints.csv)?,
+        header,
+        first_row,
+        cells,
+        trailing,
+        columns,
+        units: match units_index {
+            Some(index) => format!("units in line {}", head.number(index)),
+            None if joined => "units in the names".to_owned(),
+            None => String::new(),
+        },
+    })
+}
+
+/// The names, and how many lines they take: a quoted name may hold a line end.
+fn names(head: &Head, header: usize, separator: u8) -> (Vec<String>, usize) {
+    let mut split = Split::default();
+    let mut row = head.line(header).to_vec();
+    let mut lines = 1;
+    loop {
+        row.push(b'\n');
+        let last = header + lines >= head.len();
+        if split.row(&row, separator, last).is_some() {
+            return (split.iter().map(text).collect(), lines);
+        }
+        row.extend_from_slice(head.line(header + lines));
+        lines += 1;
+    }
+}
+
+fn line_index(head: &Head, line: u64, key: &str) -> Result<usize, FormatError> {
+    (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| FormatError::NotRecognised {
+        found: format!("`{key} = {line}` in the experiment file"),
+        expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
+    })
+}
+
+fn is_number(cell: &str) -> bool {
+    fast_float2::parse::<f64, _>(cell.replace(',', ".")).is_ok()
+}
+
+/// Whether a line holds units for these names and nothing else.
+fn is_units(head: &Head, index: usize, separator: u8, names: &[String]) -> bool {
+    let cells = head.cells(index, separator);
+    let unit = |cell: &String| cell.is_empty() || unit_cell(cell).is_some();
+    cells.len() == names.len() && cells.iter().all(unit) && cells.iter().any(|cell| !cell.is_empty())
+}
+
+/// How many cells a row has, and whether a separator may stand behind the last.
+fn width(head: &Head, first_row: usize, separator: u8, names: &[String]) -> (usize, bool) {
+    let rows = || head.rows(first_row).take(ROWS).map(|row| head.cells(row, separator));
+    let last_empty = |row: &Vec<String>| row.last().is_some_and(String::is_empty);
+    let count = names.len();
+    if count > 1 && names.last().is_some_and(String::is_empty) {
+        let fits = |row: Vec<String>| row.len() + 1 == count || row.len() == count && last_empty(&row);
+        if rows().all(fits) {
+            return (count - 1, true);
+        }
+    }
+    let one_more = |row: Vec<String>| row.len() == count + 1 && last_empty(&row);
+    (count, count > 1 && rows().next().is_some() && rows().all(one_more))
+}
+
+/// Refuses a text whose first line is no line of names, where a later one is: the experiment file has to say so.
+fn refuse_preamble(
+    head: &Head,
+    header: usize,
+    first_row: usize,
+    separator: u8,
+    names: usize,
+) -> Result<(), FormatError> {
+    let fits = |row: usize| {
+        let cells = head.cells(row, separator);
+        let count = cells.len() == names || cells.len() == names + 1 && names > 1;
+        count && cells.iter().any(|cell| is_number(cell))
+    };
+    if head.rows(first_row).take(ROWS).any(fits) {
+        return Ok(());
+    }
+    for candidate in head.rows(header + 1) {
+        for separator in [b',', b';', b'\t', b'|'] {
+            let cells = head.cells(candidate, separator);
+            let rows: Vec<Vec<String>> =
+                head.rows(candidate + 1).take(4).map(|row| head.cells(row, separator)).collect();
+            let fits = |row: &Vec<String>| {
+                row.len() == cells.len() && row.iter().filter(|cell| is_number(cell)).count() * 2 > row.len()
+            };
+            let is_header = cells.len() > 1 && !cells.iter().any(|cell| is_number(cell));
+            let units = |row: &Vec<String>| {
+                row.len() == cells.len() && row.iter().all(|cell| unit_cell(cell).is_some())
+            };
+            let skip = usize::from(rows.first().is_some_and(units));
+            if is_header && rows.len() > 1 && rows.iter().skip(skip).all(fits) {
+                let line = head.number(candidate);
+                return Err(FormatError::NotRecognised {
+                    found: format!(
+                        "line {} holds no names of columns, and line {line} looks as if it did",
+                        head.number(header)
+                    ),
+                    expected: format!(
+                        "the experiment file to say so: `format = {{ kind = \"csv\", header_line = {line} }}` in its \
+                         [[recording]]"
+                    ),
+                });
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,239 @@
+//! The values of a chunked dataset, a band of chunks at a time.
+
+use super::FORMAT;
+use super::filters::{self, Filter};
+use crate::records::Lane;
+use crate::source::Source;
+use crate::{FormatError, limits};
+use std::sync::Arc;
+
+/// Bytes of a chunk, and of the chunks side by side that are held together.
+const BAND_BYTES: u64 = 16 << 20;
+/// Chunks of a dataset.
+const CHUNKS: u64 = 1 << 18;
+
+/// How the rows of a table lie in a dataset.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Grid {
+    pub(super) rows: u64,
+    /// Elements of a row.
+    pub(super) columns: u64,
+    pub(super) element: usize,
+    /// Rows and columns of a chunk.
+    pub(super) chunk_rows: u64,
+    pub(super) chunk_columns: u64,
+    /// The rows are the second axis of the dataset, as MATLAB writes matrices.
+    pub(super) turned: bool,
+}
+
+impl Grid {
+    /// Refuses chunks that are too large, too many, or none.
+    pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
+        let damaged = |found: String| FormatError::Damaged {
+            format: FORMAT,
+            place: place.to_owned(),
+            found,
+            expected: "chunks of at least one element".to_owned(),
+        };
+        if self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0 {
+            return Err(damaged("chunks without an element".to_owned()));
+        }
+        let element = self.element as u64;
+        let chunk = self.chunk_rows.saturating_mul(self.chunk_columns).saturating_mul(element);
+        let repack = "repack it, for instance with h5repack -l CHUNK=16384";
+        limits::at_most(FORMAT, &format!("the bytes of a chunk of `{place}` ({repack})"), chunk, BAND_BYTES)?;
+        let band = self.chunk_rows.saturating_mul(self.columns).saturating_mul(element);
+        limits::at_most(
+            FORMAT,
+            &format!("the bytes of the chunks beside each other of `{place}` ({repack})"),
+            band,
+            BAND_BYTES,
+        )?;
+        let chunks =
+            self.rows.div_ceil(self.chunk_rows).saturating_mul(self.columns.div_ceil(self.chunk_columns));
+        limits::at_most(FORMAT, &format!("the number of chunks of `{place}` ({repack})"), chunks, CHUNKS)
+    }
+
+    fn chunk_bytes(&self) -> usize {
+        // At most BAND_BYTES.
+        usize::try_from(self.chunk_rows * self.chunk_columns).unwrap_or(0) * self.element
+    }
+}
+
+/// Rows of a chunked dataset.
+pub(super) struct ChunkLane {
+    pub(super) source: Arc<Source>,
+    pub(super) dataset: hdf5_pure::Dataset,
+    pub(super) path: String,
+    pub(super) grid: Grid,
+    pub(super) filters: Vec<Filter>,
+    /// Where the chunks are, band after band; read when the first row is.
+    chunks: Vec<Place>,
+    row: u64,
+    /// The rows that are unpacked, and which band of chunks they are.
+    band: Vec<u8>,
+    band_number: Option<u64>,
+}
+
+/// Where a chunk is in the file.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    address: u64,
+    bytes: u64,
+    mask: u32,
+    there: bool,
+}
+
+impl ChunkLane {
+    pub(super) fn new(
+        source: Arc<Source>,
+        dataset: hdf5_pure::Dataset,
+        path: String,
+        grid: Grid,
+        filters: Vec<Filter>,
+    ) -> Self {
+        Self {
+            source,
+            dataset,
+            path,
+            grid,
+            filters,
+            chunks: Vec::new(),
+            row: 0,
+            band: Vec::new(),
+            band_number: None,
+        }
+    }
+
+    fn damaged(&self, found: String, expected: &str) -> FormatError {
+        FormatError::Damaged {
+            format: FORMAT,
+            place: self.path.clone(),
+            found,
+            expected: expected.to_owned(),
+        }
+    }
+
+    /// Looks up where the chunks are.
+    fn locate(&mut self) -> Result<(), FormatError> {
+        let grid = &self.grid;
+        let across = grid.columns.div_ceil(grid.chunk_columns);
+        let count = grid.rows.div_ceil(grid.chunk_rows) * across;
+        let listed = self.dataset.chunks().map_err(|error| super::failed(&self.path, &error))?;
+        // `check` bounds their number.
+        let mut chunks = vec![Place::default(); usize::try_from(count).unwrap_or(0)];
+        for chunk in &listed {
+            let first = chunk.offset.first().copied().unwrap_or(0);
+            let second = chunk.offset.get(1).copied().unwrap_or(0);
+            let (row, column) = if grid.turned { (second, first) } else { (first, second) };
+            if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
+                return Err(self
+                    .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
+            }
+            let number = (row / grid.chunk_rows).checked_mul(across);
+            let number = number.and_then(|number| number.checked_add(column / grid.chunk_columns));
+            // Chunks beyond the extent are left over from a larger one.
+            let number = number.and_then(|number| usize::try_from(number).ok());
+            if column >= grid.columns {
+                continue;
+            }
+            if let Some(place) = number.and_then(|number| chunks.get_mut(number)) {
+                let (address, bytes) = (chunk.address, chunk.storage_size);
+                *place = Place { address, bytes, mask: chunk.filter_mask, there: true };
+            }
+        }
+        self.chunks = chunks;
+        Ok(())
+    }
+
+    /// Unpacks the chunks side by side that hold a row.
+    fn unpack(&mut self, number: u64) -> Result<(), FormatError> {
+        let grid = self.grid.clone();
+        if self.chunks.is_empty() {
+            self.locate()?;
+        }
+        let across = grid.columns.div_ceil(grid.chunk_columns);
+        // All of these are bounded by `check`.
+        let small = |length: u64| usize::try_from(length).unwrap_or(0);
+        let (element, columns) = (grid.element, small(grid.columns));
+        let (chunk_rows, chunk_columns) = (small(grid.chunk_rows), small(grid.chunk_columns));
+        self.band.resize(chunk_rows * columns * element, 0);
+        for beside in 0..across {
+            let place = self.chunks.get(small(number * across + beside)).copied().unwrap_or_default();
+            if !place.there {
+                return Err(FormatError::Unsupported {
+                    format: FORMAT,
+                    what: format!(
+                        "`{}`, whose rows from {} on were never written,",
+                        self.path,
+                        number * grid.chunk_rows + 1
+                    ),
+                    remedy: "write all of its values".to_owned(),
+                });
+            }
+            let chunk = self.chunk(place)?;
+            let first = small(beside) * chunk_columns;
+            let width = chunk_columns.min(columns - first);
+            if !grid.turned && width == columns && width == chunk_columns {
+                self.band.copy_from_slice(&chunk);
+                continue;
+            }
+            for row in 0..chunk_rows {
+                let target = &mut self.band[(row * columns + first) * element..][..width * element];
+                if grid.turned {
+                    for (column, cell) in target.chunks_exact_mut(element).enumerate() {
+                        cell.copy_from_slice(&chunk[(column * chunk_rows + row) * element..][..element]);
+                    }
+                } else {
+                    target.copy_from_slice(&chunk[row * chunk_columns * element..][..width * element]);
+                }
+            }
+        }
+        self.band_number = Some(number);
+        Ok(())
+    }
+
+    fn chunk(&self, place: Place) -> Result<Vec<u8>, FormatError> {
+        let bytes = self.grid.chunk_bytes();
+        // What does not pack is a little longer than it was.
+        limits::at_most(
+            FORMAT,
+            "the bytes of a packed chunk",
+            place.bytes,
+            bytes as u64 + bytes as u64 / 8 + 4096,
+        )?;
+        #[allow(clippy::cast_possible_truncation)] // bounded by the line above
+        let packed = self.source.bytes(FORMAT, place.address, place.bytes as usize)?;
+        filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
+            self.damaged(
+                format!("in its chunk at byte {} {found}", place.address),
+                "a chunk as it was written",
+            )
+        })
+    }
+}
+
+impl Lane for ChunkLane {
+    fn record(&self) -> usize {
+        usize::try_from(self.grid.columns).unwrap_or(0) * self.grid.element
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        let record = self.record();
+        let mut missing = rows;
+        while missing > 0 {
+            let (band, within) = (self.row / self.grid.chunk_rows, self.row % self.grid.chunk_rows);
+            if self.band_number != Some(band) {
+                self.unpack(band)?;
+            }
+            let left = self.grid.chunk_rows - within;
+            let count = usize::try_from(left).unwrap_or(missing).min(missing);
+            let start = usize::try_from(within).unwrap_or(0) * record;
+            out.extend_from_slice(&self.band[start..start + count * record]);
+            self.row += count as u64;
+            missing -= count;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,53 @@
+//! Records in stretches of a file, as they are or packed.
+
+use crate::FormatError;
+use crate::records::Lane;
+use crate::source::Source;
+use std::sync::Arc;
+
+/// Records one after the other, unpacked.
+pub(crate) struct Stretch {
+    pub(crate) source: Arc<Source>,
+    pub(crate) format: &'static str,
+    pub(crate) offset: u64,
+    pub(crate) record: usize,
+}
+
+impl Lane for Stretch {
+    fn record(&self) -> usize {
+        self.record
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.resize(rows * self.record, 0);
+        self.source.read_exact(self.format, self.offset, out)?;
+        self.offset += out.len() as u64;
+        Ok(())
+    }
+}
+
+/// Texts that are in memory.
+#[cfg(any(feature = "mat", feature = "hdf5"))]
+pub(crate) struct Texts {
+    pub(crate) texts: Vec<Vec<u8>>,
+    pub(crate) next: usize,
+}
+
+#[cfg(any(feature = "mat", feature = "hdf5"))]
+impl Lane for Texts {
+    fn record(&self) -> usize {
+        0
+    }
+
+    fn read(&mut self, _rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        Ok(())
+    }
+
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+        out.clear();
+        out.extend(self.texts.iter().skip(self.next).take(rows).cloned());
+        self.next += rows;
+        Ok(())
+    }
+}

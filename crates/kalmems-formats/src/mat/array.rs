@@ -1,0 +1,263 @@
+//! The arrays of a MAT file (MathWorks, MAT-File Format, version 5), as far as their headers.
+
+use crate::element::{Element, Kind};
+use crate::stream::Stream;
+use crate::{FormatError, limits};
+
+pub(super) const FORMAT: &str = "MAT 5";
+/// An array.
+pub(super) const MATRIX: u32 = 14;
+/// An array that is packed.
+pub(super) const COMPRESSED: u32 = 15;
+/// Structs within one another.
+const DEPTH: usize = 8;
+
+/// An array's name and what it holds.
+pub(super) struct Variable {
+    pub(super) name: String,
+    pub(super) value: Value,
+}
+
+/// What an array holds.
+pub(super) enum Value {
+    /// Numbers, column after column, from a place of the stream on.
+    Numbers { place: u64, element: Element, rows: u64, columns: u64 },
+    /// Texts, one a row.
+    Texts(Vec<Vec<u8>>),
+    /// A struct's fields.
+    Fields(Vec<Variable>),
+    /// Anything else.
+    Other(&'static str),
+}
+
+/// The elements of a stream, one after the other.
+pub(super) struct Elements {
+    pub(super) stream: Stream,
+    pub(super) big_endian: bool,
+}
+
+/// What stands before an element's bytes.
+struct Tag {
+    kind: u32,
+    bytes: u64,
+    /// The bytes, where they are in the tag.
+    within: Option<[u8; 4]>,
+}
+
+/// What bounds the memory that texts and names take, over the whole file.
+pub(super) struct Budget {
+    pub(super) text_bytes: u64,
+    pub(super) arrays: u64,
+}
+
+impl Budget {
+    fn take(&mut self, bytes: u64) -> Result<(), FormatError> {
+        limits::at_most(FORMAT, "the length of texts", bytes, self.text_bytes)?;
+        self.text_bytes -= bytes;
+        Ok(())
+    }
+}
+
+impl Elements {
+    pub(super) fn u32(&self, bytes: [u8; 4]) -> u32 {
+        if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
+    }
+
+    fn tag(&mut self) -> Result<Tag, FormatError> {
+        let raw = self.stream.bytes(8)?;
+        let (first, second) = ([raw[0], raw[1], raw[2], raw[3]], [raw[4], raw[5], raw[6], raw[7]]);
+        let word = self.u32(first);
+        if word >> 16 == 0 {
+            return Ok(Tag { kind: word, bytes: u64::from(self.u32(second)), within: None });
+        }
+        let bytes = u64::from(word >> 16);
+        if bytes > 4 {
+            return Err(self.stream.damaged(format!("a small element of {bytes} bytes"), "at most 4"));
+        }
+        Ok(Tag { kind: word & 0xffff, bytes, within: Some(second) })
+    }
+
+    /// A short element's kind and bytes.
+    fn short(&mut self, what: &str, limit: usize) -> Result<(u32, Vec<u8>), FormatError> {
+        let tag = self.tag()?;
+        limits::at_most(FORMAT, &format!("the length of {what}"), tag.bytes, limit as u64)?;
+        #[allow(clippy::cast_possible_truncation)] // bounded by the line above
+        let count = tag.bytes as usize;
+        if let Some(within) = tag.within {
+            return Ok((tag.kind, within[..count].to_vec()));
+        }
+        let bytes = self.stream.bytes(count)?;
+        self.stream.skip(padding(tag.bytes))?;
+        Ok((tag.kind, bytes))
+    }
+
+    /// Reads the headers of an array, and passes over what it holds.
+    pub(super) fn array(&mut self, budget: &mut Budget) -> Result<Variable, FormatError> {
+        self.nested(budget, DEPTH)
+    }
+
+    fn nested(&mut self, budget: &mut Budget, depth: usize) -> Result<Variable, FormatError> {
+        let tag = self.tag()?;
+        if tag.kind != MATRIX || tag.within.is_some() {
+            return Err(self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)"));
+        }
+        let end = self.stream.position() + tag.bytes;
+        if tag.bytes == 0 {
+            return Ok(Variable { name: String::new(), value: Value::Other("empty") });
+        }
+        limits::at_most(FORMAT, "the number of arrays", 1, budget.arrays)?;
+        budget.arrays -= 1;
+        let variable = self.body(budget, depth)?;
+        match end.checked_sub(self.stream.position()) {
+            Some(rest) => self.stream.skip(rest)?,
+            None => {
+                return Err(self
+                    .stream
+                    .damaged("parts beyond the end of their array", "parts that end in it"));
+            }
+        }
+        Ok(variable)
+    }
+
+    fn body(&mut self, budget: &mut Budget, depth: usize) -> Result<Variable, FormatError> {
+        let (_, flags) = self.short("an array's flags", 16)?;
+        if flags.len() < 8 {
+            return Err(self.stream.damaged(format!("flags of {} bytes", flags.len()), "8"));
+        }
+        let word = self.u32([flags[0], flags[1], flags[2], flags[3]]);
+        let (class, complex) = (word & 0xff, word & 0x800 != 0);
+        if class == 17 {
+            // A table, a string or another object; its parts are not documented.
+            return Ok(Variable { name: String::new(), value: Value::Other("an object of MATLAB") });
+        }
+        let (_, dimensions) = self.short("an array's dimensions", 8 * 32)?;
+        let lengths: Vec<u64> =
+            dimensions.chunks_exact(4).map(|b| u64::from(self.u32([b[0], b[1], b[2], b[3]]))).collect();
+        let (_, name) = self.short("an array's name", limits::TEXT_BYTES)?;
+        let name = String::from_utf8_lossy(&name).into_owned();
+        let other = |what| Value::Other(what);
+        let [rows, columns] = lengths[..] else {
+            return Ok(Variable { name, value: other("more than two axes") });
+        };
+        // Both are of 32 bits.
+        let count = rows * columns;
+        let value = match class {
+            _ if complex => other("complex numbers"),
+            1 => self.cells(budget, count, depth)?,
+            2 if count == 1 && depth > 0 => Value::Fields(self.fields(budget, depth)?),
+            2 => other("an array of structs, or one within many others"),
+            4 => self.characters(budget, rows, columns)?,
+            6..=15 => self.numbers(rows, columns, count)?,
+            3 => other("an object"),
+            5 => other("a sparse matrix"),
+            16 => other("a function"),
+            _ => return Err(self.stream.damaged(format!("an array of class {class}"), "1 to 17")),
+        };
+        Ok(Variable { name, value })
+    }
+
+    fn numbers(&mut self, rows: u64, columns: u64, count: u64) -> Result<Value, FormatError> {
+        let tag = self.tag()?;
+        let (kind, bytes) = match tag.kind {
+            1 => (Kind::Signed, 1),
+            2 => (Kind::Unsigned, 1),
+            3 => (Kind::Signed, 2),
+            4 => (Kind::Unsigned, 2),
+            5 => (Kind::Signed, 4),
+            6 => (Kind::Unsigned, 4),
+            7 => (Kind::Float, 4),
+            9 => (Kind::Float, 8),
+            12 => (Kind::Signed, 8),
+            13 => (Kind::Unsigned, 8),
+            kind => {
+                return Err(self.stream.damaged(format!("numbers of type {kind}"), "1 to 7, 9, 12 or 13"));
+            }
+        };
+        let element = Element { kind, bytes, big_endian: self.big_endian };
+        if count.checked_mul(bytes as u64) != Some(tag.bytes) {
+            return Err(self.stream.damaged(
+                format!("{} bytes of numbers", tag.bytes),
+                format!("{bytes} for each of {rows} × {columns}"),
+            ));
+        }
+        // A single number may be within the tag.
+        let place = if tag.within.is_some() { self.stream.position() - 4 } else { self.stream.position() };
+        if tag.within.is_none() {
+            self.stream.skip(tag.bytes)?;
+        }
+        Ok(Value::Numbers { place, element, rows, columns })
+    }
+
+    fn fields(&mut self, budget: &mut Budget, depth: usize) -> Result<Vec<Variable>, FormatError> {
+        let (_, length) = self.short("a length", 4)?;
+        let length = match length[..] {
+            [a, b, c, d] => self.u32([a, b, c, d]) as usize,
+            _ => 0,
+        };
+        let (_, names) = self.short("the names of fields", limits::TEXT_BYTES * 256)?;
+        if length == 0 || length > limits::TEXT_BYTES || names.len() % length != 0 {
+            return Err(self.stream.damaged(
+                format!("names of {length} bytes in {}", names.len()),
+                "names of one length above 0",
+            ));
+        }
+        budget.take(names.len() as u64)?;
+        let mut fields = Vec::new();
+        for name in names.chunks_exact(length) {
+            let mut field = self.nested(budget, depth - 1)?;
+            let end = name.iter().position(|byte| *byte == 0).unwrap_or(length);
+            field.name = String::from_utf8_lossy(&name[..end]).into_owned();
+            fields.push(field);
+        }
+        Ok(fields)
+    }
+
+    /// Cells that are texts.
+    fn cells(&mut self, budget: &mut Budget, count: u64, depth: usize) -> Result<Value, FormatError> {
+        if depth == 0 || count > budget.arrays {
+            return Ok(Value::Other("many cells"));
+        }
+        let mut texts = Vec::new();
+        for _ in 0..count {
+            match self.nested(budget, 0)?.value {
+                Value::Texts(mut rows) if rows.len() <= 1 => texts.push(rows.pop().unwrap_or_default()),
+                Value::Other("empty") => texts.push(Vec::new()),
+                _ => return Ok(Value::Other("cells that are no texts")),
+            }
+        }
+        Ok(Value::Texts(texts))
+    }
+
+    /// A matrix of characters, column after column: a text a row.
+    fn characters(&mut self, budget: &mut Budget, rows: u64, columns: u64) -> Result<Value, FormatError> {
+        let (kind, bytes) = self.short("texts", usize::try_from(budget.text_bytes).unwrap_or(usize::MAX))?;
+        // What a text takes beside its bytes.
+        budget.take(bytes.len() as u64 + rows.saturating_mul(64))?;
+        let letters: Vec<char> = match kind {
+            1 | 2 | 16 => String::from_utf8_lossy(&bytes).chars().collect(),
+            4 | 17 => {
+                let order = |b: &[u8]| if self.big_endian { [b[1], b[0]] } else { [b[0], b[1]] };
+                let units = bytes.chunks_exact(2).map(|b| u16::from_le_bytes(order(b)));
+                char::decode_utf16(units)
+                    .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER))
+                    .collect()
+            }
+            _ => return Ok(Value::Other("characters of another code")),
+        };
+        if letters.len() as u64 != rows * columns {
+            return Err(self
+                .stream
+                .damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}")));
+        }
+        #[allow(clippy::cast_possible_truncation)] // the budget holds it
+        let rows = rows as usize;
+        let text = |row: usize| letters.iter().skip(row).step_by(rows).collect::<String>().into_bytes();
+        // Nothing in a row is an empty text.
+        Ok(Value::Texts(if rows == 0 { vec![Vec::new()] } else { (0..rows).map(text).collect() }))
+    }
+}
+
+/// Elements begin at multiples of eight bytes.
+fn padding(bytes: u64) -> u64 {
+    bytes.wrapping_neg() % 8
+}

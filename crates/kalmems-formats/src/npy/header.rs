@@ -1,0 +1,239 @@
+//! The header of an array: its shape and what an element is made of.
+
+use super::literal::{self, Literal};
+use crate::FormatError;
+use crate::element::{Element, Kind};
+use crate::limits;
+use crate::records::Code;
+
+/// An array.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Header {
+    /// Bytes before the first element.
+    pub(super) bytes: u64,
+    pub(super) shape: Vec<u64>,
+    /// The first axis runs fastest.
+    pub(super) fortran: bool,
+    pub(super) element: Descr,
+}
+
+/// What an element is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Descr {
+    Plain(Cell),
+    /// Fields with names, one after the other.
+    Fields(Vec<(String, Cell)>),
+}
+
+/// What is at one place of an element.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Cell {
+    Number(Element),
+    Text {
+        bytes: usize,
+        code: Code,
+    },
+    /// Complex numbers, dates, arrays, padding.
+    Other {
+        bytes: usize,
+        what: String,
+    },
+}
+
+impl Cell {
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Number(element) => element.bytes,
+            Self::Text { bytes, .. } | Self::Other { bytes, .. } => *bytes,
+        }
+    }
+}
+
+impl Descr {
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Plain(cell) => cell.bytes(),
+            Self::Fields(fields) => fields.iter().map(|(_, cell)| cell.bytes()).sum(),
+        }
+    }
+}
+
+impl Header {
+    /// Reads a header by way of `next`, which gives the next bytes.
+    pub(super) fn read(
+        format: &'static str,
+        place: &str,
+        mut next: impl FnMut(usize) -> Result<Vec<u8>, FormatError>,
+    ) -> Result<Self, FormatError> {
+        let damaged = |found: String, expected: &str| FormatError::Damaged {
+            format,
+            place: place.to_owned(),
+            found,
+            expected: expected.to_owned(),
+        };
+        let magic = next(8)?;
+        if !magic.starts_with(b"\x93NUMPY") {
+            return Err(damaged(
+                format!("`{}`", magic.escape_ascii()),
+                "an array, which begins with \\x93NUMPY",
+            ));
+        }
+        let (version, width) = (magic[6], if magic[6] == 1 { 2 } else { 4 });
+        if !(1..=3).contains(&version) {
+            return Err(damaged(format!("version {version}"), "version 1, 2 or 3"));
+        }
+        let length = next(width)?.iter().rev().fold(0, |length, byte| length << 8 | u64::from(*byte));
+        limits::at_most(format, "the length of the header", length, limits::HEADER_BYTES / 16)?;
+        #[allow(clippy::cast_possible_truncation)] // bounded by the line above
+        let raw = next(length as usize)?;
+        // Versions 1 and 2 are Latin-1.
+        let text = match String::from_utf8(raw) {
+            Ok(text) => text,
+            Err(bytes) if version < 3 => bytes.as_bytes().iter().map(|byte| char::from(*byte)).collect(),
+            Err(_) => return Err(damaged("a header that is no UTF-8".to_owned(), "UTF-8")),
+        };
+        let parsed = literal::parse(&text).map_err(|(at, expected)| {
+            damaged(format!("`{}` at byte {at} of the header", excerpt(&text, at)), expected)
+        })?;
+        let Literal::Named(entries) = parsed else {
+            return Err(damaged("a header without keys".to_owned(), "descr, fortran_order and shape"));
+        };
+        let entry = |key: &str| entries.iter().find(|(name, _)| name == key).map(|(_, value)| value);
+        let (Some(descr), Some(Literal::Flag(fortran)), Some(Literal::Several(shape))) =
+            (entry("descr"), entry("fortran_order"), entry("shape"))
+        else {
+            return Err(damaged("a header without its keys".to_owned(), "descr, fortran_order and shape"));
+        };
+        let shape = shape
+            .iter()
+            .map(|length| match length {
+                Literal::Integer(length) => Ok(*length),
+                _ => Err(damaged("a shape of other things than numbers".to_owned(), "such as (200, 3)")),
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let element = descr_of(descr).map_err(|found| damaged(found, "a type such as '<f8'"))?;
+        limits::at_most(format, "the bytes of an element", element.bytes() as u64, limits::ROW_BYTES as u64)?;
+        Ok(Self { bytes: 8 + width as u64 + length, shape, fortran: *fortran, element })
+    }
+
+    /// All elements, and their bytes.
+    pub(super) fn size(&self, format: &'static str) -> Result<(u64, u64), FormatError> {
+        let count = self.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length));
+        let bytes = count.and_then(|count| count.checked_mul(self.element.bytes() as u64));
+        match (count, bytes) {
+            (Some(count), Some(bytes)) if bytes < 1 << 62 => Ok((count, bytes)),
+            _ => Err(FormatError::TooLarge {
+                format,
+                what: "the number of elements".to_owned(),
+                found: u64::MAX,
+                limit: 1 << 62,
+            }),
+        }
+    }
+}
+
+fn excerpt(text: &str, at: usize) -> String {
+    text.get(at..).unwrap_or_default().chars().take(24).collect()
+}
+
+fn descr_of(descr: &Literal) -> Result<Descr, String> {
+    match descr {
+        Literal::Text(code) => cell(code).map(Descr::Plain),
+        Literal::Several(fields) => {
+            if fields.len() > limits::COLUMNS {
+                return Err(format!("{} fields", fields.len()));
+            }
+            let mut named = Vec::with_capacity(fields.len());
+            for field in fields {
+                named.push(self::field(field)?);
+            }
+            // Sums of lengths stay far below 2⁶⁴.
+            Ok(Descr::Fields(named))
+        }
+        _ => Err("a type that is neither a text nor a list".to_owned()),
+    }
+}
+
+/// A name with a type, and a shape where it is an array.
+fn field(field: &Literal) -> Result<(String, Cell), String> {
+    let Literal::Several(parts) = field else { return Err("a field that is no tuple".to_owned()) };
+    let name = match parts.first() {
+        Some(Literal::Text(name)) => name.clone(),
+        // A title before the name.
+        Some(Literal::Several(names)) => match names.get(1) {
+            Some(Literal::Text(name)) => name.clone(),
+            _ => return Err("a field without a name".to_owned()),
+        },
+        _ => return Err("a field without a name".to_owned()),
+    };
+    let inner = match parts.get(1) {
+        Some(Literal::Text(code)) => cell(code)?,
+        Some(nested @ Literal::Several(_)) => {
+            Cell::Other { bytes: descr_of(nested)?.bytes(), what: "fields within a field".to_owned() }
+        }
+        _ => return Err(format!("no type for the field `{name}`")),
+    };
+    if let Cell::Other { bytes: 0, what } = &inner {
+        // Where the fields behind it are is not known.
+        return Err(format!("`{name}`: {what}"));
+    }
+    let Some(shape) = parts.get(2) else { return Ok((name, inner)) };
+    let Literal::Several(shape) = shape else { return Err(format!("a shape of `{name}` that is no tuple")) };
+    let mut count = 1_u64;
+    for length in shape {
+        let Literal::Integer(length) = length else {
+            return Err(format!("a shape of `{name}` that is none"));
+        };
+        count = count
+            .checked_mul(*length)
+            .filter(|count| *count <= limits::ROW_BYTES as u64)
+            .ok_or_else(|| format!("a field `{name}` of more than {} elements", limits::ROW_BYTES))?;
+    }
+    if count == 1 {
+        return Ok((name, inner));
+    }
+    #[allow(clippy::cast_possible_truncation)] // at most ROW_BYTES
+    let bytes = inner.bytes().saturating_mul(count as usize);
+    Ok((name, Cell::Other { bytes, what: "an array in each row".to_owned() }))
+}
+
+/// The type of a code such as `<f8`.
+fn cell(code: &str) -> Result<Cell, String> {
+    let unknown = || format!("the type `{}`", code.chars().take(24).collect::<String>());
+    let mut letters = code.chars();
+    let order = letters.next().ok_or_else(unknown)?;
+    if !matches!(order, '<' | '>' | '|' | '=') {
+        return Err(unknown());
+    }
+    let kind = letters.next().ok_or_else(unknown)?;
+    if kind == 'O' {
+        return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
+    }
+    let digits: String = letters.by_ref().take_while(char::is_ascii_digit).collect();
+    let size: usize = digits.parse().map_err(|_| unknown())?;
+    if size > limits::ROW_BYTES {
+        return Err(unknown());
+    }
+    let big_endian = order == '>';
+    let number = |kind| {
+        let element = Element { kind, bytes: size, big_endian };
+        if element.exists() {
+            Cell::Number(element)
+        } else {
+            Cell::Other { bytes: size, what: format!("numbers of type `{code}`") }
+        }
+    };
+    Ok(match kind {
+        'f' => number(Kind::Float),
+        'i' => number(Kind::Signed),
+        'u' => number(Kind::Unsigned),
+        // 0 and 1.
+        'b' if size == 1 => number(Kind::Unsigned),
+        'S' | 'a' => Cell::Text { bytes: size, code: Code::Bytes },
+        'U' => Cell::Text { bytes: size * 4, code: Code::Utf32 { big_endian } },
+        'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
+        'M' | 'm' => Cell::Other { bytes: size, what: "dates".to_owned() },
+        'V' => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
+        _ => return Err(unknown()),
+    })
+}

@@ -1,0 +1,272 @@
+//! Arrays of NumPy: NPY (NEP 1, versions 1 to 3) and, in zip files, NPZ.
+
+mod header;
+mod literal;
+mod zip;
+
+use crate::records::{Cells, Field, Lane, RecordTable};
+use crate::source::Source;
+use crate::stream::{Packing, StreamLane, Stretch};
+use crate::{Column, FormatError, Hints, Table, limits};
+use header::{Cell, Descr, Header};
+use std::sync::Arc;
+
+/// Opens a single array.
+pub(crate) fn open_npy(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    const FORMAT: &str = "NPY";
+    let source = Arc::new(source);
+    let file_bytes = source.length();
+    let stretch = Stretch {
+        source,
+        format: FORMAT,
+        name: "the file".to_owned(),
+        packing: Packing::Stored,
+        start: 0,
+        end: file_bytes,
+        crc: None,
+    };
+    let array = Array::open(stretch, String::new(), file_bytes)?;
+    let mut table = Parts::default();
+    array.add_table(hints, &mut table)?;
+    table.finish(FORMAT, file_bytes)
+}
+
+/// Opens the arrays of a zip file.
+pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    const FORMAT: &str = "NPZ";
+    let source = Arc::new(source);
+    let file_bytes = source.length();
+    let mut table = Parts::default();
+    let mut arrays = Vec::new();
+    for member in zip::members(&source)? {
+        let Some(name) = member.name.strip_suffix(".npy") else {
+            table.left_out.push(format!("`{}` (no array)", member.name));
+            continue;
+        };
+        if hints.group.as_deref().is_some_and(|wanted| wanted != name) {
+            continue;
+        }
+        let unpacked = member.unpacked;
+        let name = name.to_owned();
+        arrays.push(Array::open(member.stretch(Arc::clone(&source))?, name, unpacked)?);
+    }
+    if let Some(wanted) = &hints.group {
+        let Some(array) = arrays.into_iter().next() else {
+            return Err(FormatError::Unsupported {
+                format: FORMAT,
+                what: format!("an array `{wanted}`, which is not in the file,"),
+                remedy: "write the name of one that is".to_owned(),
+            });
+        };
+        array.add_table(hints, &mut table)?;
+        return table.finish(FORMAT, file_bytes);
+    }
+    let (vectors, others): (Vec<_>, Vec<_>) = arrays.into_iter().partition(Array::is_column);
+    if vectors.is_empty() && others.len() == 1 {
+        for array in others {
+            array.add_table(hints, &mut table)?;
+        }
+    } else {
+        table.left_out.extend(others.iter().map(|array| format!("`{}` ({})", array.name, array.shape())));
+        for array in vectors {
+            let name = array.name.clone();
+            array.add_column(name, &mut table);
+        }
+    }
+    table.finish(FORMAT, file_bytes)
+}
+
+/// A table that is being put together.
+#[derive(Default)]
+struct Parts {
+    recognised: String,
+    left_out: Vec<String>,
+    fields: Vec<Field>,
+    lanes: Vec<Box<dyn Lane>>,
+}
+
+impl Parts {
+    fn finish(mut self, format: &'static str, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
+        if self.fields.is_empty() {
+            return Err(FormatError::Unsupported {
+                format,
+                what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
+                remedy: "write one array for each column, or name a 2-D one by `group` and its columns by `columns`"
+                    .to_owned(),
+            });
+        }
+        if self.recognised.is_empty() {
+            self.recognised = format!("{} arrays, a column each", self.fields.len());
+        }
+        if !self.left_out.is_empty() {
+            self.recognised.push_str(&format!("; left out: {}", limits::list(&self.left_out)));
+        }
+        Ok(Box::new(RecordTable::new(format, self.recognised, self.fields, self.lanes, file_bytes)))
+    }
+}
+
+/// An array whose header is read.
+struct Array {
+    name: String,
+    header: Header,
+    stretch: Stretch,
+}
+
+impl Array {
+    /// Reads the header and compares what it claims with the bytes that there are.
+    fn open(stretch: Stretch, name: String, unpacked: u64) -> Result<Self, FormatError> {
+        let format = stretch.format;
+        let mut stream = stretch.stream();
+        let header = Header::read(format, &stretch.name, |count| stream.bytes(count))?;
+        let (count, bytes) = header.size(format)?;
+        limits::plausible_rows(format, count, stretch.source.length())?;
+        let there = unpacked.saturating_sub(header.bytes);
+        // What is not read may have any length.
+        let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
+        if bytes != there && !other {
+            let place = stretch.name.clone();
+            return Err(FormatError::Damaged {
+                format,
+                place,
+                found: format!("{there} bytes behind the header"),
+                expected: format!("{bytes}, for the shape {}", shape_text(&header.shape)),
+            });
+        }
+        Ok(Self { name, header, stretch })
+    }
+
+    fn shape(&self) -> String {
+        match &self.header.element {
+            Descr::Plain(Cell::Other { what, .. }) => what.clone(),
+            _ => format!("shape {}", shape_text(&self.header.shape)),
+        }
+    }
+
+    /// One axis, but for others of one element.
+    fn is_column(&self) -> bool {
+        let readable = matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Text { .. }));
+        let shape = &self.header.shape;
+        readable
+            && match shape.len() {
+                1 => true,
+                2 => shape[0] == 1 || shape[1] == 1,
+                _ => false,
+            }
+    }
+
+    fn lane(&self, skip: u64, record: usize, rows: u64) -> Box<dyn Lane> {
+        let mut stretch = self.stretch.clone();
+        // A checksum is over the whole of it.
+        if rows * record as u64
+            != self.header.shape.iter().product::<u64>() * self.header.element.bytes() as u64
+        {
+            stretch.crc = None;
+        }
+        Box::new(StreamLane::new(stretch, self.header.bytes + skip, record, rows))
+    }
+
+    /// The array as a column.
+    fn add_column(self, name: String, table: &mut Parts) {
+        let Descr::Plain(cell) = &self.header.element else { return };
+        let rows = self.header.shape.iter().product();
+        let lane = table.lanes.len();
+        if let Some(cells) = cells(cell, lane, 0) {
+            table.lanes.push(self.lane(0, cell.bytes(), rows));
+            table.fields.push(Field { column: Column { name, place: None }, cells, rows });
+        }
+    }
+
+    /// The array as a table: fields with names, or columns that are named in the experiment.
+    fn add_table(self, hints: &Hints, table: &mut Parts) -> Result<(), FormatError> {
+        let Header { shape, fortran, element, .. } = &self.header;
+        let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
+            format: self.stretch.format,
+            what,
+            remedy: remedy.to_owned(),
+        };
+        let cell = match (element, shape.len()) {
+            (Descr::Fields(fields), 1) => {
+                table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());
+                let mut offset = 0;
+                for (name, cell) in fields {
+                    let place = None;
+                    match cells(cell, table.lanes.len(), offset) {
+                        Some(cells) => {
+                            let column = Column { name: name.clone(), place };
+                            table.fields.push(Field { column, cells, rows: shape[0] });
+                        }
+                        // Padding has no name.
+                        None if name.is_empty() => {}
+                        None => table.left_out.push(format!("`{name}` ({})", what(cell))),
+                    }
+                    offset += cell.bytes();
+                }
+                table.lanes.push(self.lane(0, offset, shape[0]));
+                return Ok(());
+            }
+            (Descr::Plain(cell @ (Cell::Number(_) | Cell::Text { .. })), 1 | 2) => cell,
+            _ => {
+                return Err(unsupported(
+                    format!("an array of {}", self.shape()),
+                    "write an array with rows along its first axis and columns along its second, or one with \
+                     fields",
+                ));
+            }
+        };
+        let (rows, columns) = (shape[0], shape.get(1).copied().unwrap_or(1));
+        let names = match &hints.columns {
+            Some(names) if names.len() as u64 == columns => names,
+            Some(names) => {
+                return Err(unsupported(
+                    format!("an array of {rows} rows and {columns} columns with {} names", names.len()),
+                    "write as many names in `columns` as there are columns; rows are along the first axis",
+                ));
+            }
+            None => {
+                return Err(unsupported(
+                    format!("an array of {rows} rows and {columns} columns without names"),
+                    "write their names, such as `columns = [\"time_s\", \"cap_V\"]`",
+                ));
+            }
+        };
+        let size = cell.bytes();
+        table.recognised = format!("an array of {rows} rows and {columns} columns, named by the experiment");
+        limits::at_most(self.stretch.format, "the number of columns", columns, limits::COLUMNS as u64)?;
+        let wide = names.len().saturating_mul(size);
+        limits::at_most(self.stretch.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
+        for (number, name) in names.iter().enumerate() {
+            let (lane, offset) = if *fortran { (table.lanes.len(), 0) } else { (0, number * size) };
+            if let Some(cells) = cells(cell, lane, offset) {
+                let column = Column { name: name.clone(), place: Some(format!("column {}", number + 1)) };
+                table.fields.push(Field { column, cells, rows });
+            }
+            if *fortran {
+                table.lanes.push(self.lane(number as u64 * rows * size as u64, size, rows));
+            }
+        }
+        if !*fortran {
+            table.lanes.push(self.lane(0, wide, rows));
+        }
+        Ok(())
+    }
+}
+
+fn what(cell: &Cell) -> &str {
+    match cell {
+        Cell::Other { what, .. } => what,
+        _ => "",
+    }
+}
+
+fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<Cells> {
+    match cell {
+        Cell::Number(element) => Some(Cells::Numbers { lane, offset, element: *element }),
+        Cell::Text { bytes, code } => Some(Cells::Text { lane, offset, bytes: *bytes, code: *code }),
+        Cell::Other { .. } => None,
+    }
+}
+
+fn shape_text(shape: &[u64]) -> String {
+    let lengths: Vec<String> = shape.iter().take(8).map(u64::to_string).collect();
+    format!("({})", lengths.join(", "))
+}

@@ -1,0 +1,263 @@
+//! A file of whichever format, recognised by what it begins with.
+
+use crate::source::{ReadSeek, Source};
+use crate::{CsvHints, FormatError, Table, csv};
+use std::fs::File;
+use std::path::Path;
+
+/// A format that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text, a row a line.
+    Csv,
+    /// One NumPy array.
+    Npy,
+    /// A zip file of NumPy arrays.
+    Npz,
+    /// Apache Parquet.
+    Parquet,
+    /// HDF5, and MAT files from version 7.3 on.
+    Hdf5,
+    /// MAT files of version 5 to 7.
+    Mat,
+    /// Technical data management streaming, of LabVIEW.
+    Tdms,
+    /// Sound: RIFF, RF64 and BW64.
+    Wav,
+}
+
+impl Format {
+    /// All, and the names that they have in an experiment file.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("csv", Self::Csv),
+        ("npy", Self::Npy),
+        ("npz", Self::Npz),
+        ("parquet", Self::Parquet),
+        ("hdf5", Self::Hdf5),
+        ("mat", Self::Mat),
+        ("tdms", Self::Tdms),
+        ("wav", Self::Wav),
+    ];
+
+    /// The format of a name, as an experiment file has it.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, format)| *format)
+    }
+
+    /// Its name, as an experiment file has it.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+
+    /// What a file name's ending promises; nothing where it is used for several formats.
+    fn of_ending(name: &str) -> Option<Self> {
+        let ending = Path::new(name).extension()?.to_str()?.to_ascii_lowercase();
+        Some(match ending.as_str() {
+            "csv" | "tsv" => Self::Csv,
+            "npy" => Self::Npy,
+            "npz" => Self::Npz,
+            "parquet" | "pq" => Self::Parquet,
+            "h5" | "hdf5" | "hdf" | "he5" => Self::Hdf5,
+            "tdms" => Self::Tdms,
+            "wav" | "wave" | "rf64" | "bw64" => Self::Wav,
+            "mat" => Self::Mat,
+            _ => return None,
+        })
+    }
+}
+
+/// What an experiment file says of a file beyond its path.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hints {
+    /// Which format it is, whatever it looks like.
+    pub format: Option<Format>,
+    /// Where the table is in a file of several: a group or dataset of HDF5 (`/rig/run_1`), a group of TDMS, a struct or
+    /// matrix of a MAT file, an array of an NPZ file.
+    pub group: Option<String>,
+    /// The names of the columns, in their order, where the file has none: 2-D arrays and WAV.
+    pub columns: Option<Vec<String>>,
+    /// How text is written.
+    pub csv: CsvHints,
+}
+
+/// Opens a table.
+///
+/// A file that is no regular one, such as a pipe, cannot be looked at twice and is read as text.
+pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    if !std::fs::metadata(path)?.is_file() {
+        return csv::open_csv(path, hints);
+    }
+    let source = Source::new(Box::new(File::open(path)?))?;
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    match recognise(&source, name, hints)? {
+        Format::Csv => csv::open_csv(path, hints),
+        format => open_binary(format, source, hints),
+    }
+}
+
+/// Opens a table that is not a file on its own, such as bytes in memory. The ending of `name` counts as a file's does.
+pub fn open_reader(
+    file: impl ReadSeek + 'static,
+    name: &str,
+    hints: &Hints,
+) -> Result<Box<dyn Table>, FormatError> {
+    let source = Source::new(Box::new(file))?;
+    match recognise(&source, name, hints)? {
+        Format::Csv => csv::from_reader(source.into_file()?, hints),
+        format => open_binary(format, source, hints),
+    }
+}
+
+fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    match format {
+        #[cfg(feature = "npy")]
+        Format::Npy => crate::npy::open_npy(source, hints),
+        #[cfg(feature = "npy")]
+        Format::Npz => crate::npy::open_npz(source, hints),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => crate::parquet::open(source, hints),
+        #[cfg(feature = "hdf5")]
+        Format::Hdf5 => crate::hdf5::open(source, hints),
+        // From version 7.3 on they are HDF5.
+        #[cfg(feature = "hdf5")]
+        Format::Mat if begins_as_hdf5(&source)? => crate::hdf5::open(source, hints),
+        #[cfg(feature = "mat")]
+        Format::Mat => crate::mat::open(source, hints),
+        #[cfg(feature = "tdms")]
+        Format::Tdms => crate::tdms::open(source, hints),
+        #[cfg(feature = "wav")]
+        Format::Wav => crate::wav::open(source, hints),
+        #[allow(unreachable_patterns)] // where all are built
+        _ => Err(FormatError::Unsupported {
+            format: format.name(),
+            what: "a format that this program was built without".to_owned(),
+            remedy: "build it with all features".to_owned(),
+        }),
+    }
+}
+
+/// As much as is looked at.
+const BEGINNING: usize = 4096;
+
+/// Which format a file is: what the experiment file says, or what it begins with where its name does not contradict.
+fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, FormatError> {
+    if let Some(format) = hints.format {
+        return Ok(format);
+    }
+    let mut beginning = vec![0; BEGINNING];
+    let count = source.read_some(0, &mut beginning)?;
+    beginning.truncate(count);
+    let found = of_content(source, &beginning)?;
+    match (found, Format::of_ending(name)) {
+        (Content::Known(format, _), None) => Ok(format),
+        (Content::Known(format, _), Some(promised)) if format == promised => Ok(format),
+        // Version 7.3 keeps the ending and is HDF5 inside.
+        (Content::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
+        (Content::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
+            found: format!("named as {} and begins as {begins}", promised.name()),
+            expected: format!(
+                "the two to agree: rename the file, or write `format = \"{}\"` if it is that",
+                format.name()
+            ),
+        }),
+        (Content::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
+        (Content::Text, Some(promised)) => Err(FormatError::NotRecognised {
+            found: format!("named as {} and begins as text: {}", promised.name(), excerpt(&beginning)),
+            expected: format!(
+                "what {} begins with; if it is text with a row a line, write `format = \"csv\"`",
+                promised.name()
+            ),
+        }),
+        (Content::Other(what), _) => Err(FormatError::NotRecognised {
+            found: what,
+            expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 5 to 7.3, TDMS or WAV".to_owned(),
+        }),
+    }
+}
+
+enum Content {
+    Known(Format, &'static str),
+    Text,
+    Other(String),
+}
+
+/// What is packed or stored otherwise, and what to do with it.
+const OTHERS: [(&[u8], &str); 8] = [
+    (b"\x1f\x8b", "begins as gzip: unpack it first"),
+    (b"\x28\xb5\x2f\xfd", "begins as zstd: unpack it first"),
+    (b"\xfd7zXZ\0", "begins as xz: unpack it first"),
+    (b"BZh", "begins as bzip2: unpack it first"),
+    (b"TDSh", "begins as the index of a TDMS file: name the `.tdms` file itself"),
+    (b"RIFX", "begins as RIFX, sound with its bytes swapped: convert it to RIFF"),
+    (b"PARE", "begins as Parquet with an encrypted end: write it unencrypted"),
+    (b"ARROW1\0", "begins as Arrow IPC: write it as Parquet"),
+];
+
+fn of_content(source: &Source, beginning: &[u8]) -> Result<Content, FormatError> {
+    let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
+    let text = is_text(beginning);
+    if at(0, b"\x93NUMPY") {
+        return Ok(Content::Known(Format::Npy, "NPY"));
+    }
+    if at(0, b"PK\x03\x04") || at(0, b"PK\x05\x06") {
+        return Ok(Content::Known(Format::Npz, "a zip file"));
+    }
+    if at(0, b"TDSm") && !text {
+        return Ok(Content::Known(Format::Tdms, "TDMS"));
+    }
+    if (at(0, b"RIFF") || at(0, b"RF64") || at(0, b"BW64")) && at(8, b"WAVE") {
+        return Ok(Content::Known(Format::Wav, "WAV"));
+    }
+    // The first column of a text can have the name.
+    if at(0, b"PAR1") && (!text || ends_with(source, *b"PAR1")?) {
+        return Ok(Content::Known(Format::Parquet, "Parquet"));
+    }
+    if begins_as_hdf5(source)? {
+        return Ok(Content::Known(Format::Hdf5, "HDF5"));
+    }
+    if at(126, b"IM") || at(126, b"MI") {
+        let version = beginning.get(124..126);
+        if version == Some(&[0, 1]) || version == Some(&[1, 0]) {
+            return Ok(Content::Known(Format::Mat, "MAT 5"));
+        }
+    }
+    if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| at(0, magic) && (!text || magic.len() > 3)) {
+        return Ok(Content::Other((*what).to_owned()));
+    }
+    if text {
+        return Ok(Content::Text);
+    }
+    Ok(Content::Other(format!("begins with {}", excerpt(beginning))))
+}
+
+/// An HDF5 file may begin with anything of 512, 1024, 2048, … bytes.
+fn begins_as_hdf5(source: &Source) -> Result<bool, FormatError> {
+    let mut place = 0;
+    while place < source.length() {
+        let mut magic = [0; 8];
+        if source.read_some(place, &mut magic)? == 8 && magic == *b"\x89HDF\r\n\x1a\n" {
+            return Ok(true);
+        }
+        place = if place == 0 { 512 } else { place * 2 };
+    }
+    Ok(false)
+}
+
+fn ends_with(source: &Source, magic: [u8; 4]) -> Result<bool, FormatError> {
+    let mut end = [0; 4];
+    let place = source.length().saturating_sub(4);
+    Ok(place >= 4 && source.read_some(place, &mut end)? == 4 && end == magic)
+}
+
+/// Text holds no control characters but white space. UTF-16 says so in its first two bytes; it is for the reader of
+/// text to judge.
+fn is_text(beginning: &[u8]) -> bool {
+    beginning.starts_with(b"\xff\xfe")
+        || beginning.starts_with(b"\xfe\xff")
+        || !beginning.iter().any(|byte| *byte < 32 && !matches!(byte, b'\t' | b'\n' | b'\r' | 0x0c | 0x1a))
+}
+
+fn excerpt(beginning: &[u8]) -> String {
+    let shown = &beginning[..beginning.len().min(24)];
+    format!("`{}`", shown.escape_ascii())
+}

@@ -1,0 +1,462 @@
+//! Apache Parquet: columns that hold one value a row.
+
+use crate::decimal::Shift;
+use crate::limits::{self, BLOCK_BYTES};
+use crate::records::{push_label, refuse_infinities};
+use crate::source::Source;
+use crate::{
+    Block, CellFault, Column, Description, Fault, FormatError, Hints, Labels, Table, Wanted, element,
+};
+use bytes::Bytes;
+use parquet::basic::{ConvertedType, LogicalType, Type};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{ByteArray, DataType};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{ChunkReader, FileReader, Length};
+use parquet::file::serialized_reader::SerializedFileReader;
+use parquet::schema::types::ColumnDescriptor;
+use std::io::{BufReader, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const FORMAT: &str = "Parquet";
+/// Bytes that a page may unpack to. Writers make pages of one.
+const PAGE_BYTES: u64 = 16 << 20;
+/// Groups of rows.
+const GROUPS: usize = 1 << 16;
+
+/// The file for the library.
+#[derive(Clone)]
+struct Pages {
+    source: Arc<Source>,
+    /// The end of the file is known, so that what is read on are pages.
+    pages: Arc<AtomicBool>,
+}
+
+/// A place of the file that is read on.
+struct At {
+    source: Arc<Source>,
+    offset: u64,
+}
+
+impl Read for At {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.source.read_some(self.offset, buffer).map_err(std::io::Error::other)?;
+        self.offset += count as u64;
+        Ok(count)
+    }
+}
+
+impl Length for Pages {
+    fn len(&self) -> u64 {
+        self.source.length()
+    }
+}
+
+impl ChunkReader for Pages {
+    type T = BufReader<At>;
+
+    fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
+        if self.pages.load(Ordering::Relaxed) {
+            let mut head = [0; 24];
+            self.source.read_some(start, &mut head).map_err(|e| ParquetError::External(Box::new(e)))?;
+            match page_bytes(&head) {
+                Some((unpacked, packed)) if unpacked.max(packed) <= PAGE_BYTES => {}
+                Some((unpacked, packed)) => {
+                    let too_large = FormatError::TooLarge {
+                        format: FORMAT,
+                        what: format!("the bytes of the page at byte {start}"),
+                        found: unpacked.max(packed),
+                        limit: PAGE_BYTES,
+                    };
+                    return Err(ParquetError::External(Box::new(too_large)));
+                }
+                None => return Err(ParquetError::General(format!("no page at byte {start}"))),
+            }
+        }
+        Ok(BufReader::with_capacity(512, At { source: Arc::clone(&self.source), offset: start }))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        limits::at_most(FORMAT, "a stretch to read", length as u64, PAGE_BYTES)
+            .and_then(|()| self.source.bytes(FORMAT, start, length))
+            .map(Bytes::from)
+            .map_err(|error| ParquetError::External(Box::new(error)))
+    }
+}
+
+/// What a page unpacks to, and what it is packed in: the second and third field of its header, whose first is its
+/// kind. Each is a byte that says which field and that it is of 32 bits, and a number in groups of seven bits.
+fn page_bytes(head: &[u8]) -> Option<(u64, u64)> {
+    let mut rest = head;
+    let mut field = || {
+        let (first, after) = rest.split_first()?;
+        if *first != 0x15 {
+            return None;
+        }
+        rest = after;
+        let mut number = 0_u64;
+        for shift in (0..35).step_by(7) {
+            let (byte, after) = rest.split_first()?;
+            rest = after;
+            number |= u64::from(byte & 0x7f) << shift;
+            if byte & 0x80 == 0 {
+                // The last bit is the sign.
+                return (number & 1 == 0).then_some(number >> 1);
+            }
+        }
+        None
+    };
+    field()?;
+    Some((field()?, field()?))
+}
+
+fn failed(place: &str, error: ParquetError) -> FormatError {
+    // What was refused by our own limits says so itself.
+    match error {
+        ParquetError::External(inner) => match inner.downcast::<FormatError>() {
+            Ok(own) => *own,
+            Err(other) => damaged(place, other.to_string()),
+        },
+        error => damaged(place, error.to_string()),
+    }
+}
+
+fn damaged(place: &str, found: String) -> FormatError {
+    FormatError::Damaged {
+        format: FORMAT,
+        place: place.to_owned(),
+        found,
+        expected: "a Parquet file that is whole".to_owned(),
+    }
+}
+
+pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let source = Arc::new(source);
+    let file_bytes = source.length();
+    let tail = source.bytes(FORMAT, file_bytes.saturating_sub(8), 8)?;
+    if !tail.ends_with(b"PAR1") {
+        return Err(damaged("its end", format!("`{}` instead of PAR1", tail[4..].escape_ascii())));
+    }
+    let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]);
+    limits::at_most(FORMAT, "the length of the metadata", u64::from(length), limits::HEADER_BYTES)?;
+    let pages = Pages { source: Arc::clone(&source), pages: Arc::new(AtomicBool::new(false)) };
+    let file = SerializedFileReader::new(pages.clone()).map_err(|error| failed("the metadata", error))?;
+    pages.pages.store(true, Ordering::Relaxed);
+
+    let metadata = file.metadata();
+    limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups() as u64, GROUPS as u64)?;
+    let mut rows = 0_u64;
+    for group in metadata.row_groups() {
+        let count = u64::try_from(group.num_rows());
+        let count =
+            count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
+        rows = rows.saturating_add(count);
+        limits::plausible_rows(FORMAT, rows, file_bytes)?;
+    }
+    let schema = metadata.file_metadata().schema_descr();
+    limits::at_most(FORMAT, "the number of columns", schema.num_columns() as u64, limits::COLUMNS as u64)?;
+    let (mut columns, mut kinds, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    for (leaf, descriptor) in schema.columns().iter().enumerate() {
+        let name = descriptor.path().string();
+        match kind(descriptor) {
+            Ok(kind) => {
+                columns.push(Column { name, place: None });
+                kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
+            }
+            Err(what) => left_out.push(format!("`{name}` ({what})")),
+        }
+    }
+    let mut recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
+    if !left_out.is_empty() {
+        recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
+    }
+    if columns.is_empty() {
+        return Err(FormatError::Unsupported {
+            format: FORMAT,
+            what: format!("a file without a column of numbers or labels ({})", limits::list(&left_out)),
+            remedy: "write columns of numbers".to_owned(),
+        });
+    }
+    let description = Description { format: FORMAT, recognised, columns, rows: Some(rows) };
+    Ok(Box::new(ParquetTable { description, file, kinds, rows, row: 0, file_bytes, wanted: Vec::new() }))
+}
+
+/// A column of the schema.
+#[derive(Clone, Copy)]
+struct Leaf {
+    number: usize,
+    kind: Kind,
+    /// The level that says that a value is there.
+    levels: i16,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Signed,
+    Unsigned,
+    /// Numbers that f64 holds, and texts.
+    Plain,
+}
+
+/// What a column holds, or why it is left out.
+fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
+    if descriptor.max_rep_level() > 0 {
+        return Err("a list in each row");
+    }
+    let integers = match (descriptor.logical_type_ref(), descriptor.converted_type()) {
+        (Some(LogicalType::Integer { .. }), _)
+        | (
+            None,
+            ConvertedType::NONE
+            | ConvertedType::INT_8
+            | ConvertedType::INT_16
+            | ConvertedType::INT_32
+            | ConvertedType::INT_64
+            | ConvertedType::UINT_8
+            | ConvertedType::UINT_16
+            | ConvertedType::UINT_32
+            | ConvertedType::UINT_64,
+        ) => Ok(()),
+        (Some(LogicalType::Decimal { .. }), _) | (None, ConvertedType::DECIMAL) => Err("decimal numbers"),
+        _ => Err("dates or times of day"),
+    };
+    let unsigned = matches!(
+        descriptor.converted_type(),
+        ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64
+    );
+    match descriptor.physical_type() {
+        Type::BOOLEAN | Type::FLOAT | Type::DOUBLE => Ok(Kind::Plain),
+        Type::INT32 | Type::INT64 => integers.map(|()| if unsigned { Kind::Unsigned } else { Kind::Signed }),
+        Type::BYTE_ARRAY => match (descriptor.logical_type_ref(), descriptor.converted_type()) {
+            (Some(LogicalType::String | LogicalType::Enum) | None, _) => Ok(Kind::Plain),
+            _ => Err("bytes with a meaning of their own"),
+        },
+        Type::INT96 => Err("dates"),
+        Type::FIXED_LEN_BYTE_ARRAY => Err("bytes of a fixed length"),
+    }
+}
+
+struct ParquetTable {
+    description: Description,
+    file: SerializedFileReader<Pages>,
+    kinds: Vec<Leaf>,
+    rows: u64,
+    row: u64,
+    file_bytes: u64,
+    wanted: Vec<Cursor>,
+}
+
+/// A wanted column and how far it is read.
+struct Cursor {
+    want: Wanted,
+    column: usize,
+    leaf: Leaf,
+    reader: Option<ColumnReader>,
+    group: usize,
+    levels: Vec<i16>,
+}
+
+/// Where values go.
+enum Sink<'a> {
+    Numbers { out: &'a mut Vec<f64>, power: i32 },
+    Labels { out: &'a mut Labels },
+}
+
+impl Table for ParquetTable {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+        self.wanted.clear();
+        for want in wanted {
+            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
+            let unsupported = |what: String| FormatError::Unsupported {
+                format: FORMAT,
+                what,
+                remedy: "name a column of numbers".to_owned(),
+            };
+            let Some(leaf) = self.kinds.get(column).copied() else {
+                return Err(unsupported(format!("column {column}, which is not there,")));
+            };
+            let schema = self.file.metadata().file_metadata().schema_descr();
+            let text = schema.column(leaf.number).physical_type() == Type::BYTE_ARRAY;
+            if text && matches!(want, Wanted::Number { .. }) {
+                let name = &self.description.columns[column].name;
+                return Err(unsupported(format!("text where numbers belong, in column `{name}`,")));
+            }
+            let cursor = Cursor { want: *want, column, leaf, reader: None, group: 0, levels: Vec::new() };
+            self.wanted.push(cursor);
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+        let room = (BLOCK_BYTES / 8 / self.wanted.len().max(1)).max(1).min(block.capacity);
+        let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
+        let labels = self.wanted.iter().filter(|cursor| matches!(cursor.want, Wanted::Label { .. })).count();
+        block.clear(self.wanted.len() - labels, labels);
+        if rows == 0 {
+            return Ok(());
+        }
+        block.rows = rows;
+        block.lines.push((0, self.row + 1));
+        let (mut number, mut label) = (0, 0);
+        for cursor in &mut self.wanted {
+            let column = cursor.column;
+            let name = &self.description.columns[column].name;
+            match cursor.want {
+                Wanted::Number { power, .. } => {
+                    let out = &mut block.numbers[number];
+                    let missing = cursor.read(&self.file, name, rows, Sink::Numbers { out, power })?;
+                    refuse_infinities(out, column, self.row, &mut block.faults);
+                    // They are NaN so far, and were taken for such.
+                    for fault in block.faults.iter_mut().filter(|fault| fault.column == Some(column)) {
+                        if missing.get(fault.row).copied().unwrap_or(false) {
+                            fault.fault = Fault::Missing;
+                        }
+                    }
+                    number += 1;
+                }
+                Wanted::Label { .. } => {
+                    let out = &mut block.labels[label];
+                    let missing = cursor.read(&self.file, name, rows, Sink::Labels { out })?;
+                    for (row, _) in missing.iter().enumerate().filter(|(_, missing)| **missing) {
+                        let line = self.row + row as u64 + 1;
+                        block.faults.push(CellFault {
+                            row,
+                            line,
+                            column: Some(column),
+                            fault: Fault::Missing,
+                        });
+                    }
+                    label += 1;
+                }
+            }
+        }
+        block.faults.sort_by_key(|fault| fault.row);
+        self.row += rows as u64;
+        Ok(())
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        let part = if self.rows == 0 { 0.0 } else { self.row as f64 / self.rows as f64 };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
+        ((self.file_bytes as f64 * part) as u64, self.file_bytes)
+    }
+}
+
+impl Cursor {
+    /// Reads the next rows; says which of them have no value.
+    fn read(
+        &mut self,
+        file: &SerializedFileReader<Pages>,
+        name: &str,
+        rows: usize,
+        mut sink: Sink<'_>,
+    ) -> Result<Vec<bool>, FormatError> {
+        let mut missing = Vec::with_capacity(if self.leaf.levels > 0 { rows } else { 0 });
+        let mut done = 0;
+        while done < rows {
+            let Some(reader) = &mut self.reader else {
+                let group = file.get_row_group(self.group).map_err(|error| failed(name, error))?;
+                self.reader =
+                    Some(group.get_column_reader(self.leaf.number).map_err(|error| failed(name, error))?);
+                continue;
+            };
+            self.levels.clear();
+            let count = take(reader, self.leaf, rows - done, done, &mut self.levels, &mut missing, &mut sink)
+                .map_err(|error| failed(&format!("column `{name}`"), error))?;
+            if count == 0 {
+                self.reader = None;
+                self.group += 1;
+                if self.group >= file.metadata().num_row_groups() {
+                    return Err(damaged(&format!("column `{name}`"), "fewer values than rows".to_owned()));
+                }
+            }
+            done += count;
+        }
+        Ok(missing)
+    }
+}
+
+/// Reads values of whichever type.
+fn take(
+    reader: &mut ColumnReader,
+    leaf: Leaf,
+    rows: usize,
+    row: usize,
+    levels: &mut Vec<i16>,
+    missing: &mut Vec<bool>,
+    sink: &mut Sink<'_>,
+) -> Result<usize, ParquetError> {
+    let mut records = Records { leaf, rows, row, levels, missing };
+    let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
+    let mut shift = Shift::new(power);
+    // As signed and unsigned numbers of the same bits.
+    #[allow(clippy::cast_sign_loss)]
+    let wide = |x: i64| if leaf.kind == Kind::Unsigned { i128::from(x as u64) } else { i128::from(x) };
+    #[allow(clippy::cast_sign_loss)]
+    let narrow = |x: i32| if leaf.kind == Kind::Unsigned { i128::from(x as u32) } else { i128::from(x) };
+    let integer = |x: i128| x.to_string().into_bytes();
+    let float = |x: f64| element::shortest(x).into_bytes();
+    match reader {
+        ColumnReader::BoolColumnReader(r) => {
+            records.read(r, sink, |x| shift.integer(i128::from(*x)), |x| integer(i128::from(*x)))
+        }
+        ColumnReader::Int32ColumnReader(r) => {
+            records.read(r, sink, |x| shift.integer(narrow(*x)), |x| integer(narrow(*x)))
+        }
+        ColumnReader::Int64ColumnReader(r) => {
+            records.read(r, sink, |x| shift.integer(wide(*x)), |x| integer(wide(*x)))
+        }
+        ColumnReader::FloatColumnReader(r) => {
+            records.read(r, sink, |x| shift.float(f64::from(*x)), |x| float(f64::from(*x)))
+        }
+        ColumnReader::DoubleColumnReader(r) => records.read(r, sink, |x| shift.float(*x), |x| float(*x)),
+        ColumnReader::ByteArrayColumnReader(r) => {
+            records.read(r, sink, |_: &ByteArray| f64::NAN, |x| x.data().trim_ascii().to_vec())
+        }
+        ColumnReader::Int96ColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => Ok(0),
+    }
+}
+
+/// Rows that are to be read.
+struct Records<'a> {
+    leaf: Leaf,
+    rows: usize,
+    row: usize,
+    levels: &'a mut Vec<i16>,
+    missing: &'a mut Vec<bool>,
+}
+
+impl Records<'_> {
+    fn read<T: DataType>(
+        &mut self,
+        reader: &mut ColumnReaderImpl<T>,
+        sink: &mut Sink<'_>,
+        mut number: impl FnMut(&T::T) -> f64,
+        label: impl Fn(&T::T) -> Vec<u8>,
+    ) -> Result<usize, ParquetError> {
+        let mut values: Vec<T::T> = Vec::new();
+        let nullable = self.leaf.levels > 0;
+        let (rows, _, _) =
+            reader.read_records(self.rows, nullable.then_some(&mut *self.levels), None, &mut values)?;
+        let mut values = values.iter();
+        for row in 0..rows {
+            let there = !nullable || self.levels.get(row) == Some(&self.leaf.levels);
+            let value = if there { values.next() } else { None };
+            if nullable {
+                self.missing.push(value.is_none());
+            } else if value.is_none() {
+                return Err(ParquetError::General("fewer values than rows".to_owned()));
+            }
+            match sink {
+                Sink::Numbers { out, .. } => out.push(value.map_or(f64::NAN, &mut number)),
+                Sink::Labels { out } => push_label(out, self.row + row, &value.map_or_else(Vec::new, &label)),
+            }
+        }
+        Ok(rows)
+    }
+}

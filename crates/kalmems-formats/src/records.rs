@@ -1,0 +1,326 @@
+//! Tables whose cells stand at known places of records of one size.
+
+use crate::decimal::Shift;
+use crate::element::Element;
+use crate::limits::BLOCK_BYTES;
+use crate::{Block, CellFault, Column, Description, Fault, FormatError, Labels, Table, Wanted};
+
+/// Records that are read one after the other.
+pub(crate) trait Lane: Send {
+    /// The bytes of one record.
+    fn record(&self) -> usize;
+
+    /// Reads the next records; `out` holds them and nothing else afterwards.
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError>;
+
+    /// Reads the next texts, where the records are texts of several lengths.
+    fn texts(&mut self, _rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+        out.clear();
+        Ok(())
+    }
+}
+
+/// What the cells of a column are.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Cells {
+    /// Numbers at an offset in each record of a lane.
+    Numbers { lane: usize, offset: usize, element: Element },
+    /// Texts of as many bytes in each record of a lane.
+    Text { lane: usize, offset: usize, bytes: usize, code: Code },
+    /// Texts of several lengths, a lane of their own.
+    Texts { lane: usize },
+    /// Times by a regular clock; not in the file.
+    Clock(Clock),
+}
+
+/// How a text of a fixed length is written. It ends with its last character that is neither NUL nor white space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Code {
+    /// Bytes as they are.
+    Bytes,
+    /// UTF-16.
+    #[cfg(feature = "hdf5")]
+    Utf16 { big_endian: bool },
+    /// Four bytes a character.
+    #[cfg(feature = "npy")]
+    Utf32 { big_endian: bool },
+}
+
+/// A clock that ticks regularly, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Clock {
+    /// start + k/rate.
+    Rate { start: f64, rate: f64 },
+    /// start + k·increment.
+    Increment { start: f64, increment: f64 },
+}
+
+impl Clock {
+    fn at(self, row: u64) -> f64 {
+        match self {
+            Self::Rate { start, rate } => start + row as f64 / rate,
+            Self::Increment { start, increment } => start + row as f64 * increment,
+        }
+    }
+}
+
+/// A column and where its cells are.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    pub(crate) column: Column,
+    pub(crate) cells: Cells,
+    /// As many; a clock has as many as are needed.
+    pub(crate) rows: u64,
+}
+
+/// A table of records.
+pub(crate) struct RecordTable {
+    description: Description,
+    fields: Vec<Field>,
+    lanes: Vec<Box<dyn Lane>>,
+    file_bytes: u64,
+    wanted: Vec<Wanted>,
+    /// Which lanes are read, and the bytes of their records together.
+    used: Vec<bool>,
+    row_bytes: usize,
+    rows: u64,
+    row: u64,
+    raw: Vec<Vec<u8>>,
+    texts: Vec<Vec<Vec<u8>>>,
+}
+
+impl RecordTable {
+    /// Puts a table together. Columns may be of different lengths as long as those that are wanted are not.
+    pub(crate) fn new(
+        format: &'static str,
+        recognised: String,
+        fields: Vec<Field>,
+        lanes: Vec<Box<dyn Lane>>,
+        file_bytes: u64,
+    ) -> Self {
+        let mut counts = fields.iter().filter(|f| !matches!(f.cells, Cells::Clock(_))).map(|f| f.rows);
+        let first = counts.next();
+        let rows = first.filter(|first| counts.all(|count| count == *first));
+        let columns = fields.iter().map(|f| f.column.clone()).collect();
+        let description = Description { format, recognised, columns, rows };
+        let count = lanes.len();
+        Self {
+            description,
+            fields,
+            lanes,
+            file_bytes,
+            wanted: Vec::new(),
+            used: vec![false; count],
+            row_bytes: 0,
+            rows: 0,
+            row: 0,
+            raw: vec![Vec::new(); count],
+            texts: vec![Vec::new(); count],
+        }
+    }
+
+    fn unsupported(&self, what: String, remedy: &str) -> FormatError {
+        FormatError::Unsupported { format: self.description.format, what, remedy: remedy.to_owned() }
+    }
+
+    /// The rows that all wanted columns have.
+    fn common_rows(&self, wanted: &[Wanted]) -> Result<u64, FormatError> {
+        let mut common: Option<(u64, &str)> = None;
+        for want in wanted {
+            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
+            let Some(field) = self.fields.get(column) else {
+                return Err(self.unsupported(format!("column {column}"), "name one that is there"));
+            };
+            if matches!(field.cells, Cells::Clock(_)) {
+                continue;
+            }
+            match common {
+                None => common = Some((field.rows, &field.column.name)),
+                Some((rows, _)) if rows == field.rows => {}
+                Some((rows, name)) => {
+                    let what = format!(
+                        "`{name}` of {rows} rows together with `{}` of {}",
+                        field.column.name, field.rows
+                    );
+                    return Err(self.unsupported(what, "name columns that were recorded together"));
+                }
+            }
+        }
+        let longest = || self.fields.iter().map(|f| f.rows).max().unwrap_or(0);
+        Ok(common.map_or_else(longest, |(rows, _)| rows))
+    }
+}
+
+impl Table for RecordTable {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+        self.rows = self.common_rows(wanted)?;
+        self.used.fill(false);
+        for want in wanted {
+            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
+            let Some(field) = self.fields.get(column) else { continue };
+            match (&field.cells, want) {
+                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. }) => {
+                    let what = format!("text where numbers belong, in column `{}`,", field.column.name);
+                    return Err(self.unsupported(what, "name a column of numbers"));
+                }
+                (Cells::Numbers { lane, .. } | Cells::Text { lane, .. } | Cells::Texts { lane }, _) => {
+                    self.used[*lane] = true;
+                }
+                (Cells::Clock(_), _) => {}
+            }
+        }
+        self.row_bytes =
+            self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
+        self.wanted = wanted.to_vec();
+        Ok(())
+    }
+
+    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+        let room = (BLOCK_BYTES / self.row_bytes.max(8)).max(1).min(block.capacity);
+        let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
+        let labels = self.wanted.iter().filter(|want| matches!(want, Wanted::Label { .. })).count();
+        block.clear(self.wanted.len() - labels, labels);
+        if rows == 0 {
+            return Ok(());
+        }
+        block.rows = rows;
+        block.lines.push((0, self.row + 1));
+        for (number, lane) in self.lanes.iter_mut().enumerate().filter(|(number, _)| self.used[*number]) {
+            if self.fields.iter().any(|f| f.cells == Cells::Texts { lane: number }) {
+                lane.texts(rows, &mut self.texts[number])?;
+            } else {
+                lane.read(rows, &mut self.raw[number])?;
+            }
+        }
+        let (mut number, mut label) = (0, 0);
+        for want in &self.wanted {
+            match *want {
+                Wanted::Number { column, power } => {
+                    self.numbers(column, power, rows, &mut block.numbers[number]);
+                    refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
+                    number += 1;
+                }
+                Wanted::Label { column } => {
+                    self.labels(column, rows, &mut block.labels[label]);
+                    label += 1;
+                }
+            }
+        }
+        block.faults.sort_by_key(|fault| fault.row);
+        self.row += rows as u64;
+        Ok(())
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        let part = if self.rows == 0 { 0.0 } else { self.row as f64 / self.rows as f64 };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
+        ((self.file_bytes as f64 * part) as u64, self.file_bytes)
+    }
+}
+
+impl RecordTable {
+    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>) {
+        match self.fields[column].cells {
+            Cells::Numbers { lane, offset, element } => {
+                element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
+            }
+            Cells::Clock(clock) => {
+                let mut shift = Shift::new(power);
+                out.extend((0..rows as u64).map(|row| shift.float(clock.at(self.row + row))));
+            }
+            // Refused by `want`.
+            Cells::Text { .. } | Cells::Texts { .. } => {}
+        }
+    }
+
+    fn labels(&self, column: usize, rows: usize, out: &mut Labels) {
+        let mut text = Vec::new();
+        for row in 0..rows {
+            let cell = |lane: usize, offset: usize, bytes: usize| {
+                let start = row * self.lanes[lane].record() + offset;
+                self.raw[lane].get(start..start + bytes).unwrap_or_default()
+            };
+            match self.fields[column].cells {
+                Cells::Numbers { lane, offset, element } => {
+                    element.label(cell(lane, offset, element.bytes), &mut text);
+                }
+                Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),
+                Cells::Texts { lane } => {
+                    text.clear();
+                    text.extend_from_slice(trimmed(self.texts[lane].get(row).map_or(&[], Vec::as_slice)));
+                }
+                Cells::Clock(clock) => {
+                    text = crate::element::shortest(clock.at(self.row + row as u64)).into_bytes();
+                }
+            }
+            push_label(out, row, &text);
+        }
+    }
+}
+
+/// Adds a row's label to the runs.
+pub(crate) fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
+    if labels.last().is_none_or(|(_, last)| last != text) {
+        labels.push((row, text.to_vec()));
+    }
+}
+
+/// Puts NaN for what is no finite number, and tells it. `row` is the file's row of the block's first.
+pub(crate) fn refuse_infinities(numbers: &mut [f64], column: usize, row: u64, faults: &mut Vec<CellFault>) {
+    for (place, number) in numbers.iter_mut().enumerate() {
+        if number.is_finite() {
+            continue;
+        }
+        let fault =
+            if number.is_nan() { Fault::Nan("NaN".to_owned()) } else { Fault::Infinite(number.to_string()) };
+        *number = f64::NAN;
+        faults.push(CellFault { row: place, line: row + place as u64 + 1, column: Some(column), fault });
+    }
+}
+
+impl Code {
+    /// Reads a text of this code, without the white space and NULs around it.
+    pub(crate) fn read(self, raw: &[u8], out: &mut Vec<u8>) {
+        out.clear();
+        match self {
+            Self::Bytes => out.extend_from_slice(trimmed(raw)),
+            #[cfg(feature = "hdf5")]
+            Self::Utf16 { big_endian } => {
+                let units = raw.chunks_exact(2).map(|two| {
+                    if big_endian {
+                        u16::from_be_bytes([two[0], two[1]])
+                    } else {
+                        u16::from_le_bytes([two[0], two[1]])
+                    }
+                });
+                let letters =
+                    char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
+                out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
+            }
+            #[cfg(feature = "npy")]
+            Self::Utf32 { big_endian } => {
+                let mut text = String::new();
+                for four in raw.chunks_exact(4) {
+                    let mut bytes = [four[0], four[1], four[2], four[3]];
+                    if big_endian {
+                        bytes.reverse();
+                    }
+                    text.push(
+                        char::from_u32(u32::from_le_bytes(bytes)).unwrap_or(char::REPLACEMENT_CHARACTER),
+                    );
+                }
+                out.extend_from_slice(trimmed(text.as_bytes()));
+            }
+        }
+    }
+}
+
+fn trimmed(text: &[u8]) -> &[u8] {
+    let end =
+        text.iter().rposition(|byte| *byte != 0 && !byte.is_ascii_whitespace()).map_or(0, |last| last + 1);
+    text[..end].trim_ascii_start()
+}

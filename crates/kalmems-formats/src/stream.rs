@@ -1,0 +1,236 @@
+//! A stretch of a file that is read from front to back, packed or not.
+
+use crate::FormatError;
+use crate::records::Lane;
+use crate::source::Source;
+use flate2::{Crc, Decompress, FlushDecompress, Status};
+use std::sync::Arc;
+
+/// Packed bytes that are read together.
+const INPUT: usize = 64 << 10;
+
+/// How a stretch is packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    /// Not at all.
+    Stored,
+    /// Deflate (RFC 1951), as in zip files.
+    #[cfg(feature = "npy")]
+    Deflate,
+    /// Zlib (RFC 1950), as in MAT files.
+    #[cfg(feature = "mat")]
+    Zlib,
+}
+
+/// A stretch of a file.
+#[derive(Clone)]
+pub(crate) struct Stretch {
+    pub(crate) source: Arc<Source>,
+    pub(crate) format: &'static str,
+    /// What it is, for messages.
+    pub(crate) name: String,
+    pub(crate) packing: Packing,
+    /// Where the packed bytes begin and end.
+    pub(crate) start: u64,
+    pub(crate) end: u64,
+    /// The sum that the unpacked bytes have, where there is one.
+    pub(crate) crc: Option<u32>,
+}
+
+impl Stretch {
+    /// Begins at its front.
+    pub(crate) fn stream(&self) -> Stream {
+        let inflate = match self.packing {
+            Packing::Stored => None,
+            #[cfg(feature = "npy")]
+            Packing::Deflate => Some(Inflate::new(false)),
+            #[cfg(feature = "mat")]
+            Packing::Zlib => Some(Inflate::new(true)),
+        };
+        Stream { stretch: self.clone(), at: self.start, inflate, position: 0, sum: Crc::new() }
+    }
+}
+
+/// A stretch that is being read.
+pub(crate) struct Stream {
+    stretch: Stretch,
+    /// The next packed byte that is not in memory.
+    at: u64,
+    inflate: Option<Inflate>,
+    /// Unpacked bytes so far.
+    position: u64,
+    sum: Crc,
+}
+
+struct Inflate {
+    engine: Decompress,
+    input: Vec<u8>,
+    next: usize,
+    ended: bool,
+}
+
+impl Inflate {
+    fn new(zlib: bool) -> Self {
+        Self { engine: Decompress::new(zlib), input: Vec::new(), next: 0, ended: false }
+    }
+}
+
+impl Stream {
+    /// Unpacked bytes before the next.
+    pub(crate) fn position(&self) -> u64 {
+        self.position
+    }
+
+    /// What is wrong at this place.
+    pub(crate) fn damaged(&self, found: impl Into<String>, expected: impl Into<String>) -> FormatError {
+        FormatError::Damaged {
+            format: self.stretch.format,
+            place: format!("byte {} of {}", self.position, self.stretch.name),
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+
+    /// Reads all of `buffer`.
+    pub(crate) fn read(&mut self, buffer: &mut [u8]) -> Result<(), FormatError> {
+        if self.inflate.is_some() {
+            self.unpack(buffer)?;
+        } else {
+            let count = buffer.len() as u64;
+            if self.stretch.end - self.at < count {
+                return Err(self.damaged(
+                    format!("its end after {} more bytes", self.stretch.end - self.at),
+                    format!("{count} bytes"),
+                ));
+            }
+            self.stretch.source.read_exact(self.stretch.format, self.at, buffer)?;
+            self.at += count;
+        }
+        self.position += buffer.len() as u64;
+        if self.stretch.crc.is_some() {
+            self.sum.update(buffer);
+        }
+        Ok(())
+    }
+
+    /// Reads a few bytes, whose number the caller bounds.
+    pub(crate) fn bytes(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
+        let mut buffer = vec![0; count];
+        self.read(&mut buffer)?;
+        Ok(buffer)
+    }
+
+    /// Passes over bytes.
+    pub(crate) fn skip(&mut self, mut count: u64) -> Result<(), FormatError> {
+        if self.inflate.is_none() && self.stretch.crc.is_none() {
+            if self.stretch.end - self.at < count {
+                return Err(self.damaged(
+                    format!("its end after {} more bytes", self.stretch.end - self.at),
+                    format!("{count} bytes"),
+                ));
+            }
+            self.at += count;
+            self.position += count;
+            return Ok(());
+        }
+        let mut waste = vec![0; usize::try_from(count).unwrap_or(INPUT).min(INPUT)];
+        while count > 0 {
+            let some = usize::try_from(count).unwrap_or(INPUT).min(waste.len());
+            self.read(&mut waste[..some])?;
+            count -= some as u64;
+        }
+        Ok(())
+    }
+
+    /// Compares the sum of everything that was read with the one in the file; at the end.
+    pub(crate) fn check_sum(&self) -> Result<(), FormatError> {
+        match self.stretch.crc {
+            Some(expected) if expected != self.sum.sum() => Err(self.damaged(
+                format!("a checksum of {:08x} over what was read", self.sum.sum()),
+                format!("{expected:08x}"),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn unpack(&mut self, buffer: &mut [u8]) -> Result<(), FormatError> {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            let Some(inflate) = &mut self.inflate else { break };
+            if inflate.next == inflate.input.len() && self.at < self.stretch.end {
+                let count = usize::try_from(self.stretch.end - self.at).unwrap_or(INPUT).min(INPUT);
+                inflate.input.resize(count, 0);
+                self.stretch.source.read_exact(self.stretch.format, self.at, &mut inflate.input)?;
+                inflate.next = 0;
+                self.at += count as u64;
+            }
+            let (taken, given) = (inflate.engine.total_in(), inflate.engine.total_out());
+            let status = if inflate.ended {
+                Ok(Status::StreamEnd)
+            } else {
+                inflate.engine.decompress(
+                    &inflate.input[inflate.next..],
+                    &mut buffer[filled..],
+                    FlushDecompress::None,
+                )
+            };
+            let taken = inflate.engine.total_in() - taken;
+            let given = inflate.engine.total_out() - given;
+            // Both are no more than the lengths of the slices.
+            #[allow(clippy::cast_possible_truncation)]
+            {
+                inflate.next += taken as usize;
+                filled += given as usize;
+            }
+            inflate.ended |= matches!(status, Ok(Status::StreamEnd));
+            let stuck = taken == 0 && given == 0;
+            if filled < buffer.len() && (status.is_err() || inflate.ended || stuck) {
+                let found = match status {
+                    Err(error) => format!("packed bytes that are none ({error})"),
+                    Ok(_) => format!("the end of what is packed {filled} bytes on"),
+                };
+                return Err(self.damaged(found, format!("{} bytes", buffer.len())));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Records in a stretch of a file.
+pub(crate) struct StreamLane {
+    pub(crate) stretch: Stretch,
+    /// Bytes before the first record.
+    pub(crate) skip: u64,
+    pub(crate) record: usize,
+    /// Records that are still to come.
+    pub(crate) rows: u64,
+    pub(crate) stream: Option<Stream>,
+}
+
+impl StreamLane {
+    pub(crate) fn new(stretch: Stretch, skip: u64, record: usize, rows: u64) -> Self {
+        Self { stretch, skip, record, rows, stream: None }
+    }
+}
+
+impl Lane for StreamLane {
+    fn record(&self) -> usize {
+        self.record
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        let stream = match &mut self.stream {
+            Some(stream) => stream,
+            // Unpacking takes memory, which a column that is not read does not need.
+            empty => {
+                let mut stream = self.stretch.stream();
+                stream.skip(self.skip)?;
+                empty.insert(stream)
+            }
+        };
+        out.resize(rows * self.record, 0);
+        stream.read(out)?;
+        self.rows = self.rows.saturating_sub(rows as u64);
+        if self.rows == 0 { stream.check_sum() } else { Ok(()) }
+    }
+}

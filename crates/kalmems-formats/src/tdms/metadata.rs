@@ -1,0 +1,550 @@
+//! What the segments of a TDMS file say of its objects (National Instruments, TDMS File Format Internal Structure).
+
+use crate::FormatError;
+use crate::element::{Element, Kind};
+use crate::limits;
+use crate::source::Source;
+use std::collections::HashMap;
+
+pub(super) const FORMAT: &str = "TDMS";
+/// Bytes before a segment's metadata.
+const LEAD_IN: u64 = 28;
+/// Segments of a file; each is a few numbers in memory.
+const SEGMENTS: u64 = 1 << 20;
+/// Channels of all layouts together.
+const PARTS: u64 = 1 << 20;
+/// Properties, names and values of a file.
+const METADATA_BYTES: u64 = 4 * limits::HEADER_BYTES;
+
+/// The objects of a file and where their values are.
+#[derive(Default)]
+pub(super) struct File {
+    pub(super) channels: Vec<Channel>,
+    pub(super) segments: Vec<Segment>,
+    pub(super) layouts: Vec<Layout>,
+    /// Bytes at the end that belong to no whole row, of a recording that was not ended.
+    pub(super) left_over: u64,
+    pub(super) unfinished: bool,
+    numbers: HashMap<String, usize>,
+    parts: u64,
+    /// What a chunk holds differs from the last layout.
+    changed: bool,
+}
+
+/// A channel.
+pub(super) struct Channel {
+    pub(super) group: String,
+    pub(super) name: String,
+    pub(super) kind: Option<Value>,
+    pub(super) rows: u64,
+    pub(super) unit: String,
+    pub(super) increment: Option<f64>,
+    pub(super) start_offset: f64,
+    pub(super) scaled: bool,
+    /// What the last segment said of its values in one chunk.
+    index: Option<Index>,
+    /// Whether it is in the list of objects of the last segment.
+    active: bool,
+}
+
+/// What a channel's values are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Value {
+    Number(Element),
+    Text {
+        big_endian: bool,
+    },
+    /// Anything else of a known length.
+    Other {
+        bytes: usize,
+        what: &'static str,
+    },
+}
+
+impl Value {
+    fn bytes(self) -> u64 {
+        match self {
+            Self::Number(element) => element.bytes as u64,
+            Self::Other { bytes, .. } => bytes as u64,
+            Self::Text { .. } => 0,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Index {
+    value: Value,
+    rows: u64,
+    /// All values together.
+    bytes: u64,
+}
+
+/// A stretch of raw data: chunks of one layout, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Segment {
+    pub(super) offset: u64,
+    pub(super) chunks: u64,
+    /// Rows that are whole in the chunk that the end of the file cuts.
+    pub(super) cut_rows: u64,
+    pub(super) layout: usize,
+}
+
+/// Where the values are in a chunk.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Layout {
+    pub(super) chunk_bytes: u64,
+    pub(super) interleaved: bool,
+    pub(super) parts: Vec<Part>,
+}
+
+/// A channel's values in a chunk.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) channel: usize,
+    pub(super) offset: u64,
+    pub(super) rows: u64,
+    /// From one value to the next; all bytes for texts.
+    pub(super) stride: u64,
+    pub(super) bytes: u64,
+}
+
+/// The bits of a segment's table of contents.
+mod toc {
+    pub(super) const METADATA: u32 = 1 << 1;
+    pub(super) const NEW_OBJECTS: u32 = 1 << 2;
+    pub(super) const RAW_DATA: u32 = 1 << 3;
+    pub(super) const INTERLEAVED: u32 = 1 << 5;
+    pub(super) const BIG_ENDIAN: u32 = 1 << 6;
+    pub(super) const DAQMX: u32 = 1 << 7;
+}
+
+impl File {
+    pub(super) fn read(source: &Source) -> Result<Self, FormatError> {
+        let mut file = Self::default();
+        let mut active: Vec<usize> = Vec::new();
+        let mut budget = METADATA_BYTES;
+        let mut at = 0;
+        while at < source.length() {
+            limits::at_most(FORMAT, "the number of segments", file.segments.len() as u64, SEGMENTS)?;
+            at = file.segment(source, at, &mut active, &mut budget)?;
+        }
+        Ok(file)
+    }
+
+    /// Reads a segment; gives where the next begins.
+    fn segment(
+        &mut self,
+        source: &Source,
+        at: u64,
+        active: &mut Vec<usize>,
+        budget: &mut u64,
+    ) -> Result<u64, FormatError> {
+        let lead = source.bytes(FORMAT, at, 28)?;
+        if !lead.starts_with(b"TDSm") {
+            return Err(damaged(
+                at,
+                format!("`{}`", lead[..4].escape_ascii()),
+                "a segment, which begins with TDSm",
+            ));
+        }
+        let contents = u32::from_le_bytes([lead[4], lead[5], lead[6], lead[7]]);
+        let big_endian = contents & toc::BIG_ENDIAN != 0;
+        let long = |place: usize| number(&lead[place..place + 8], big_endian);
+        let (next, raw) = (long(12), long(20));
+        let start = at + LEAD_IN;
+        let unfinished = next == u64::MAX;
+        let end = if unfinished { source.length() } else { source.within(FORMAT, start, next)? };
+        let raw_start = start.checked_add(raw).filter(|raw_start| *raw_start <= end).ok_or_else(|| {
+            damaged(at, format!("raw data {raw} bytes into the segment"), "a place within the segment")
+        })?;
+        if unfinished {
+            self.unfinished = true;
+        }
+        if contents & toc::METADATA != 0 {
+            limits::at_most(FORMAT, "the length of the metadata", raw, *budget)?;
+            *budget -= raw;
+            #[allow(clippy::cast_possible_truncation)] // bounded by the line above
+            let bytes = source.bytes(FORMAT, start, raw as usize)?;
+            let mut reader = Reader { bytes: &bytes, at: 0, place: start, big_endian };
+            self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
+        }
+        if contents & toc::RAW_DATA == 0 || raw_start == end {
+            return Ok(end);
+        }
+        if contents & toc::DAQMX != 0 {
+            return Err(unsupported("DAQmx raw data", "read it in LabVIEW and write the scaled channels"));
+        }
+        let interleaved = contents & toc::INTERLEAVED != 0;
+        let layout = self.layout(at, active, interleaved)?;
+        self.add(at, raw_start, end, layout, unfinished)?;
+        Ok(end)
+    }
+
+    /// Reads the list of objects.
+    fn objects(
+        &mut self,
+        reader: &mut Reader<'_>,
+        active: &mut Vec<usize>,
+        all_new: bool,
+    ) -> Result<(), FormatError> {
+        if all_new {
+            active.drain(..).for_each(|number| self.channels[number].active = false);
+        }
+        self.changed |= all_new;
+        for _ in 0..reader.u32()? {
+            let path = reader.text()?;
+            let names = names(&path).ok_or_else(|| {
+                reader.damaged(
+                    format!("the path `{}`", path.chars().take(64).collect::<String>()),
+                    "such as /'group'/'channel'",
+                )
+            })?;
+            let channel = match names {
+                (Some(group), Some(name)) => Some(self.channel(path, group, name)?),
+                _ => None,
+            };
+            let header = reader.u32()?;
+            let index = match (header, channel) {
+                (u32::MAX, _) => None,
+                (0, Some(channel)) => Some(self.channels[channel].index.ok_or_else(|| {
+                    reader.damaged(
+                        "the same values as before, where there were none".to_owned(),
+                        "what they are",
+                    )
+                })?),
+                (0x1269 | 0x1369 | 0x6912_0000 | 0x6913_0000, _) => {
+                    return Err(unsupported(
+                        "DAQmx raw data",
+                        "read it in LabVIEW and write the scaled channels",
+                    ));
+                }
+                (_, Some(_)) => Some(reader.index()?),
+                (_, None) => {
+                    return Err(reader.damaged("values of a group".to_owned(), "values of channels alone"));
+                }
+            };
+            if let (Some(index), Some(number)) = (index, channel) {
+                let channel = &mut self.channels[number];
+                match channel.kind {
+                    Some(kind) if kind != index.value => {
+                        return Err(unsupported(
+                            &format!("the channel `{}`, whose type changes,", channel.name),
+                            "write it with one type",
+                        ));
+                    }
+                    _ => channel.kind = Some(index.value),
+                }
+                self.changed |= channel.index != Some(index);
+                channel.index = Some(index);
+                if !channel.active {
+                    channel.active = true;
+                    active.push(number);
+                    self.changed = true;
+                }
+            }
+            for _ in 0..reader.u32()? {
+                let name = reader.text()?;
+                let value = reader.property()?;
+                if let Some(number) = channel {
+                    self.channels[number].learn(&name, value);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn channel(&mut self, path: String, group: String, name: String) -> Result<usize, FormatError> {
+        if let Some(number) = self.numbers.get(&path) {
+            return Ok(*number);
+        }
+        let number = self.channels.len();
+        limits::at_most(FORMAT, "the number of channels", number as u64, limits::COLUMNS as u64)?;
+        self.numbers.insert(path, number);
+        self.channels.push(Channel {
+            group,
+            name,
+            kind: None,
+            rows: 0,
+            unit: String::new(),
+            increment: None,
+            start_offset: 0.0,
+            scaled: false,
+            index: None,
+            active: false,
+        });
+        Ok(number)
+    }
+
+    /// What a chunk holds; the last one again where nothing changed.
+    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize, FormatError> {
+        let last = self.layouts.last().filter(|last| !self.changed && last.interleaved == interleaved);
+        if last.is_some() {
+            return Ok(self.layouts.len() - 1);
+        }
+        let overflow = || damaged(at, "chunks of more than 2⁶⁴ bytes".to_owned(), "fewer values");
+        let mut parts = Vec::with_capacity(active.len());
+        let mut offset = 0_u64;
+        let indices = active.iter().filter_map(|channel| Some((*channel, self.channels[*channel].index?)));
+        for (channel, index) in indices {
+            let value = index.value.bytes();
+            let part = Part { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
+            if interleaved && matches!(index.value, Value::Text { .. }) {
+                return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
+            }
+            parts.push(part);
+            offset =
+                offset.checked_add(if interleaved { value } else { index.bytes }).ok_or_else(overflow)?;
+        }
+        let mut chunk_bytes = offset;
+        if interleaved {
+            let rows = parts.first().map_or(0, |part| part.rows);
+            if parts.iter().any(|part| part.rows != rows) {
+                return Err(damaged(at, "interleaved channels of several lengths".to_owned(), "one length"));
+            }
+            limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES as u64)?;
+            for part in &mut parts {
+                part.stride = offset;
+            }
+            chunk_bytes = offset.checked_mul(rows).ok_or_else(overflow)?;
+        }
+        let layout = Layout { chunk_bytes, interleaved, parts };
+        self.changed = false;
+        if self.layouts.last() != Some(&layout) {
+            self.parts += layout.parts.len() as u64 + 1;
+            limits::at_most(FORMAT, "how often channels change, times their number,", self.parts, PARTS)?;
+            self.layouts.push(layout);
+        }
+        Ok(self.layouts.len() - 1)
+    }
+
+    /// Adds a segment's raw data.
+    fn add(
+        &mut self,
+        at: u64,
+        start: u64,
+        end: u64,
+        layout: usize,
+        unfinished: bool,
+    ) -> Result<(), FormatError> {
+        let Layout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
+        let bytes = end - start;
+        if chunk_bytes == 0 {
+            return Err(damaged(
+                at,
+                format!("{bytes} bytes of values of no channel"),
+                "channels with values",
+            ));
+        }
+        let (chunks, rest) = (bytes / chunk_bytes, bytes % chunk_bytes);
+        let mut cut_rows = 0;
+        if rest != 0 {
+            if !unfinished {
+                return Err(damaged(
+                    at,
+                    format!("{bytes} bytes of values"),
+                    &format!("a multiple of {chunk_bytes}, the bytes of a chunk"),
+                ));
+            }
+            let whole = |part: &Part| match (interleaved, part.stride) {
+                (true, stride) => rest / stride.max(1),
+                // Texts are whole when the chunk is.
+                (false, 0) => 0,
+                (false, stride) => (rest.saturating_sub(part.offset) / stride).min(part.rows),
+            };
+            cut_rows = parts.iter().map(whole).min().unwrap_or(0);
+            self.left_over = rest;
+        }
+        for part in parts {
+            let rows = part.rows.checked_mul(chunks).and_then(|rows| rows.checked_add(cut_rows));
+            let channel = &mut self.channels[part.channel];
+            channel.rows = rows
+                .and_then(|rows| channel.rows.checked_add(rows))
+                .ok_or_else(|| damaged(at, "more than 2⁶⁴ values".to_owned(), "fewer"))?;
+        }
+        self.segments.push(Segment { offset: start, chunks, cut_rows, layout });
+        Ok(())
+    }
+}
+
+impl Channel {
+    fn learn(&mut self, name: &str, value: Property) {
+        match (name, value) {
+            ("unit_string", Property::Text(text)) => self.unit = text,
+            ("wf_increment", Property::Number(number)) => self.increment = Some(number),
+            ("wf_start_offset", Property::Number(number)) => self.start_offset = number,
+            ("NI_Number_Of_Scales", Property::Number(number)) => self.scaled = number > 0.0,
+            _ => {}
+        }
+    }
+}
+
+enum Property {
+    Text(String),
+    Number(f64),
+    Other,
+}
+
+/// Metadata in memory.
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    place: u64,
+    big_endian: bool,
+}
+
+impl<'a> Reader<'a> {
+    fn damaged(&self, found: String, expected: &str) -> FormatError {
+        damaged(self.place + self.at as u64, found, expected)
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
+        let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
+        let taken = taken.ok_or_else(|| {
+            self.damaged("the end of the metadata".to_owned(), &format!("{count} more bytes"))
+        })?;
+        self.at += count;
+        Ok(taken)
+    }
+
+    fn u32(&mut self) -> Result<u32, FormatError> {
+        let bytes = self.take(4)?;
+        #[allow(clippy::cast_possible_truncation)] // four bytes
+        Ok(number(bytes, self.big_endian) as u32)
+    }
+
+    fn u64(&mut self) -> Result<u64, FormatError> {
+        let bytes = self.take(8)?;
+        Ok(number(bytes, self.big_endian))
+    }
+
+    fn text(&mut self) -> Result<String, FormatError> {
+        let length = self.u32()? as usize;
+        Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
+    }
+
+    fn value(&mut self, code: u32) -> Result<Value, FormatError> {
+        let number = |kind, bytes| Value::Number(Element { kind, bytes, big_endian: self.big_endian });
+        Ok(match code {
+            1 => number(Kind::Signed, 1),
+            2 => number(Kind::Signed, 2),
+            3 => number(Kind::Signed, 4),
+            4 => number(Kind::Signed, 8),
+            // 0 and 1.
+            5 | 0x21 => number(Kind::Unsigned, 1),
+            6 => number(Kind::Unsigned, 2),
+            7 => number(Kind::Unsigned, 4),
+            8 => number(Kind::Unsigned, 8),
+            9 | 0x19 => number(Kind::Float, 4),
+            10 | 0x1a => number(Kind::Float, 8),
+            0x20 => Value::Text { big_endian: self.big_endian },
+            0x44 => Value::Other { bytes: 16, what: "dates" },
+            0x0008_000c => Value::Other { bytes: 8, what: "complex numbers" },
+            0x0010_000d => Value::Other { bytes: 16, what: "complex numbers" },
+            _ => {
+                return Err(self.damaged(format!("values of type {code:#x}"), "a type of a known length"));
+            }
+        })
+    }
+
+    fn index(&mut self) -> Result<Index, FormatError> {
+        let code = self.u32()?;
+        let value = self.value(code)?;
+        let axes = self.u32()?;
+        if axes != 1 {
+            return Err(self.damaged(format!("values along {axes} axes"), "1"));
+        }
+        let rows = self.u64()?;
+        let bytes = match value {
+            Value::Text { .. } => self.u64()?,
+            _ => rows
+                .checked_mul(value.bytes())
+                .ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
+        };
+        if matches!(value, Value::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
+            return Err(
+                self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
+            );
+        }
+        Ok(Index { value, rows, bytes })
+    }
+
+    fn property(&mut self) -> Result<Property, FormatError> {
+        let code = self.u32()?;
+        let value = self.value(code)?;
+        match value {
+            Value::Text { .. } => Ok(Property::Text(self.text()?)),
+            Value::Number(element) => {
+                let mut number = Vec::with_capacity(1);
+                element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);
+                Ok(number.first().map_or(Property::Other, |number| Property::Number(*number)))
+            }
+            Value::Other { bytes, .. } => {
+                self.take(bytes)?;
+                Ok(Property::Other)
+            }
+        }
+    }
+}
+
+/// Group and channel of a path such as `/'group'/'channel'`; a quote within a name stands twice.
+#[allow(clippy::type_complexity)] // named where it is used
+fn names(path: &str) -> Option<(Option<String>, Option<String>)> {
+    let mut names = Vec::new();
+    let mut rest = path;
+    while !rest.is_empty() && rest != "/" {
+        rest = rest.strip_prefix("/'")?;
+        let mut name = String::new();
+        loop {
+            let quote = rest.find('\'')?;
+            name.push_str(&rest[..quote]);
+            rest = &rest[quote + 1..];
+            match rest.strip_prefix('\'') {
+                Some(after) => {
+                    name.push('\'');
+                    rest = after;
+                }
+                None => break,
+            }
+        }
+        names.push(name);
+        if names.len() > 2 {
+            return None;
+        }
+    }
+    let mut names = names.into_iter();
+    Some((names.next(), names.next()))
+}
+
+fn number(bytes: &[u8], big_endian: bool) -> u64 {
+    let append = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
+    if big_endian { bytes.iter().fold(0, append) } else { bytes.iter().rev().fold(0, append) }
+}
+
+pub(super) fn damaged(place: u64, found: String, expected: &str) -> FormatError {
+    FormatError::Damaged {
+        format: FORMAT,
+        place: format!("byte {place}"),
+        found,
+        expected: expected.to_owned(),
+    }
+}
+
+pub(super) fn unsupported(what: &str, remedy: &str) -> FormatError {
+    FormatError::Unsupported { format: FORMAT, what: what.to_owned(), remedy: remedy.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::names;
+
+    #[test]
+    fn paths_of_objects() {
+        let some = |name: &str| Some(name.to_owned());
+        assert_eq!(names("/"), Some((None, None)));
+        assert_eq!(names("/'rig'"), Some((some("rig"), None)));
+        assert_eq!(names("/'rig'/'cap''s / 2'"), Some((some("rig"), some("cap's / 2"))));
+        for path in ["rig", "/rig", "/'rig", "/'a'/'b'/'c'", "/'a''"] {
+            assert_eq!(names(path), None, "{path}");
+        }
+    }
+}

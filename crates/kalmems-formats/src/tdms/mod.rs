@@ -1,0 +1,271 @@
+//! TDMS, as LabVIEW and FlexLogger write it: one group's channels as columns.
+
+mod metadata;
+
+use crate::name::with_unit;
+use crate::records::{Cells, Clock, Field, Lane, RecordTable};
+use crate::source::Source;
+use crate::{Column, FormatError, Hints, Table, limits};
+use metadata::{FORMAT, File, Part, Value, damaged, unsupported};
+use std::sync::Arc;
+
+pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let file = File::read(&source)?;
+    let group = group(&file, hints)?;
+    let file_bytes = source.length();
+    let (source, file) = (Arc::new(source), Arc::new(file));
+    let (mut fields, mut lanes, mut left_out) =
+        (Vec::<Field>::new(), Vec::<Box<dyn Lane>>::new(), Vec::new());
+    let mut clocks = Vec::new();
+    for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
+        let lane = lanes.len();
+        let (cells, record) = match channel.kind {
+            Some(Value::Number(element)) => (Cells::Numbers { lane, offset: 0, element }, element.bytes),
+            Some(Value::Text { .. }) => (Cells::Texts { lane }, 0),
+            Some(Value::Other { what, .. }) => {
+                left_out.push(format!("`{}` ({what})", channel.name));
+                continue;
+            }
+            None => {
+                left_out.push(format!("`{}` (without values)", channel.name));
+                continue;
+            }
+        };
+        if channel.scaled {
+            left_out
+                .push(format!("`{}` (to be scaled by `NI_Scale`: write its scaled values)", channel.name));
+            continue;
+        }
+        limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
+        let column = Column {
+            name: with_unit(&channel.name, &channel.unit),
+            place: Some(format!("{} of {group}", channel.name)),
+        };
+        fields.push(Field { column, cells, rows: channel.rows });
+        lanes.push(Box::new(ChannelLane {
+            source: Arc::clone(&source),
+            file: Arc::clone(&file),
+            channel: number,
+            record,
+            segment: 0,
+            chunk: 0,
+            row: 0,
+            place: None,
+            texts: Vec::new(),
+            scratch: Vec::new(),
+        }));
+        clocks.push((channel.increment, channel.start_offset));
+    }
+    if fields.is_empty() {
+        return Err(unsupported(
+            &format!(
+                "the group `{group}` without a channel of numbers or labels ({})",
+                limits::list(&left_out)
+            ),
+            "write the name of another in `group`",
+        ));
+    }
+    let mut recognised = format!("the channels of the group `{group}`, a column each");
+    recognised.push_str(&add_clock(&mut fields, &clocks));
+    if file.unfinished {
+        recognised.push_str(&format!(
+            "; the recording was not ended: {} bytes of its last chunk were looked at for whole rows",
+            file.left_over
+        ));
+    }
+    if !left_out.is_empty() {
+        recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
+    }
+    Ok(Box::new(RecordTable::new(FORMAT, recognised, fields, lanes, file_bytes)))
+}
+
+/// Puts the time first, where the channels agree on a clock; says what it did.
+fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
+    let Some((Some(increment), start)) = clocks.iter().find(|(increment, _)| increment.is_some()).copied()
+    else {
+        return String::new();
+    };
+    if fields.iter().any(|field| field.column.name == "time_s") {
+        return String::new();
+    }
+    if clocks.iter().any(|clock| *clock != (Some(increment), start)) {
+        return "; no time is made, because the channels differ in `wf_increment` or `wf_start_offset`"
+            .to_owned();
+    }
+    if !(increment > 0.0 && increment.is_finite() && start.is_finite()) {
+        return format!(
+            "; no time is made of a `wf_increment` of {increment} and a `wf_start_offset` of {start}"
+        );
+    }
+    let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
+    let column = Column { name: "time_s".to_owned(), place: None };
+    fields.insert(0, Field { column, cells: Cells::Clock(Clock::Increment { start, increment }), rows });
+    format!(
+        "; time_s = {start} s + k·{increment} s for row k from 0 on (wf_start_offset, wf_increment), which is not in \
+         the file"
+    )
+}
+
+/// The group that is meant.
+fn group(file: &File, hints: &Hints) -> Result<String, FormatError> {
+    let mut groups: Vec<&str> = Vec::new();
+    for channel in file.channels.iter().filter(|channel| channel.kind.is_some()) {
+        if groups.last() != Some(&channel.group.as_str()) && groups.len() < limits::COLUMNS {
+            groups.push(&channel.group);
+        }
+    }
+    groups.sort_unstable();
+    groups.dedup();
+    let list = || limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
+    match (&hints.group, &groups[..]) {
+        (Some(wanted), groups) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
+        (Some(wanted), _) => Err(unsupported(
+            &format!("the group `{wanted}`, which is not in the file,"),
+            &format!("write one of {}", list()),
+        )),
+        (None, [only]) => Ok((*only).to_owned()),
+        (None, []) => Err(unsupported("a file without channels", "record some")),
+        (None, _) => {
+            Err(unsupported("several groups at a time", &format!("write `group` as one of {}", list())))
+        }
+    }
+}
+
+/// The values of a channel, from all segments.
+struct ChannelLane {
+    source: Arc<Source>,
+    file: Arc<File>,
+    channel: usize,
+    record: usize,
+    /// Where the next value is.
+    segment: usize,
+    chunk: u64,
+    row: u64,
+    /// Where its part is in the layout that was last.
+    place: Option<(usize, Option<usize>)>,
+    /// The texts of the chunk, the last first.
+    texts: Vec<Vec<u8>>,
+    scratch: Vec<u8>,
+}
+
+/// Values that stand together in the file.
+struct Run<'a> {
+    part: &'a Part,
+    /// Where the chunk begins.
+    chunk: u64,
+    interleaved: bool,
+    rows: u64,
+}
+
+impl ChannelLane {
+    /// The rest of the chunk with the next value.
+    fn run<'a>(&mut self, file: &'a File) -> Option<Run<'a>> {
+        loop {
+            let segment = file.segments.get(self.segment)?;
+            let layout = &file.layouts[segment.layout];
+            if self.place.is_none_or(|(layout, _)| layout != segment.layout) {
+                let place = layout.parts.iter().position(|part| part.channel == self.channel);
+                self.place = Some((segment.layout, place));
+            }
+            let part = self.place.and_then(|(_, place)| layout.parts.get(place?));
+            let Some(part) = part.filter(|_| self.chunk <= segment.chunks) else {
+                (self.segment, self.chunk, self.row) = (self.segment + 1, 0, 0);
+                continue;
+            };
+            let rows = if self.chunk < segment.chunks { part.rows } else { segment.cut_rows };
+            if self.row >= rows {
+                // Chunks without values of this channel are passed over together.
+                self.chunk = if part.rows == 0 { segment.chunks + 1 } else { self.chunk + 1 };
+                self.row = 0;
+                continue;
+            }
+            return Some(Run {
+                part,
+                chunk: segment.offset + self.chunk * layout.chunk_bytes,
+                interleaved: layout.interleaved,
+                rows: rows - self.row,
+            });
+        }
+    }
+
+    fn ended(&self) -> FormatError {
+        damaged(self.source.length(), "the end of the values".to_owned(), "more of them")
+    }
+}
+
+impl Lane for ChannelLane {
+    fn record(&self) -> usize {
+        self.record
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        let file = Arc::clone(&self.file);
+        out.clear();
+        let mut missing = rows;
+        while missing > 0 {
+            let run = self.run(&file).ok_or_else(|| self.ended())?;
+            let mut count = usize::try_from(run.rows).unwrap_or(usize::MAX).min(missing);
+            let start = run.chunk + run.part.offset + self.row * run.part.stride;
+            if run.interleaved {
+                #[allow(clippy::cast_possible_truncation)] // at most ROW_BYTES
+                let stride = run.part.stride as usize;
+                // A stretch of all channels.
+                count = count.min((limits::BLOCK_BYTES / stride).max(1));
+                self.scratch.resize((count - 1) * stride + self.record, 0);
+                self.source.read_exact(FORMAT, start, &mut self.scratch)?;
+                for record in self.scratch.chunks(stride) {
+                    out.extend_from_slice(&record[..self.record]);
+                }
+            } else {
+                let filled = out.len();
+                out.resize(filled + count * self.record, 0);
+                self.source.read_exact(FORMAT, start, &mut out[filled..])?;
+            }
+            self.row += count as u64;
+            missing -= count;
+        }
+        Ok(())
+    }
+
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+        let file = Arc::clone(&self.file);
+        out.clear();
+        while out.len() < rows {
+            if self.texts.is_empty() {
+                let run = self.run(&file).ok_or_else(|| self.ended())?;
+                let (start, count) = (run.chunk + run.part.offset, run.part.rows);
+                limits::at_most(FORMAT, "the texts of a chunk", run.part.bytes, limits::HEADER_BYTES)?;
+                #[allow(clippy::cast_possible_truncation)] // bounded by the line above
+                let bytes = self.source.bytes(FORMAT, start, run.part.bytes as usize)?;
+                let big_endian = file.channels[self.channel].kind == Some(Value::Text { big_endian: true });
+                self.texts = split_texts(start, &bytes, count, big_endian)?;
+                self.texts.reverse();
+                self.row = count;
+            }
+            out.extend(self.texts.pop());
+        }
+        Ok(())
+    }
+}
+
+/// The texts of a chunk: where each ends, and then all of them.
+fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>, FormatError> {
+    // `Index` has compared them.
+    let (ends, letters) = bytes.split_at(usize::try_from(count * 4).unwrap_or(bytes.len()).min(bytes.len()));
+    let mut texts = Vec::new();
+    let mut start = 0;
+    for end in ends.chunks_exact(4) {
+        let end = [end[0], end[1], end[2], end[3]];
+        let end = if big_endian { u32::from_be_bytes(end) } else { u32::from_le_bytes(end) } as usize;
+        let text = letters.get(start..end).ok_or_else(|| {
+            damaged(
+                place,
+                format!("a text from {start} to {end} of {} bytes", letters.len()),
+                "one within them",
+            )
+        })?;
+        texts.push(text.to_vec());
+        start = end;
+    }
+    Ok(texts)
+}

@@ -1,0 +1,203 @@
+//! Sound: RIFF/WAVE of 1991, RF64 of 2006 (EBU Tech 3306) and BW64 of 2015 (ITU-R BS.2088).
+
+use crate::element::{Element, Kind};
+use crate::lanes::Stretch;
+use crate::records::{Cells, Clock, Field, RecordTable};
+use crate::source::Source;
+use crate::{Column, FormatError, Hints, Table, limits};
+use std::sync::Arc;
+
+const FORMAT: &str = "WAV";
+/// Chunks that are looked at. A file has about ten.
+const CHUNKS: usize = 4096;
+/// A length of 32 bits that says that it is elsewhere.
+const ELSEWHERE: u32 = u32::MAX;
+
+pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let sound = Sound::read(&source)?;
+    let channels = sound.channels;
+    let names: Vec<String> = match &hints.columns {
+        None => (1..=channels).map(|channel| format!("channel{channel}_1")).collect(),
+        Some(names) if names.len() == channels => names.clone(),
+        Some(names) => {
+            return Err(FormatError::Unsupported {
+                format: FORMAT,
+                what: format!("{channels} channels with {} names", names.len()),
+                remedy: "write as many names in `columns` as there are channels".to_owned(),
+            });
+        }
+    };
+    let record = channels * sound.element.bytes;
+    let rows = sound.bytes / record as u64;
+    let clock = Clock::Rate { start: 0.0, rate: f64::from(sound.rate) };
+    let mut fields = vec![Field {
+        column: Column { name: "time_s".to_owned(), place: None },
+        cells: Cells::Clock(clock),
+        rows,
+    }];
+    for (channel, name) in names.into_iter().enumerate() {
+        let offset = channel * sound.element.bytes;
+        fields.push(Field {
+            column: Column { name, place: Some(format!("channel {}", channel + 1)) },
+            cells: Cells::Numbers { lane: 0, offset, element: sound.element },
+            rows,
+        });
+    }
+    let scale = if sound.element.kind == Kind::Float { "as they are" } else { "in parts of full scale" };
+    let recognised = format!(
+        "{channels} channels of {} in {} bits, {scale}; time_s = k/({} Hz) for row k from 0 on, which is not in the file",
+        if sound.element.kind == Kind::Float { "floating-point numbers" } else { "integers" },
+        sound.element.bytes * 8,
+        sound.rate,
+    );
+    let file_bytes = source.length();
+    let lane = Stretch { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
+    Ok(Box::new(RecordTable::new(FORMAT, recognised, fields, vec![Box::new(lane)], file_bytes)))
+}
+
+/// What is known of the samples.
+struct Sound {
+    channels: usize,
+    rate: u32,
+    element: Element,
+    offset: u64,
+    bytes: u64,
+}
+
+impl Sound {
+    fn read(source: &Source) -> Result<Self, FormatError> {
+        let head = source.bytes(FORMAT, 0, 12)?;
+        let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
+        let mut place = 12;
+        let (mut shape, mut long_data) = (None, None);
+        for _ in 0..CHUNKS {
+            if source.length() - place < 8 {
+                break;
+            }
+            let chunk = source.bytes(FORMAT, place, 8)?;
+            let start = place + 8;
+            let short = u32_at(&chunk, 4);
+            let mut length = u64::from(short);
+            match &chunk[..4] {
+                b"ds64" if long => {
+                    if length < 24 {
+                        return Err(damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24"));
+                    }
+                    let sizes = source.bytes(FORMAT, start, 24)?;
+                    long_data = Some(u64::from(u32_at(&sizes, 8)) | u64::from(u32_at(&sizes, 12)) << 32);
+                }
+                b"fmt " => shape = Some(shape_of(source, place, length)?),
+                b"data" => {
+                    if long && short == ELSEWHERE {
+                        length = long_data.ok_or_else(|| {
+                            damaged(
+                                place,
+                                "data whose length is in no ds64 chunk".to_owned(),
+                                "a ds64 chunk before",
+                            )
+                        })?;
+                    }
+                    let Some((channels, rate, element)) = shape else {
+                        return Err(damaged(
+                            place,
+                            "data before a fmt chunk".to_owned(),
+                            "the fmt chunk first",
+                        ));
+                    };
+                    let there = source.length() - start;
+                    if length > there || (length == 0 && there > 0) {
+                        return Err(damaged(
+                            place,
+                            format!(
+                                "a claim of {length} bytes of samples, and {there} to the end of the file"
+                            ),
+                            "a recording that was ended properly",
+                        ));
+                    }
+                    let record = (channels * element.bytes) as u64;
+                    if length % record != 0 {
+                        return Err(damaged(
+                            place,
+                            format!("{length} bytes of samples"),
+                            &format!("a multiple of {record}, the bytes of a sample of all channels"),
+                        ));
+                    }
+                    return Ok(Self { channels, rate, element, offset: start, bytes: length });
+                }
+                _ => {}
+            }
+            // Chunks begin at even places.
+            place = match start.checked_add(length).and_then(|end| end.checked_add(length % 2)) {
+                Some(next) if next <= source.length() => next,
+                _ => break,
+            };
+        }
+        Err(damaged(place, "no data chunk".to_owned(), "one with samples"))
+    }
+}
+
+/// Channels, rate and kind of number, from the fmt chunk.
+fn shape_of(source: &Source, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
+    if !(16..=1024).contains(&length) {
+        return Err(damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40"));
+    }
+    #[allow(clippy::cast_possible_truncation)] // at most 1024
+    let chunk = source.bytes(FORMAT, place + 8, length as usize)?;
+    let mut code = u16_at(&chunk, 0);
+    let (channels, rate) = (usize::from(u16_at(&chunk, 2)), u32_at(&chunk, 4));
+    let (frame, bits) = (usize::from(u16_at(&chunk, 12)), u16_at(&chunk, 14));
+    if code == 0xfffe {
+        if chunk.len() < 40 {
+            return Err(damaged(place, format!("an extensible fmt chunk of {length} bytes"), "40"));
+        }
+        code = u16_at(&chunk, 24);
+        let valid = u16_at(&chunk, 18);
+        if chunk[26..40] != *b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
+            || (valid != bits && valid != 0)
+        {
+            return Err(FormatError::Unsupported {
+                format: FORMAT,
+                what: format!("a kind of sample of its own, {valid} of {bits} bits,"),
+                remedy: "convert it to PCM or floating-point numbers with all bits in use".to_owned(),
+            });
+        }
+    }
+    let element = match (code, bits) {
+        (1, 8) => Element::little(Kind::PcmByte, 1),
+        (1, 16 | 24 | 32) => Element::little(Kind::Pcm, usize::from(bits / 8)),
+        (3, 32 | 64) => Element::little(Kind::Float, usize::from(bits / 8)),
+        _ => {
+            return Err(FormatError::Unsupported {
+                format: FORMAT,
+                what: format!("code {code} with {bits} bits"),
+                remedy: "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers".to_owned(),
+            });
+        }
+    };
+    if channels == 0 || rate == 0 || frame != channels * element.bytes {
+        return Err(damaged(
+            place,
+            format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample"),
+            "at least one channel, a rate above 0, and bytes that agree",
+        ));
+    }
+    limits::at_most(FORMAT, "the bytes of a sample of all channels", frame as u64, limits::ROW_BYTES as u64)?;
+    Ok((channels, rate, element))
+}
+
+fn u16_at(bytes: &[u8], place: usize) -> u16 {
+    u16::from_le_bytes([bytes[place], bytes[place + 1]])
+}
+
+fn u32_at(bytes: &[u8], place: usize) -> u32 {
+    u32::from(u16_at(bytes, place)) | u32::from(u16_at(bytes, place + 2)) << 16
+}
+
+fn damaged(place: u64, found: String, expected: &str) -> FormatError {
+    FormatError::Damaged {
+        format: FORMAT,
+        place: format!("byte {place}"),
+        found,
+        expected: expected.to_owned(),
+    }
+}

@@ -1,0 +1,331 @@
+//! Texts in the dialects that instruments write.
+
+use kalmems_formats::{Block, CsvHints, Fault, FormatError, Hints, Table, Wanted, open_csv, read_csv};
+use std::fmt::Write as _;
+use std::io::Cursor;
+use std::path::Path;
+
+/// All that a table gives, a small block at a time.
+fn whole(mut table: Box<dyn Table>, capacity: usize) -> Result<Block, FormatError> {
+    let columns = table.description().columns.len();
+    let wanted: Vec<Wanted> = (0..columns).map(|column| Wanted::Number { column, power: 0 }).collect();
+    table.want(&wanted)?;
+    let mut all = Block::default();
+    all.clear(columns, 0);
+    let mut block = Block::with_capacity(capacity);
+    loop {
+        table.read(&mut block)?;
+        if block.is_end() {
+            assert!(table.digest().is_some());
+            return Ok(all);
+        }
+        assert!(block.rows <= capacity);
+        for (row, line) in &block.lines {
+            if all.line_of(all.rows + row) != Some(*line) {
+                all.lines.push((all.rows + row, *line));
+            }
+        }
+        for mut fault in block.faults.drain(..) {
+            fault.row += all.rows;
+            all.faults.push(fault);
+        }
+        all.rows += block.rows;
+        for (column, numbers) in all.numbers.iter_mut().zip(&block.numbers) {
+            column.extend(numbers);
+        }
+    }
+}
+
+fn text(text: &str, hints: &CsvHints) -> Result<Box<dyn Table>, FormatError> {
+    read_csv(Cursor::new(text.as_bytes().to_vec()), &Hints { csv: hints.clone(), ..Hints::default() })
+}
+
+fn names(table: &dyn Table) -> Vec<&str> {
+    table.description().columns.iter().map(|column| column.name.as_str()).collect()
+}
+
+#[test]
+fn dialects_of_instruments() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/csv");
+    let expected: &[(&str, &str, &str, &[&[f64]])] = &[
+        (
+            "rigol.csv",
+            "written by a Rigol oscilloscope, separated by commas, units in line 2, `time_s` from -0.0003 on in \
+             steps of 1e-7, as the header says",
+            "time_s CH1_V CH2_V",
+            &[&[-3e-4, 0.12, -0.04], &[-3e-4 + 1e-7, 0.16, -0.04], &[-3e-4 + 2e-7, 0.12, 0.0]],
+        ),
+        (
+            "rigol_new.csv",
+            "separated by commas, units in the names",
+            "Time_s CH1_V CH2_V",
+            &[&[-5e-6, 0.12, 0.0], &[-4.998e-6, 0.16, 4e-3]],
+        ),
+        (
+            "keysight_infiniivision.csv",
+            "written by a Keysight oscilloscope, separated by commas, units in line 2",
+            "time_s channel_1_V channel_2_V",
+            &[&[-4.99e-3, 0.1206, -2.5e-3], &[-4.98e-3, 0.1608, -2.5e-3]],
+        ),
+        (
+            "siglent.csv",
+            "written by a Siglent oscilloscope, separated by commas, names in line 6, units in line 6",
+            "time_s CH1_V CH2_V",
+            &[&[-7e-5, -0.194, 0.04], &[-6.999e-5, -0.192, 0.04]],
+        ),
+        (
+            "siglent_source.csv",
+            "written by a Siglent oscilloscope, separated by commas, names in line 12, units in line 12",
+            "time_s CH2_V",
+            &[&[-7e-6, 0.032], &[-6.998e-6, 0.064]],
+        ),
+        (
+            "tektronix_mso.csv",
+            "written by a Tektronix oscilloscope, separated by commas, names in line 15, units in the lines before",
+            "TIME_s CH1_V CH3_mV",
+            &[&[-2e-5, 0.08, 1.2], &[-1.9996e-5, 0.1, 1.3]],
+        ),
+        (
+            "tektronix_tds.csv",
+            "written by a Tektronix TDS oscilloscope, separated by commas, settings beside the first rows",
+            "time_s CH2_V",
+            &[&[-5e-4, 0.008], &[-4.996e-4, 0.016], &[-4.992e-4, 0.008], &[-4.988e-4, 0.0]],
+        ),
+        (
+            "lecroy.csv",
+            "written by a LeCroy oscilloscope, separated by commas, names in line 5, times in seconds, no unit of \
+             the amplitudes",
+            "Time_s Ampl",
+            &[&[-5e-8, 0.0125], &[-4.99e-8, 0.015]],
+        ),
+        (
+            "picoscope.csv",
+            "separated by commas, units in line 2",
+            "Time_ms Channel_A_V Channel_B_mV",
+            &[&[-0.00512, 0.1234568, -3.21], &[-0.00508, 0.124, f64::NAN]],
+        ),
+        (
+            "picoscope_decimal_comma.csv",
+            "separated by semicolons, decimal commas, units in line 2",
+            "Zeit_us Kanal_A_V Kanal_B_mV",
+            &[&[-5.12, 0.1234568, -3.21], &[-5.08, 0.124, -3.22]],
+        ),
+        (
+            "rohde_schwarz.csv",
+            "separated by commas, units in the names",
+            "time_s C1_V C2_V",
+            &[&[-6e-3, 0.12, 4e-3], &[-5.9988e-3, 0.16, 4e-3]],
+        ),
+        (
+            "labview_no_x.lvm",
+            "written by LabVIEW, separated by tabs, names in line 23, units in the header, `time_s` from 0.5 on in \
+             steps of 0.001, as the header says",
+            "time_s Voltage_V Current_A",
+            &[&[0.5, 0.012451, 1.5e-3], &[0.501, 0.0125, 1.6e-3], &[0.502, 0.012451, 1.5e-3]],
+        ),
+        (
+            "labview_one_x.lvm",
+            "written by LabVIEW, separated by tabs, names in line 23, units in the header",
+            "time_s Voltage_V Current_A",
+            &[&[0.0, 0.012451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
+        ),
+        (
+            "labview_decimal_comma.lvm",
+            "written by LabVIEW, separated by tabs, decimal commas, names in line 23, units in the header",
+            "time_s Voltage_V Current_A",
+            &[&[0.0, 0.012451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
+        ),
+        (
+            "semicolons.csv",
+            "separated by semicolons, decimal commas",
+            "time_ms drive_V cap_pF",
+            &[&[0.0, 1.5, 5.71], &[0.5, -15.0, 5.72]],
+        ),
+        ("tabs_and_trailing.txt", "separated by tabs", "time_s cap_V", &[&[0.0, 1.5], &[0.1, 1.6]]),
+        (
+            "units_line.csv",
+            "separated by commas, units in line 2",
+            "time_s drive_V cap_pF",
+            &[&[0.0, 1.0, 5.71], &[1.0, 2.0, 5.72]],
+        ),
+        (
+            "brackets.csv",
+            "separated by semicolons, units in the names",
+            "Time_us CH1_V CH2_mV note",
+            &[&[0.1, 1.5, 2.0, f64::NAN], &[0.2, 1.6, 3.0, f64::NAN]],
+        ),
+    ];
+    for (file, recognised, columns, rows) in expected {
+        let table = open_csv(&folder.join(file), &Hints::default()).unwrap();
+        assert_eq!(table.description().recognised, *recognised, "{file}");
+        assert_eq!(names(table.as_ref()).join(" "), *columns, "{file}");
+        let block = whole(table, 1000).unwrap();
+        for (index, row) in rows.iter().enumerate() {
+            let found: Vec<u64> = block.numbers.iter().map(|column| column[index].to_bits()).collect();
+            let row: Vec<u64> = row.iter().map(|number| number.to_bits()).collect();
+            assert_eq!(found, row, "{file} row {index}");
+        }
+        let columns: Vec<_> =
+            block.faults.iter().filter(|f| !matches!(f.fault, Fault::Text(_) | Fault::Infinite(_))).collect();
+        assert!(columns.is_empty(), "{file}: {columns:?}");
+        assert_eq!(block.rows, block.numbers[0].len());
+    }
+}
+
+#[test]
+fn what_has_two_readings_is_refused_with_what_to_write() {
+    let mut report = String::new();
+    for (name, file) in [
+        ("two separators", "time_s;cap_V,x\n0;1,5\n1;2,5\n"),
+        ("two decimal marks", "time_s;cap_V\n0;1,5\n1;2.5\n"),
+        ("a preamble", include_str!("fixtures/csv/unknown_preamble.csv")),
+        ("LeCroy segments", include_str!("fixtures/csv/lecroy_segments.csv")),
+        ("UTF-16", "\u{fffd}"),
+        ("NUL", "time_s,cap_V\n0,1\n\0\0\n"),
+        ("LabVIEW without end", "LabVIEW Measurement\t\nSeparator\tTab\n1\t2\n"),
+    ] {
+        let bytes =
+            if name == "UTF-16" { b"\xff\xfet\0i\0m\0e\0\n\0".to_vec() } else { file.as_bytes().to_vec() };
+        let error = read_csv(Cursor::new(bytes), &Hints::default()).err().unwrap();
+        writeln!(report, "{name}: {error}").unwrap();
+    }
+    let expected = "\
+two separators: the names in line 1 could be separated by commas or semicolons; expected the experiment file to say \
+which: `format = { kind = \"csv\", separator = \",\" }` in its [[recording]]
+two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the experiment file can say: \
+`format = { kind = \"csv\", decimal = \",\" }` in its [[recording]]
+a preamble: line 1 holds no names of columns, and line 4 looks as if it did; expected the experiment file to say so: \
+`format = { kind = \"csv\", header_line = 4 }` in its [[recording]]
+LeCroy segments: CSV: a LeCroy file of 2 segments, whose rows do not say to which they belong, is not read; save each \
+segment in a file of its own
+UTF-16: CSV: text in UTF-16 is not read; save it as UTF-8
+NUL: a byte that is no text, 17 bytes from line 1 on; expected text
+LabVIEW without end: damaged LabVIEW measurement at header: no end; expected `***End_of_Header***` twice, once for the \
+file and once for the channels
+";
+    assert_eq!(report, expected);
+}
+
+#[test]
+fn hints_decide() {
+    let hints = CsvHints { separator: Some(';'), decimal: Some('.'), ..CsvHints::default() };
+    let block = whole(text("time_s;cap_V,x\n0;1.5\n1;2.5\n", &hints).unwrap(), 9).unwrap();
+    assert_eq!(block.numbers, [[0.0, 1.0], [1.5, 2.5]]);
+
+    let hints = CsvHints { header_line: Some(4), ..CsvHints::default() };
+    let table = text(include_str!("fixtures/csv/unknown_preamble.csv"), &hints).unwrap();
+    assert_eq!(names(table.as_ref()), ["Time_s", "CH1_V"]);
+    assert_eq!(whole(table, 9).unwrap().numbers, [[0.1, 0.2, 0.3], [1.5, 1.6, 1.5]]);
+
+    let hints = CsvHints {
+        header_line: Some(2),
+        units_line: Some(1),
+        first_row_line: Some(4),
+        decimal: Some(','),
+        ..CsvHints::default()
+    };
+    let table = text("ms;kV\nt;u\nignored;\n1,5;2\n", &hints).unwrap();
+    assert_eq!(names(table.as_ref()), ["t_ms", "u_kV"]);
+    assert_eq!(whole(table, 9).unwrap().numbers, [[1.5], [2.0]]);
+
+    let named = |columns: &[&str]| Hints {
+        columns: Some(columns.iter().map(|&name| name.to_owned()).collect()),
+        ..Hints::default()
+    };
+    let open = |file: &'static str, columns: &[&str]| read_csv(Cursor::new(file.as_bytes()), &named(columns));
+    let table = open("0\t1,5\n1\t2,5\n", &["time_s", "cap_V"]);
+    assert!(table.is_err(), "tabs or commas");
+    let table = open("0;1.5\n1;2.5\n", &["time_s", "cap_V"]).unwrap();
+    assert_eq!(names(table.as_ref()), ["time_s", "cap_V"]);
+    assert_eq!(whole(table, 9).unwrap().numbers, [[0.0, 1.0], [1.5, 2.5]]);
+    let table = open("a,b\n1,2.5\n", &["time_s", "cap_V"]).unwrap();
+    assert_eq!(whole(table, 9).unwrap().numbers, [[1.0], [2.5]]);
+    let error = open("a,b\n1,2.5\n", &["time_s"]).err().unwrap().to_string();
+    assert_eq!(
+        error,
+        "2 columns: `a`, `b`; expected as many as `columns` in the experiment file names, which are 1"
+    );
+}
+
+/// The lines of rows and what is wrong with them are the same, however few rows a block has.
+#[test]
+fn blocks_of_any_size_tell_the_same() {
+    let odd = "# c\na,b\n1,2\n\n\n3\n4,5,6\n\n7,x\n\"8\",\" 9\n\"\n10,\n,nan\n1e999,2\n\n";
+    let one = "a\n1\n\n\n2\n\n";
+    for file in [odd, one, "a,b\n1,2", "a,b\r\n1,2\r\n\r\n3,4\r\n"] {
+        let expected = whole(text(file, &CsvHints::default()).unwrap(), 100).unwrap();
+        for capacity in 1..5 {
+            let found = whole(text(file, &CsvHints::default()).unwrap(), capacity).unwrap();
+            assert_eq!(format!("{found:?}"), format!("{expected:?}"), "{file:?}");
+        }
+    }
+    let block = whole(text(odd, &CsvHints::default()).unwrap(), 100).unwrap();
+    assert_eq!(block.rows, 6);
+    assert_eq!(block.lines, [(0, 3), (1, 9), (3, 12)]);
+    let faults: Vec<_> = block.faults.iter().map(|f| (f.line, f.column, f.fault.clone())).collect();
+    assert_eq!(
+        faults,
+        [
+            (4, None, Fault::BlankLines { count: 3 }),
+            (6, None, Fault::CellCount { found: 1, expected: 2, rows: 2 }),
+            (9, Some(1), Fault::Text("x".to_owned())),
+            (12, Some(1), Fault::Missing),
+            (13, Some(0), Fault::Missing),
+            (13, Some(1), Fault::Nan("nan".to_owned())),
+            (14, Some(0), Fault::Infinite("1e999".to_owned())),
+        ]
+    );
+    let block = whole(text(one, &CsvHints::default()).unwrap(), 100).unwrap();
+    assert_eq!((block.rows, block.faults.len()), (4, 2));
+}
+
+/// Files that mean harm end in an error or in faults, in bounded memory.
+#[test]
+fn hostile_texts() {
+    struct Endless(Vec<u8>, usize, usize);
+    impl std::io::Read for Endless {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            if self.2 == 0 {
+                return Ok(0);
+            }
+            self.2 -= 1;
+            for byte in buffer.iter_mut() {
+                *byte = self.0[self.1 % self.0.len()];
+                self.1 += 1;
+            }
+            Ok(buffer.len())
+        }
+    }
+    let open = |pattern: &[u8]| {
+        let table = read_csv(Endless(pattern.to_vec(), 0, 60), &Hints::default())?;
+        whole_faults(table)
+    };
+    assert!(matches!(open(b"x"), Err(FormatError::TooLarge { .. })));
+    assert!(matches!(open(b"x,"), Err(FormatError::TooLarge { .. })));
+    assert!(matches!(open(b"\0"), Err(FormatError::TooLarge { .. } | FormatError::NotRecognised { .. })));
+    let header = format!("{}\n", "a,".repeat(1_000_000));
+    assert!(matches!(text(&header, &CsvHints::default()).err(), Some(FormatError::TooLarge { .. })));
+    // A quote that never closes, after sound rows.
+    let mut open_quote = b"a,b\n1,2\n3,\"".to_vec();
+    open_quote.extend(std::iter::repeat_n(b'\n', 10 << 20));
+    let table = read_csv(Cursor::new(open_quote), &Hints::default()).unwrap();
+    assert!(matches!(whole_faults(table), Err(FormatError::TooLarge { .. })));
+    // Rows that are none, and blank lines between, are told in few faults.
+    let rows = std::io::Read::chain(Cursor::new(b"a,b\n"), Endless(b"1\n\n,,,\n".to_vec(), 0, 60));
+    let (rows, faults) = whole_faults(read_csv(rows, &Hints::default()).unwrap()).unwrap();
+    assert!(rows <= 1 && faults <= 2, "{rows} {faults}");
+}
+
+fn whole_faults(mut table: Box<dyn Table>) -> Result<(usize, usize), FormatError> {
+    table.want(&[Wanted::Number { column: 0, power: 0 }])?;
+    let mut block = Block::with_capacity(1000);
+    let (mut rows, mut faults) = (0, 0);
+    loop {
+        table.read(&mut block)?;
+        if block.is_end() {
+            return Ok((rows, faults));
+        }
+        rows += block.rows;
+        faults += block.faults.iter().filter(|fault| fault.column.is_none()).count();
+    }
+}

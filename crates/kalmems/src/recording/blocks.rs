@@ -1,0 +1,176 @@
+//! The blocks of a file, read and parsed on a thread of their own, so that reading and computing overlap.
+
+use super::ReadError;
+use super::read::Progress;
+use kalmems_formats::{Block, Digest, FormatError, Table, Wanted};
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Blocks that wait to be taken.
+const AHEAD: usize = 4;
+
+/// Rows of a block, where there are few columns, and the numbers that one holds at most.
+const ROWS: usize = 8192;
+const NUMBERS: usize = 1 << 20;
+
+/// How long nothing may come before the caller is asked whether to go on.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+type Extent = (u64, u64);
+
+enum Message {
+    Block(Block, Extent),
+    End(Digest, Extent),
+    Failed(FormatError),
+}
+
+/// The blocks of a table, one after the other.
+pub(crate) struct Blocks {
+    path: PathBuf,
+    filled: Option<Receiver<Message>>,
+    emptied: Sender<Block>,
+    thread: Option<JoinHandle<()>>,
+    /// What has been read of how much, when it was last heard.
+    extent: Extent,
+    digest: Option<Digest>,
+}
+
+impl Blocks {
+    /// Begins to read the wanted columns of a table that was opened at `path`.
+    pub(crate) fn start(
+        mut table: Box<dyn Table>,
+        path: &Path,
+        wanted: &[Wanted],
+    ) -> Result<Self, ReadError> {
+        table.want(wanted).map_err(|source| ReadError::of_format(path, source))?;
+        let capacity = (NUMBERS / wanted.len().max(1)).clamp(64, ROWS);
+        let (filled_in, filled) = sync_channel(AHEAD);
+        let (emptied, emptied_in) = channel();
+        for _ in 0..AHEAD + 2 {
+            // The other end is in this function.
+            let _ = emptied.send(Block::with_capacity(capacity));
+        }
+        let of = path.to_owned();
+        let thread = std::thread::Builder::new()
+            .name("reading".to_owned())
+            .spawn(move || work(table.as_mut(), &of, &filled_in, &emptied_in))
+            .map_err(|source| ReadError::Io { file: path.display().to_string(), source })?;
+        Ok(Self {
+            path: path.to_owned(),
+            filled: Some(filled),
+            emptied,
+            thread: Some(thread),
+            extent: (0, 0),
+            digest: None,
+        })
+    }
+
+    /// The next block; `None` after the last.
+    pub(crate) fn next(&mut self, progress: Progress) -> Result<Option<Block>, ReadError> {
+        loop {
+            let Some(filled) = &self.filled else { return Ok(None) };
+            let message = match filled.recv_timeout(PATIENCE) {
+                Ok(message) => message,
+                Err(RecvTimeoutError::Timeout) => {
+                    self.report(progress)?;
+                    continue;
+                }
+                // The thread always says how it ended.
+                Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            };
+            match message {
+                Message::Block(block, extent) => {
+                    self.extent = extent;
+                    return Ok(Some(block));
+                }
+                Message::End(digest, extent) => {
+                    self.extent = extent;
+                    self.digest = Some(digest);
+                    self.filled = None;
+                    return Ok(None);
+                }
+                Message::Failed(source) => return Err(ReadError::of_format(&self.path, source)),
+            }
+        }
+    }
+
+    /// Gives a block back, for its memory to be used again.
+    pub(crate) fn reuse(&self, block: Block) {
+        // Where the thread has ended it needs none.
+        let _ = self.emptied.send(block);
+    }
+
+    /// Tells how far the reading is, and asks whether to go on.
+    pub(crate) fn report(&self, progress: Progress) -> Result<(), ReadError> {
+        let (done, total) = self.extent;
+        if progress(done, total).is_break() {
+            return Err(ReadError::Interrupted { file: self.path.display().to_string() });
+        }
+        Ok(())
+    }
+
+    /// What was read, after the last block.
+    pub(crate) fn digest(&self) -> Option<&Digest> {
+        self.digest.as_ref()
+    }
+}
+
+impl Drop for Blocks {
+    /// Ends the thread, which hears of it when it has read its block. One that waits for a pipe ends when the pipe does: it is
+    /// not waited for.
+    fn drop(&mut self) {
+        self.filled = None;
+        let file = std::fs::metadata(&self.path).is_ok_and(|metadata| metadata.is_file());
+        if let Some(thread) = self.thread.take().filter(|thread| file || thread.is_finished()) {
+            // It has said what went wrong; it does not panic.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Reads until the end or until nobody listens.
+fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<Message>, emptied: &Receiver<Block>) {
+    while let Ok(mut block) = emptied.recv() {
+        let message = match table.read(&mut block) {
+            Err(error) => Message::Failed(error),
+            Ok(()) if block.is_end() => match table.digest().map_or_else(|| digest(path), Ok) {
+                Ok(digest) => Message::End(digest, table.progress()),
+                Err(error) => Message::Failed(error.into()),
+            },
+            Ok(()) => Message::Block(block, table.progress()),
+        };
+        let last = !matches!(message, Message::Block(..));
+        if filled.send(message).is_err() || last {
+            return;
+        }
+    }
+}
+
+/// The digest of a file that was not read from its first byte to its last.
+fn digest(path: &Path) -> std::io::Result<Digest> {
+    let mut file = File::open(path)?;
+    let mut hash = Sha256::new();
+    let mut bytes = 0;
+    let mut piece = vec![0; 1 << 18];
+    loop {
+        match file.read(&mut piece)? {
+            0 => break,
+            count => {
+                hash.update(piece.get(..count).unwrap_or_default());
+                bytes += count as u64;
+            }
+        }
+    }
+    let mut sha256 = String::new();
+    for byte in hash.finalize() {
+        // Writing to a string cannot fail.
+        let _ = write!(sha256, "{byte:02x}");
+    }
+    Ok(Digest { sha256, bytes })
+}
