@@ -23,6 +23,8 @@ pub enum Command {
     Calibrate(CalibrateArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
+    /// Write a filter of an experiment as source code for a microcontroller.
+    Export(ExportArguments),
     /// Identify a device's parameters from its recordings, and say what they do not tell.
     Identify(IdentifyArguments),
     /// Put an image together from intensities and the trajectories along which they were taken.
@@ -140,6 +142,42 @@ pub struct StreamArguments {
     /// Print the summary at the end as JSON instead of text.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Args)]
+pub struct ExportArguments {
+    /// The experiment file, such as `examples/shared_scanner/microcontroller.toml`.
+    pub experiment: PathBuf,
+    /// The language.
+    #[arg(long, value_enum)]
+    pub target: Language,
+    /// The filter, by its name, such as `Euler EKF`; the first of the file if left out.
+    #[arg(long, value_name = "NAME")]
+    pub filter: Option<String>,
+    /// The sampling rate, such as `500 kHz` [default: that of the first recording].
+    #[arg(long, value_name = "RATE")]
+    pub rate: Option<String>,
+    /// Correct the filter by one sample in so many; the others are predicted through.
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub update_every: NonZero<u32>,
+    /// Write so many samples of the first recording as tables as well, to try the filter with.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub samples: usize,
+    /// The folder for the source [default: out/exported/<name of the experiment>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace an export of another input.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// The languages of an export.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Language {
+    /// C99 without any library.
+    C,
+    /// Rust with `kalmems-core` and `kalmems-models`, without `std`.
+    Rust,
 }
 
 #[derive(Args)]

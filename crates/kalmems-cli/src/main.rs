@@ -30,6 +30,7 @@ fn main() -> ExitCode {
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
         Command::Estimate(arguments) => commands::estimate::run(arguments),
+        Command::Export(arguments) => commands::export::run(arguments),
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(arguments),
         Command::Inspect(arguments) => commands::inspect::run(arguments),

@@ -149,6 +149,11 @@ impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
         Self::constant(value)
     }
     #[inline(always)]
+    fn mac_by(self, a: Self, b: T) -> Self {
+        let gradient = vector!(|i| self.gradient[i] + a.gradient[i] * b);
+        Self { value: self.value.mac(a.value, b), gradient }
+    }
+    #[inline(always)]
     fn alone(self) -> Dual<T, 1> {
         Dual::variable(self.value, 0)
     }

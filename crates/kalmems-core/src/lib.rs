@@ -39,6 +39,7 @@
 //! ```
 
 #![no_std]
+#![cfg_attr(all(feature = "vfpv4", target_arch = "arm"), feature(core_float_math))]
 
 pub mod adapt;
 pub mod augmentation;

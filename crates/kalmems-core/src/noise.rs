@@ -1,6 +1,6 @@
 //! Noise: a continuous density and a covariance are different quantities, and different types.
 
-use crate::notation::{lower, matrix, sum};
+use crate::notation::{Zeros, dot, lower, matrix};
 use crate::{Mat, Scalar};
 
 /// A covariance matrix.
@@ -74,9 +74,9 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
         f: &Mat<T, R, N>,
         keep: impl Fn(usize, usize) -> bool,
     ) -> Covariance<T, R> {
-        let fp: Mat<T, R, N> = matrix!(|i, j| sum!(N, |k| keep(i, k), |k| f.0[i][k] * self.get(k, j)));
+        let fp: Mat<T, R, N> = matrix!(|i, j| dot!(N, |k| keep(i, k), |k| f.0[i][k], self.get(k, j)));
         let kept = |i: usize| (0..N).filter(|k| keep(i, *k)).count();
-        let entry = |i: usize, j: usize| sum!(N, |k| keep(j, k), |k| fp.0[i][k] * f.0[j][k]);
+        let entry = |i: usize, j: usize| dot!(N, |k| keep(j, k), |k| fp.0[i][k], f.0[j][k]);
         // By the row with fewer entries; P is symmetric.
         lower!(|i, j| if kept(i) < kept(j) { entry(j, i) } else { entry(i, j) })
     }
@@ -95,16 +95,42 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
         covariance
     }
 
+    /// Takes the entries of another: those that are computed, and no zeros beside them.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, other: &Self) {
+        for i in 0..N {
+            for j in 0..N {
+                if j <= i {
+                    self.0.0[i][j] = other.0.0[i][j];
+                }
+            }
+        }
+    }
+
     /// `yes` where the mask is set, `no` elsewhere.
     #[inline(always)]
     pub(crate) fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
         lower!(|i, j| T::select(mask, yes.get(i, j), no.get(i, j)))
     }
 
+    /// The entries, to see whether they are finite.
+    #[inline(always)]
+    pub(crate) fn zeros(&self) -> Zeros<T> {
+        let mut zeros = Zeros::none();
+        for i in 0..N {
+            for j in 0..N {
+                if j <= i {
+                    zeros = zeros.with(self.0.0[i][j]);
+                }
+            }
+        }
+        zeros
+    }
+
     /// Whether every entry is finite.
     #[inline(always)]
     pub(crate) fn is_finite(&self) -> T::Mask {
-        self.0.is_finite()
+        self.zeros().finite()
     }
 }
 

@@ -38,14 +38,63 @@ pub(crate) fn size<T, const R: usize, const C: usize>(_: &Mat<T, R, C>) -> (usiz
     (R, C)
 }
 
+/// Whether numbers are finite, looked at together: 0·x is zero where x is finite and not a number elsewhere, and so is
+/// their sum.
+///
+/// One product and sum for each number and one look at the end; a look at each would cost a small processor three times
+/// as much.
+#[derive(Clone, Copy)]
+pub(crate) struct Zeros<T>(Option<T>);
+
+impl<T: Scalar> Zeros<T> {
+    /// Of no numbers.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self(None)
+    }
+
+    /// With one more number.
+    #[inline(always)]
+    pub fn with(self, x: T) -> Self {
+        let zero = T::of(0.0);
+        Self(Some(match self.0 {
+            Some(sum) => sum.mac(x, zero),
+            None => x * zero,
+        }))
+    }
+
+    /// With all of an array.
+    #[inline(always)]
+    pub fn with_all<const N: usize>(mut self, array: &[T; N]) -> Self {
+        for element in array {
+            self = self.with(*element);
+        }
+        self
+    }
+
+    /// Where all of them were finite.
+    #[inline(always)]
+    pub fn finite(self) -> T::Mask {
+        self.finite_and_positive(&[T::of(1.0)])
+    }
+
+    /// Where all of them were finite and these are positive.
+    #[inline(always)]
+    pub fn finite_and_positive<const N: usize>(self, others: &[T; N]) -> T::Mask {
+        // Zero, or not a number and below nothing.
+        let zero = self.0.unwrap_or(T::of(0.0));
+        let mut below = T::of(0.0).is_finite();
+        for other in others {
+            below = below.and(zero.lt(*other));
+        }
+        below
+    }
+}
+
 /// Where every element is finite.
 #[inline(always)]
 pub(crate) fn finite<T: Scalar, const N: usize>(array: &[T; N]) -> T::Mask {
-    let mut finite = T::of(0.0).is_finite();
-    for element in array {
-        finite = finite.and(element.is_finite());
-    }
-    finite
+    Zeros::none().with_all(array).finite()
 }
 
 /// Sets an element.
@@ -78,6 +127,26 @@ macro_rules! sum {
             if $keep {
                 let $k = $i;
                 total = $crate::notation::plus(total, $term);
+            }
+        }
+        total
+    }};
+}
+
+/// The sum of products a·b for k from 0 to below n, of those for which the condition holds: the numbers of
+/// `sum!(n, |k| keep, |k| a * b)`, and fused where [`Scalar::mac`] is. The first is a product alone.
+macro_rules! dot {
+    ($n:expr, |$k:ident| $a:expr, $b:expr) => {
+        dot!($n, |$k| true, |$k| $a, $b)
+    };
+    ($n:expr, |$i:ident| $keep:expr, |$k:ident| $a:expr, $b:expr) => {{
+        let mut total = $crate::notation::nothing();
+        let mut begun = false;
+        for $i in 0..$n {
+            if $keep {
+                let $k = $i;
+                total = if begun { $crate::Scalar::mac(total, $a, $b) } else { $a * $b };
+                begun = true;
             }
         }
         total
@@ -141,4 +210,4 @@ macro_rules! lower {
     }};
 }
 
-pub(crate) use {less, lower, matrix, sum, vector};
+pub(crate) use {dot, less, lower, matrix, sum, vector};

@@ -167,6 +167,13 @@ pub trait Over<T: Scalar>:
     /// A constant.
     fn lift(value: T) -> Self;
 
+    /// `self + a·b` with a constant b.
+    #[inline(always)]
+    #[must_use]
+    fn mac_by(self, a: Self, b: T) -> Self {
+        self + a * b
+    }
+
     /// This number as the only variable, for a function of it alone; [`chained`](Over::chained) leads back.
     ///
     /// The same value and derivatives as the function itself; but where this number carries the derivatives by all
@@ -193,6 +200,10 @@ impl<T: Scalar> Over<T> for T {
     #[inline(always)]
     fn lift(value: T) -> Self {
         value
+    }
+    #[inline(always)]
+    fn mac_by(self, a: T, b: T) -> T {
+        self.mac(a, b)
     }
     #[inline(always)]
     fn alone(self) -> Dual<T, 1> {
@@ -229,6 +240,10 @@ macro_rules! float {
             #[inline(always)]
             fn abs(self) -> Self {
                 $t::abs(self)
+            }
+            #[inline(always)]
+            fn mac(self, a: Self, b: Self) -> Self {
+                math::Register::mac(self, a, b)
             }
             #[inline(always)]
             fn sqrt(self) -> Self {

@@ -261,3 +261,63 @@ fn f32_follows_f64() {
         approx::assert_relative_eq!(wide[i], f64::from(narrow[i]), max_relative = 1e-4);
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    /// One step is a prediction and an update to the last bit, with two measurements and with one.
+    #[test]
+    fn a_step_is_a_prediction_and_an_update(
+        (f, g, h, r) in system(),
+        ys in prop::collection::vec(prop::array::uniform2(-3.0..3.0_f64), 1..10),
+    ) {
+        let q = Covariance::from_lower(g.times_transposed(&g));
+        let process = LinearProcess { transition: f, input: Mat::from_fn(|i, _| i as f64), noise: q.into() };
+        let both = LinearMeasurement { matrix: h };
+        let first = LinearMeasurement { matrix: Mat([h.0[0]]) };
+        let (r2, r1) = (Covariance::from_variances(r), Covariance::from_variances([r[0]]));
+        let start = Ekf::new([1.0, -2.0, 0.5], Covariance::from_standard_deviations([1.0, 0.3, 2.0]));
+        let (mut one, mut two) = (start, start);
+        for y in ys {
+            let found = one.step((&process, &[0.1]), (&both, &y, &r2)).unwrap();
+            two.predict(&process, &[0.1]).unwrap();
+            let expected = two.update(&both, &y, &r2).unwrap();
+            prop_assert!(found.taken && found.nis == expected.nis && found.residual == expected.residual);
+            one.step((&process, &[0.2]), (&first, &[y[0]], &r1)).unwrap();
+            two.predict(&process, &[0.2]).unwrap();
+            two.update(&first, &[y[0]], &r1).unwrap();
+            prop_assert_eq!(one.mean(), two.mean());
+            prop_assert_eq!(one.covariance(), two.covariance());
+        }
+    }
+}
+
+/// A step whose update is refused is a prediction; one whose prediction is refused is nothing.
+#[test]
+fn a_step_that_is_refused_leaves_what_two_would() {
+    let walk = |noise: f64| LinearProcess::<f64, 1, 0> {
+        transition: Mat::identity(),
+        input: Mat::zero(),
+        noise: ProcessNoise::from(Covariance::from_variances([noise])),
+    };
+    let level = LinearMeasurement { matrix: Mat([[1.0]]) };
+    let start = Ekf::new([2.0], Covariance::from_variances([1.0]));
+    for (noise, y, r) in [
+        (3.0, f64::NAN, 1.0),
+        (3.0, f64::INFINITY, 1.0),
+        (3.0, 1.0, -10.0),
+        // S is exactly 0, and infinite.
+        (3.0, 1.0, -4.0),
+        (3.0, 1.0, f64::INFINITY),
+        (f64::INFINITY, 1.0, 1.0),
+        (f64::NAN, f64::NAN, 1.0),
+    ] {
+        let (mut one, mut two) = (start, start);
+        let r = Covariance::from_variances([r]);
+        let found = one.step((&walk(noise), &[]), (&level, &[y], &r)).map(|i| i.taken);
+        let expected =
+            two.predict(&walk(noise), &[]).and_then(|_| two.update(&level, &[y], &r)).map(|i| i.taken);
+        assert_eq!(found, expected, "{noise} {y}");
+        assert!(found.is_err());
+        assert_eq!((one.mean(), one.covariance()), (two.mean(), two.covariance()), "{noise} {y}");
+    }
+}

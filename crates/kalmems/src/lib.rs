@@ -33,6 +33,7 @@ pub mod circuit;
 pub mod config;
 pub mod estimate;
 pub mod evaluate;
+pub mod export;
 pub mod fit;
 pub mod identify;
 pub mod inspect;

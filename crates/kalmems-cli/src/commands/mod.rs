@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod estimate;
+pub mod export;
 pub mod identify;
 pub mod image;
 pub mod inspect;

@@ -1,5 +1,6 @@
 //! The extended Kalman filter.
 
+use super::gaussian::{Refusal, Weighed};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Measurement, Process, Scalar};
@@ -16,6 +17,38 @@ impl<T: Scalar, const N: usize> Ekf<T, N> {
     /// Starts from a mean and its covariance.
     pub const fn new(mean: [T; N], covariance: Covariance<T, N>) -> Self {
         Self { state: Gaussian { mean, covariance } }
+    }
+}
+
+impl<T: Scalar<Mask = bool>, const N: usize> Ekf<T, N> {
+    /// A prediction and an update with a measurement `y` of noise covariance `r`: bit by bit what
+    /// [`predict`](Filter::predict) and [`update`](Filter::update) give one after the other, for a small processor.
+    ///
+    /// Whether the numbers are finite is looked at once, at the end: what is finite after an update was so before. Where
+    /// the update is refused the prediction remains.
+    #[inline(always)]
+    pub fn step<P: Process<T, N>, H: Measurement<T, N, M>, const M: usize>(
+        &mut self,
+        (process, u): (&P, &P::Input),
+        (measurement, y, r): (&H, &[T; M], &Covariance<T, M>),
+    ) -> Result<Innovation<T, M>, FilterError> {
+        let (mean, f) = process.linearize(&self.state.mean, u);
+        let predicted = self.state.propagated::<P>(mean, &f, process.noise());
+        let (expected, h) = measurement.linearize(&predicted.mean);
+        let Weighed { mut innovation, gain, recip } = predicted.weigh::<H, M>((y, &expected), &h, r);
+        let next = predicted.corrected::<H, M>(&innovation.residual, &gain, &h, r);
+        // Where a pivot is +0 its reciprocal is positive, but no gain is finite.
+        if next.zeros().finite_and_positive(&recip) {
+            self.state.set(&next);
+            innovation.taken = true;
+            return Ok(innovation);
+        }
+        if !predicted.is_finite() {
+            return Err(FilterError::NonFiniteState);
+        }
+        self.state = predicted;
+        let refused = Refusal { innovation: !innovation.taken, state: true, ..Refusal::of_measurement(y) };
+        refused.to_error().map(|()| innovation)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
 use super::{Innovation, Link};
-use crate::notation::{finite, lower, matrix, sum, vector};
+use crate::notation::{Zeros, dot, finite, lower, matrix, nothing, plus, vector};
 use crate::process::ProcessNoise;
 use crate::update::{Correction, Policy};
 use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
@@ -13,6 +13,15 @@ pub struct Gaussian<T, const N: usize> {
     pub mean: [T; N],
     /// Its covariance.
     pub covariance: Covariance<T, N>,
+}
+
+/// What a measurement says, and how much of it is taken.
+pub(super) struct Weighed<T: Scalar, const N: usize, const M: usize> {
+    pub innovation: Innovation<T, M>,
+    /// K = P·Hᵀ·S⁻¹.
+    pub gain: Mat<T, N, M>,
+    /// D⁻¹ of S = L·D·Lᵀ.
+    pub recip: [T; M],
 }
 
 /// Why lanes were refused; each mask is set where that happened.
@@ -65,7 +74,20 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// Whether mean and covariance are finite.
     #[inline(always)]
     pub(super) fn is_finite(&self) -> T::Mask {
-        finite(&self.mean).and(self.covariance.is_finite())
+        self.zeros().finite()
+    }
+
+    /// Mean and covariance, to see whether they are finite.
+    #[inline(always)]
+    pub(super) fn zeros(&self) -> Zeros<T> {
+        self.covariance.zeros().with_all(&self.mean)
+    }
+
+    /// Takes the mean and what is computed of the covariance.
+    #[inline(always)]
+    pub(super) fn set(&mut self, next: &Self) {
+        self.mean = next.mean;
+        self.covariance.set(&next.covariance);
     }
 
     /// Takes `next` where it may be, and keeps itself elsewhere.
@@ -88,19 +110,27 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         f: &Mat<T, N, N>,
         q: &ProcessNoise<T, N>,
     ) -> Result<Link<T, N>, FilterError> {
-        let moved = self.covariance.transformed_where(f, P::depends);
-        let next = Self { mean, covariance: moved.plus(q.covariance()) };
+        let next = self.propagated::<P>(mean, f, q);
         let taken = self.accept(&next, &Refusal::none())?;
         Ok(Link { transition: *f, noise: *q.covariance(), taken })
+    }
+
+    /// What the prediction gives.
+    #[inline(always)]
+    pub(super) fn propagated<P: Process<T, N>>(
+        &self,
+        mean: [T; N],
+        f: &Mat<T, N, N>,
+        q: &ProcessNoise<T, N>,
+    ) -> Self {
+        let moved = self.covariance.transformed_where(f, P::depends);
+        Self { mean, covariance: moved.plus(q.covariance()) }
     }
 
     /// Takes a prediction where it is finite and not refused already; which lanes took it.
     #[inline(always)]
     pub(super) fn accept(&mut self, next: &Self, refused: &Refusal<T>) -> Result<T::Mask, FilterError> {
-        let refused = Refusal { state: next.is_finite().not(), ..*refused };
-        let taken = refused.mask().not();
-        self.replace(next, taken);
-        refused.to_error().map(|()| taken)
+        self.finish(next, Refusal::<T>::none().mask().not(), refused)
     }
 
     /// The correction with a linear or linearised measurement.
@@ -112,20 +142,43 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (mut innovation, gain) = self.weigh::<H, M>((y, predicted), h, r);
+        let Weighed { mut innovation, gain, .. } = self.weigh::<H, M>((y, predicted), h, r);
         let correction = self.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
-        let refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
+        let positive = innovation.taken;
+        innovation.taken = wanted.and(positive);
+        let mut refused = Refusal::<T> { innovation: positive.not(), ..Refusal::none() };
+        if innovation.taken.any() {
+            let next = self.corrected::<H, M>(&innovation.residual, &gain, h, r);
+            // A measurement that is not finite leaves no state that is: what is taken was.
+            let finite = next.is_finite();
+            innovation.taken = innovation.taken.and(finite);
+            self.replace(&next, innovation.taken);
+            if innovation.taken.all() {
+                return Ok(innovation);
+            }
+            refused.state = finite.not();
         }
-        let next = Self {
-            mean: vector!(|i| self.mean[i] + correction.change[i]),
-            covariance: self.joseph::<H, M>(&gain, h, r),
-        };
-        innovation.taken = self.finish(&next, wanted, &refused)?;
-        Ok(innovation)
+        refused.measurement = finite(y).not();
+        refused.to_error().map(|()| innovation)
+    }
+
+    /// What a gain makes of a residual.
+    #[inline(always)]
+    pub(super) fn corrected<H: Measurement<T, N, M>, const M: usize>(
+        &self,
+        residual: &[T; M],
+        gain: &Mat<T, N, M>,
+        h: &Mat<T, M, N>,
+        r: &Covariance<T, M>,
+    ) -> Self {
+        Self {
+            mean: vector!(|i| {
+                let change = dot!(M, |k| gain.0[i][k], residual[k]);
+                plus_products(self.mean[i], change, &gain.0[i], residual)
+            }),
+            covariance: self.joseph::<H, M>(gain, h, r),
+        }
     }
 
     /// The innovation, and the gain K = P·Hᵀ·S⁻¹ with S = H·P·Hᵀ + R. The innovation's `taken` is where S was positive
@@ -136,14 +189,15 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         (y, predicted): (&[T; M], &[T; M]),
         h: &Mat<T, M, N>,
         r: &Covariance<T, M>,
-    ) -> (Innovation<T, M>, Mat<T, N, M>) {
+    ) -> Weighed<T, N, M> {
         let p = &self.covariance;
         let seen = |i: usize, k: usize| H::depends(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
-        let hp: Mat<T, M, N> = matrix!(|i, j| sum!(N, |k| seen(i, k), |k| h.0[i][k] * p.get(k, j)));
-        let s = lower!(|i, j| r.get(i, j) + sum!(N, |k| seen(j, k), |k| hp.0[i][k] * h.0[j][k]));
+        let hp: Mat<T, M, N> = matrix!(|i, j| dot!(N, |k| seen(i, k), |k| h.0[i][k], p.get(k, j)));
+        let s = lower!(|i, j| r.get(i, j) + dot!(N, |k| seen(j, k), |k| hp.0[i][k], h.0[j][k]));
         let (innovation, ldl) = Innovation::new(y, predicted, s);
-        (innovation, Mat(vector!(|i| ldl.solve(&vector!(|j| hp.0[j][i])))))
+        let gain = Mat(vector!(|i| ldl.solve(&vector!(|j| hp.0[j][i]))));
+        Weighed { innovation, gain, recip: ldl.recip }
     }
 
     /// What a gain would do with a residual.
@@ -154,7 +208,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         residual: &[T; M],
     ) -> Correction<T, N> {
         Correction {
-            change: vector!(|i| sum!(M, |k| gain.0[i][k] * residual[k])),
+            change: vector!(|i| dot!(M, |k| gain.0[i][k], residual[k])),
             variance: vector!(|i| self.covariance.get(i, i)),
         }
     }
@@ -172,13 +226,20 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         // A = I − K·H, the columns that no component sees being those of I.
         let bare = |j: usize| !(0..M).any(|m| H::depends(m, j));
         let a: Mat<T, N, N> = matrix!(|i, j| {
-            let kh = sum!(M, |m| gain.0[i][m] * h.0[m][j]);
-            if i == j { T::of(1.0) - kh } else { -kh }
+            let kh = dot!(M, |m| gain.0[i][m], h.0[m][j]);
+            if i != j {
+                -kh
+            } else if let ([k], [row]) = (gain.0[i].as_slice(), h.0.as_slice()) {
+                T::of(1.0).mac(-*k, row[j])
+            } else {
+                T::of(1.0) - kh
+            }
         });
         let ap: Mat<T, N, N> = matrix!(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
-        let kr: Mat<T, N, M> = matrix!(|i, j| sum!(M, |k| gain.0[i][k] * r.get(k, j)));
+        let kr: Mat<T, N, M> = matrix!(|i, j| dot!(M, |k| gain.0[i][k], r.get(k, j)));
         lower!(|i, j| {
-            row_times(&a.0[j], j, bare, |k| ap.0[i][k]) + sum!(M, |k| kr.0[i][k] * gain.0[j][k])
+            let spread = dot!(M, |k| kr.0[i][k], gain.0[j][k]);
+            plus_products(row_times(&a.0[j], j, bare, |k| ap.0[i][k]), spread, &kr.0[i], &gain.0[j])
         })
     }
 
@@ -198,6 +259,15 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     }
 }
 
+/// `start` + `products`, which is the sum of the products of two rows; fused where there is but one.
+#[inline(always)]
+fn plus_products<T: Scalar, const M: usize>(start: T, products: T, row: &[T; M], other: &[T; M]) -> T {
+    match (row.as_slice(), other.as_slice()) {
+        ([a], [b]) => start.mac(*a, *b),
+        _ => start + products,
+    }
+}
+
 /// Row `i` of A = I − K·H times a vector; a bare column of A is a column of I.
 #[inline(always)]
 fn row_times<T: Scalar, const N: usize>(
@@ -206,5 +276,20 @@ fn row_times<T: Scalar, const N: usize>(
     bare: impl Fn(usize) -> bool,
     f: impl Fn(usize) -> T,
 ) -> T {
-    sum!(N, |k| !bare(k) || k == i, |k| if bare(k) { f(k) } else { row[k] * f(k) })
+    // One product before the element that stands alone is added to it, which is the same sum, and fused.
+    let alone_first = bare(i) && (0..i).filter(|k| !bare(*k)).count() <= 1;
+    let mut begun = alone_first;
+    let mut total = if begun { f(i) } else { nothing() };
+    for k in 0..N {
+        if bare(k) {
+            if k == i && !alone_first {
+                total = plus(total, f(k));
+                begun = true;
+            }
+        } else {
+            total = if begun { total.mac(row[k], f(k)) } else { row[k] * f(k) };
+            begun = true;
+        }
+    }
+    total
 }

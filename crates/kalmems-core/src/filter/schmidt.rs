@@ -1,6 +1,6 @@
 //! The extended Kalman filter with states that are considered but not estimated.
 
-use super::gaussian::Refusal;
+use super::gaussian::{Refusal, Weighed};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
@@ -78,7 +78,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let (predicted, h) = measurement.linearize(&self.state.mean);
-        let (mut innovation, full) = self.state.weigh::<H, M>((y, &predicted), &h, r);
+        let Weighed { mut innovation, gain: full, .. } = self.state.weigh::<H, M>((y, &predicted), &h, r);
         let gain = matrix!(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
         let correction = self.state.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);

@@ -77,6 +77,7 @@
 //! attribute `model` of `kalmems-macros`, and compute in no closure, which cannot be marked: closures of a line or two
 //! with one use are inlined, larger ones are not. `.ci/symbols` finds what is left.
 
+mod fused;
 mod isa;
 mod lane;
 mod packed;
@@ -85,6 +86,7 @@ mod sqrt;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+pub(crate) use fused::{FUSED_F32, mac_f32, mac_f64};
 pub use isa::{Isa, Kernel, Real};
 pub use lane::Lane;
 pub(crate) use sqrt::{sqrt_f32, sqrt_f64};

@@ -26,7 +26,20 @@ mod here {
     }
 }
 
-#[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+#[cfg(all(feature = "vfpv4", target_arch = "arm"))]
+mod here {
+    pub(crate) use libm::sqrt as sqrt_f64;
+
+    #[inline(always)]
+    pub(crate) fn sqrt_f32(x: f32) -> f32 {
+        core::f32::math::sqrt(x)
+    }
+}
+
+#[cfg(not(any(
+    all(target_arch = "x86_64", target_feature = "sse2"),
+    all(feature = "vfpv4", target_arch = "arm")
+)))]
 mod here {
     pub(crate) use libm::{sqrt as sqrt_f64, sqrtf as sqrt_f32};
 }

@@ -12,7 +12,8 @@ pub struct Ldl<T: Scalar, const M: usize> {
     lower: Mat<T, M, M>,
     /// D.
     pub diagonal: [T; M],
-    recip: [T; M],
+    /// 1/D.
+    pub(crate) recip: [T; M],
     /// Whether every entry of D was positive and finite; nothing else here means anything where not.
     pub positive: T::Mask,
 }
@@ -27,8 +28,9 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
         let mut positive = T::of(0.0).is_finite();
         for j in 0..M {
             d[j] = less!(covariance.get(j, j), j, |k| l.0[j][k].sq() * d[k]);
-            positive = positive.and(d[j].gt(T::of(0.0))).and(d[j].is_finite());
             recip[j] = d[j].recip();
+            // The reciprocal is positive where the pivot is and is not infinite: cheaper than a look at its bits.
+            positive = positive.and(d[j].gt(T::of(0.0))).and(recip[j].gt(T::of(0.0)));
             for i in (j + 1)..M {
                 l.0[i][j] = less!(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k] * d[k]) * recip[j];
             }

@@ -1,7 +1,7 @@
 //! Matrices and their products.
 
 use crate::Scalar;
-use crate::notation::{matrix, sum, vector};
+use crate::notation::{Zeros, matrix, sum, vector};
 use core::ops::{Index, IndexMut};
 
 /// A matrix of `R` rows and `C` columns.
@@ -64,14 +64,11 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
     /// Whether every entry is finite.
     #[inline(always)]
     pub fn is_finite(&self) -> T::Mask {
-        use crate::Mask;
-        let mut finite = T::of(0.0).is_finite();
+        let mut zeros = Zeros::none();
         for row in &self.0 {
-            for entry in row {
-                finite = finite.and(entry.is_finite());
-            }
+            zeros = zeros.with_all(row);
         }
-        finite
+        zeros.finite()
     }
 }
 

@@ -5,6 +5,7 @@
 
 #![allow(clippy::unreadable_literal, clippy::excessive_precision, clippy::struct_field_names)]
 
+use super::exp::anywhere;
 use super::polynomial::Polynomial;
 
 /// What [`super::exp`] needs.
@@ -14,8 +15,12 @@ pub struct Exp<F: 'static> {
     /// From here on the result is zero.
     pub lowest: F,
     pub per_ln_2: F,
-    /// 1.5 times the number from which on all are integers, plus twice the exponent's bias.
+    /// Below this magnitude 2ⁿ is a normal number and so is the result.
+    pub near: F,
+    /// 1.5 times the number from which on all are integers.
     pub shift: F,
+    /// The same plus twice the exponent's bias.
+    pub biased_shift: F,
     pub ln_2: [F; 2],
     /// (eʳ − 1 − r)/r².
     pub tail: Polynomial<F>,
@@ -83,6 +88,8 @@ pub trait Constants: Copy + Default + 'static {
     const ATANH: Atanh<Self>;
     const TRIG: Trig<Self>;
 
+    /// eˣ however large x is.
+    fn exp_anywhere(self) -> Self;
     /// `libm`'s sine.
     fn sin_exactly_reduced(self) -> Self;
     /// `libm`'s cosine.
@@ -101,6 +108,11 @@ macro_rules! common {
         const SIGN: Self = -0.0;
         const ALL_BUT_SIGN: Self = $float::from_bits(!Self::SIGN.to_bits());
 
+        #[cold]
+        #[inline(never)]
+        fn exp_anywhere(self) -> Self {
+            anywhere(self)
+        }
         fn sin_exactly_reduced(self) -> Self {
             libm::$sin(self)
         }
@@ -117,7 +129,9 @@ impl Constants for f64 {
         highest: 710.0,
         lowest: -746.0,
         per_ln_2: core::f64::consts::LOG2_E,
-        shift: 6755399441055744.0 + 2046.0,
+        near: 512.0,
+        shift: 6755399441055744.0,
+        biased_shift: 6755399441055744.0 + 2046.0,
         ln_2: [0.6931471805598903, 5.497923018708371e-14],
         tail: Polynomial {
             even: &[
@@ -191,7 +205,9 @@ impl Constants for f32 {
         highest: 89.0,
         lowest: -104.0,
         per_ln_2: core::f32::consts::LOG2_E,
-        shift: 12582912.0 + 254.0,
+        near: 64.0,
+        shift: 12582912.0,
+        biased_shift: 12582912.0 + 254.0,
         ln_2: [0.693145752, 1.42860677e-06],
         tail: Polynomial {
             even: &[0.49999994, 0.041668389, 0.00138145813],

@@ -1,8 +1,8 @@
 //! Elementary functions, each written once over a [`Register`] of numbers.
 //!
 //! `core` has none, and the platform's differ between machines. Here one number and several in a register go through
-//! the very same operations in the same order, without fused multiplications and without branches, so that their
-//! results agree to the last bit. `tests/math.rs` measures the errors against arbitrary precision.
+//! the very same operations in the same order, without fused multiplications, and a branch for what is rare gives the
+//! same bits as the way without: results agree to the last bit. `tests/math.rs` measures the errors against arbitrary precision.
 
 mod atanh;
 mod constants;

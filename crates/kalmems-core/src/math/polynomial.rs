@@ -16,7 +16,7 @@ impl<F: Copy> Polynomial<F> {
     /// The value at `x`, whose square is given too.
     #[inline(always)]
     pub fn at<R: Register<Float = F>>(&self, x: R, square: R) -> R {
-        horner(self.even, square) + horner(self.odd, square) * x
+        horner(self.even, square).mac(horner(self.odd, square), x)
     }
 }
 
@@ -26,7 +26,7 @@ fn horner<R: Register>(coefficients: &[R::Float], x: R) -> R {
     let mut highest_first = coefficients.iter().rev();
     let mut value = R::splat(highest_first.next().copied().unwrap_or_default());
     for c in highest_first {
-        value = value * x + R::splat(*c);
+        value = R::splat(*c).mac(value, x);
     }
     value
 }

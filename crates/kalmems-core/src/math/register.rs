@@ -1,7 +1,7 @@
 //! What the elementary functions are written over.
 
 use super::constants::Constants;
-use crate::lanes::{sqrt_f32, sqrt_f64};
+use crate::lanes::{FUSED_F32, mac_f32, mac_f64, sqrt_f32, sqrt_f64};
 use crate::{Mask, Scalar};
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -24,6 +24,8 @@ pub trait Register:
 
     /// How many there are.
     const WIDTH: usize;
+    /// Whether [`mac`](Register::mac) rounds once.
+    const FUSED: bool = false;
 
     /// The numbers `f(0)`, `f(1)`, …
     fn from_fn(f: impl FnMut(usize) -> Self::Float) -> Self;
@@ -50,6 +52,11 @@ pub trait Register:
     fn is_finite(self) -> Self::Mask;
     /// √x, correctly rounded.
     fn sqrt(self) -> Self;
+    /// `self + a·b`.
+    #[inline(always)]
+    fn mac(self, a: Self, b: Self) -> Self {
+        self + a * b
+    }
     /// What a function makes of each number: slow, for what is rare.
     fn map(self, f: fn(Self::Float) -> Self::Float) -> Self;
 
@@ -85,11 +92,12 @@ pub trait Register:
 }
 
 macro_rules! single {
-    ($float:ident, $sqrt:ident) => {
+    ($float:ident, $sqrt:ident, $mac:ident, $fused:expr) => {
         impl Register for $float {
             type Float = Self;
             type Mask = bool;
             const WIDTH: usize = 1;
+            const FUSED: bool = $fused;
 
             #[inline(always)]
             fn from_fn(mut f: impl FnMut(usize) -> Self) -> Self {
@@ -143,6 +151,10 @@ macro_rules! single {
                 $sqrt(self)
             }
             #[inline(always)]
+            fn mac(self, a: Self, b: Self) -> Self {
+                $mac(self, a, b)
+            }
+            #[inline(always)]
             fn map(self, f: fn(Self) -> Self) -> Self {
                 f(self)
             }
@@ -187,5 +199,5 @@ macro_rules! single {
     };
 }
 
-single!(f64, sqrt_f64);
-single!(f32, sqrt_f32);
+single!(f64, sqrt_f64, mac_f64, false);
+single!(f32, sqrt_f32, mac_f32, FUSED_F32);

@@ -144,7 +144,7 @@ pub(super) fn runge_kutta<T: Scalar, S: Over<T>, I, const N: usize>(
     let sixth = h * T::of(1.0 / 6.0);
     let mut next = *x;
     unrolled!(i < N {
-        next[i] = x[i] + (k1[i] + (k2[i] + k3[i]).twice() + k4[i]) * sixth;
+        next[i] = x[i].mac_by(k1[i] + (k2[i] + k3[i]).twice() + k4[i], sixth);
     });
     next
 }
@@ -154,7 +154,7 @@ pub(super) fn runge_kutta<T: Scalar, S: Over<T>, I, const N: usize>(
 fn moved<T: Scalar, S: Over<T>, const N: usize>(x: &[S; N], k: &[S; N], h: T) -> [S; N] {
     let mut moved = *x;
     unrolled!(i < N {
-        moved[i] = x[i] + k[i] * h;
+        moved[i] = x[i].mac_by(k[i], h);
     });
     moved
 }

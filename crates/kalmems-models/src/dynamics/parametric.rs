@@ -2,7 +2,7 @@
 
 use super::{TorsionalResonator, torque_slope};
 use crate::capacitance::GaussianComb;
-use kalmems_core::{Dynamics, Over, Scalar};
+use kalmems_core::{Dual, Dynamics, Over, Scalar};
 use kalmems_macros::{Parameters, model};
 
 /// J·θ̈ + b·θ̇ + k·θ = ½·C′(θ)·(V² + V_c²/2), states [θ, θ̇] in rad and rad/s, input V in V.
@@ -38,13 +38,13 @@ impl<P: Scalar> ParametricScanner<P> {
     /// θ̈ in rad/s² with V in V.
     pub fn acceleration<S: Over<P>>(&self, angle: S, rate: S, voltage: P) -> S {
         // ½·C′(θ)·V² is ½·C″(0)·V²·θ·overlap(θ): the electrodes are a second spring.
-        let mean_square = voltage.sq() + self.carrier_mean_square;
+        let mean_square = self.carrier_mean_square.mac(voltage, voltage);
         let electrodes =
             torque_slope(self.comb.curvature_at_rest() * self.resonator.inertia.recip(), mean_square);
         let spring = self.resonator.square_rate();
         let alone = angle.alone();
-        let pull = alone * (self.comb.overlap(alone) * electrodes - spring);
-        angle.chained(pull) - self.resonator.braking(rate)
+        let pull = alone * Dual::lift(-spring).mac_by(self.comb.overlap(alone), electrodes);
+        angle.chained(pull).mac_by(rate, -self.resonator.decay_rate())
     }
 }
 

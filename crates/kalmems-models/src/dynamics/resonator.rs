@@ -23,7 +23,12 @@ impl<P: Scalar> TorsionalResonator<P> {
 
     /// b·θ̇/J in rad/s²: what the damping takes from θ̈.
     pub fn braking<S: Over<P>>(&self, rate: S) -> S {
-        rate * (self.damping * self.inertia.recip())
+        rate * self.decay_rate()
+    }
+
+    /// b/J in 1/s: what the damping takes from θ̈ per rate.
+    pub fn decay_rate(&self) -> P {
+        self.damping * self.inertia.recip()
     }
 
     /// ω₀ = √(k/J) in rad/s.

@@ -35,7 +35,7 @@ pub struct DemodulatedComb<P> {
 impl<T: Scalar> DemodulatedComb<T> {
     /// y in V.
     pub fn voltage<S: Over<T>>(&self, angle: S) -> S {
-        self.comb.capacitance(angle) * self.gain + self.offset
+        S::lift(self.offset).mac_by(self.comb.capacitance(angle), self.gain)
     }
 }
 

@@ -13,6 +13,7 @@ pub mod threshold_scanner;
 use crate::config::{ConfigError, Device, Experiment, Fault};
 use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
+use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Layout, Recording, Segment};
@@ -94,6 +95,12 @@ pub trait Rig: Sync {
         let _ = progress;
         let why = format!("no identification is built for `{}` yet", self.name());
         Err(experiment.error("device", Fault::Value { why }).into())
+    }
+
+    /// The filter at this place of the file as it can be exported, and the columns of drive and signal.
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+        let _ = (experiment, place);
+        Err(ExportError::Device { device: self.name() })
     }
 
     /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.

@@ -5,6 +5,7 @@
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
 mod circuit;
+mod export;
 mod filters;
 pub mod identification;
 mod lock_in;
@@ -24,6 +25,7 @@ use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::Layout;
@@ -97,6 +99,11 @@ impl Rig for SharedScannerRig {
         };
         let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent));
         estimate.trajectories.iter().map(errors).collect()
+    }
+
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+        let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
+        Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
     }
 
     fn reproduction(&self) -> Option<&'static Program> {

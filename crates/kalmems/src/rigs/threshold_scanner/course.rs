@@ -45,7 +45,7 @@ const STEP_BACK_S: f64 = 32e-6;
 
 /// The smallest variance of an angle at a crossing whose own follows from its time, in rad²: what the threshold itself is
 /// known to, (0.01 mrad)².
-const LEAST_VARIANCE: f64 = 1e-10;
+pub const LEAST_VARIANCE: f64 = 1e-10;
 
 /// A normalised innovation squared that no innovation is below.
 const NEVER: f64 = -1.0;

@@ -6,6 +6,7 @@
 
 mod course;
 mod crossings;
+mod export;
 mod filters;
 mod hardware;
 pub mod identification;
@@ -20,6 +21,7 @@ use crate::config::{ConfigError, Device, Experiment, Key, Method, Role};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
+use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
 use crate::recording::{FindingKind, Layout};
@@ -105,6 +107,11 @@ impl Rig for ThresholdScannerRig {
         progress: &dyn Progress,
     ) -> Result<Identification, IdentifyError> {
         identification::identify(experiment, progress)
+    }
+
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+        let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
+        Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
     }
 
     fn reproduction(&self) -> Option<&'static Program> {

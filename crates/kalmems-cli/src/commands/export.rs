@@ -1,0 +1,48 @@
+//! `kalmems export`.
+
+use crate::args::{ExportArguments, Language};
+use crate::{Ending, print};
+use kalmems::config::Experiment;
+use kalmems::export::{Request, Target, export, write_export};
+use kalmems::units::{Value, kind};
+use std::path::PathBuf;
+
+pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
+    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let first = || experiment.estimate.as_ref().and_then(|e| e.filters.first()).map(|f| f.name.to_string());
+    let request = Request {
+        target: match arguments.target {
+            Language::C => Target::C,
+            Language::Rust => Target::Rust,
+        },
+        filter: arguments.filter.clone().or_else(first).unwrap_or_default(),
+        interval_s: arguments.rate.as_deref().map(interval_s).transpose()?,
+        update_every: arguments.update_every,
+        samples: arguments.samples,
+    };
+    let exported = export(&experiment, &request).map_err(|e| wrong(&e))?;
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None => PathBuf::from("out").join("exported").join(experiment.name.to_string()),
+    };
+    write_export(&exported, &out, arguments.force).map_err(|e| wrong(&e))?;
+    for (name, _) in &exported.files {
+        print(&format!("{}\n", out.join(name).display()))?;
+    }
+    eprintln!("the filter `{}` at an interval of {:e} s", exported.filter, exported.interval_s);
+    Ok(())
+}
+
+/// One over a rate.
+fn interval_s(rate: &str) -> Result<f64, Ending> {
+    let wrong = |why: &dyn std::fmt::Display| Ending::Wrong(format!("--rate: {why}"));
+    let value = Value::parse(rate).map_err(|e| wrong(&e))?;
+    let rate_hz = value.of_kind(&kind::FREQUENCY).map_err(|e| wrong(&e))?;
+    let interval_s = rate_hz.recip();
+    if rate_hz > 0.0 && interval_s.is_finite() {
+        Ok(interval_s)
+    } else {
+        Err(wrong(&format!("found `{rate}`; write a rate above 0, such as `1 MHz`")))
+    }
+}

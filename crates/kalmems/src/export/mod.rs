@@ -1,0 +1,67 @@
+//! A filter of an experiment as source code for a microcontroller.
+//!
+//! What is exported computes in units of its own: an angle in units of the device's width, a time in samples and a
+//! signal in standard deviations of its noise. The constants are derived in f64 from what the experiment says, as the
+//! estimate derives them, and none is far from one, which suits f32; where one is exactly one, it costs nothing.
+
+mod c;
+mod error;
+mod rust;
+mod samples;
+mod scanner;
+mod threshold;
+mod write;
+
+pub use error::ExportError;
+pub use scanner::{Integration, ScannerFilter};
+pub use threshold::{CrossingSettings, ThresholdFilter};
+pub use write::{Exported, export, write_export};
+
+use std::fmt::Display;
+use std::num::NonZeroU32;
+
+/// The language of the source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// C99 without any library.
+    C,
+    /// Rust with `kalmems-core` and `kalmems-models`, without `std`.
+    Rust,
+}
+
+/// What is wanted of an experiment.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The language.
+    pub target: Target,
+    /// The filter's name or key.
+    pub filter: String,
+    /// The sampling interval in s; that of the experiment's first recording if `None`.
+    pub interval_s: Option<f64>,
+    /// Every how many samples the filter is corrected.
+    pub update_every: NonZeroU32,
+    /// How many samples of the first recording are written beside it, to try it with.
+    pub samples: usize,
+}
+
+/// A filter that can be exported.
+#[derive(Clone, Debug)]
+pub enum Filter {
+    /// That of a shared-electrode scanner.
+    Scanner(ScannerFilter),
+    /// That of a threshold-sensing scanner.
+    Threshold(ThresholdFilter),
+}
+
+/// A number as both languages read it, the shortest that gives the same bits.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// A text with each `@name@` replaced.
+fn fill(text: &str, values: &[(&str, &dyn Display)]) -> String {
+    let one = |text: String, (name, value): &(&str, &dyn Display)| {
+        text.replace(&format!("@{name}@"), &value.to_string())
+    };
+    values.iter().fold(text.to_owned(), one)
+}

@@ -1,0 +1,56 @@
+//! Which filter can be exported, and what of it.
+
+use super::course::LEAST_VARIANCE;
+use super::settings::{Acceptance, Settings};
+use crate::config::{Applied, Experiment, Method, Timing, Variant};
+use crate::export::{CrossingSettings, ExportError, Filter, ThresholdFilter};
+
+/// The filter at this place of the file.
+pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportError> {
+    let settings = Settings::of(experiment)?;
+    let (hardware, filter) = (&settings.hardware, &settings.filters[place]);
+    let refuse =
+        |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
+    if filter.basics.method != Method::Ekf || filter.variant != Variant::Full {
+        return refuse("of this device, the method `ekf` with the variant `full` can be exported");
+    }
+    if !filter.basics.tracked.is_empty() {
+        return refuse("it has other states than angle and rate; leave `states` out");
+    }
+    if hardware.mirror.drive_gain != 0.0 || hardware.feedthrough != 0.0 {
+        return refuse(
+            "the drive moves the mirror or reaches the signal; a mirror that swings freely can be exported",
+        );
+    }
+    let (Some(detector), Some(threshold)) = (settings.crossings, filter.threshold) else {
+        return refuse("it uses no crossings; add `[estimate.crossings]` and `threshold = {}`");
+    };
+    let Acceptance::Deviations(deviations) = detector.acceptance else {
+        return refuse(
+            "its crossings are accepted by a rate of false alarms; give `threshold` in `[estimate.crossings]`",
+        );
+    };
+    let told = (threshold.timing, threshold.applied, threshold.lag_s, threshold.angle_sd);
+    let (Timing::ZeroCrossing, Applied::Late, None, None) = told else {
+        return refuse(
+            "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",
+        );
+    };
+    Ok(Filter::Threshold(ThresholdFilter {
+        resonator: hardware.mirror.resonator,
+        readout: hardware.readout,
+        noise_variance: hardware.noise_variance,
+        signal_variance: filter.signal_variance,
+        acceleration_density: filter.acceleration_density,
+        start: filter.start,
+        start_sd: filter.start_sd,
+        crossings: CrossingSettings {
+            width_s: detector.width_s,
+            separation_s: detector.separation_s,
+            deviations,
+            angle: threshold.angle,
+            least_variance: LEAST_VARIANCE,
+            gate_nis: threshold.gate_nis,
+        },
+    }))
+}

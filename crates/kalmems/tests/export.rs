@@ -1,0 +1,296 @@
+//! What `kalmems export` writes: the same bytes each time, a Rust module and a C source that compile, and the estimate
+//! of the filter that they were made from.
+
+use kalmems::config::Experiment;
+use kalmems::estimate::{SegmentEstimate, Silent};
+use kalmems::export::{ExportError, Exported, Request, Target, export, write_export};
+use kalmems::recording::Recording;
+use kalmems::rigs;
+use kalmems::signal::cubic_between;
+use kalmems_core::{Covariance, Ekf, Filter, Nodes, Scalar};
+use std::fs;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+// The modules that the firmware is made of.
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../firmware/src/generated/scanner.rs"]
+mod scanner;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../firmware/src/generated/scanner_rk4.rs"]
+mod scanner_rk4;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../firmware/src/generated/scanner_samples.rs"]
+mod scanner_samples;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../firmware/src/generated/threshold.rs"]
+mod threshold;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn example(path: &str) -> Experiment {
+    Experiment::load(&root().join("examples").join(path)).unwrap()
+}
+
+const SCANNER: &str = "shared_scanner/microcontroller.toml";
+const THRESHOLD: &str = "threshold_scanner/experiment.toml";
+
+fn request(target: Target, filter: &str) -> Request {
+    Request { target, filter: filter.to_owned(), interval_s: None, update_every: NonZeroU32::MIN, samples: 0 }
+}
+
+fn file<'a>(exported: &'a Exported, name: &str) -> &'a str {
+    &exported.files.iter().find(|(found, _)| found == name).unwrap().1
+}
+
+/// `.ci/firmware generate` makes them anew.
+#[test]
+fn the_firmware_holds_what_the_examples_give() {
+    let of = |example_file: &str, filter: &str, (every, samples): (u32, usize)| {
+        let request = Request {
+            update_every: NonZeroU32::new(every).unwrap(),
+            samples,
+            ..request(Target::Rust, filter)
+        };
+        export(&example(example_file), &request).unwrap()
+    };
+    let euler = of(SCANNER, "Euler EKF", (1, 1000));
+    let rk4 = of(SCANNER, "EKF", (4, 0));
+    let hybrid = of(THRESHOLD, "Hybrid", (1, 3000));
+    for (exported, name, kept) in [
+        (&euler, "filter.rs", "scanner.rs"),
+        (&euler, "samples.rs", "scanner_samples.rs"),
+        (&rk4, "filter.rs", "scanner_rk4.rs"),
+        (&hybrid, "filter.rs", "threshold.rs"),
+        (&hybrid, "samples.rs", "threshold_samples.rs"),
+    ] {
+        let kept = root().join("firmware/src/generated").join(kept);
+        let same = fs::read_to_string(&kept).unwrap() == file(exported, name);
+        assert!(same, "{} is not what the example gives: run `.ci/firmware generate`", kept.display());
+    }
+}
+
+/// The estimates of the first recording of an example.
+fn estimated(experiment: &Experiment) -> (Recording, SegmentEstimate) {
+    let rig = rigs::of(experiment).unwrap();
+    let index = rig.wanted(experiment).unwrap()[0];
+    let file = experiment.resolve(&experiment.recording(index).unwrap().file);
+    let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
+    let mut estimates = rig.estimate(experiment, index, &recording, &Silent).unwrap();
+    (recording, estimates.remove(0))
+}
+
+/// The largest difference of angles relative to the largest angle, where the sign of the motion may have been mirrored.
+fn apart(estimate: &SegmentEstimate, key: &str, angle: &[f64], from: usize) -> f64 {
+    let trajectory = estimate.trajectories.iter().find(|t| t.key == key).unwrap();
+    let sign = if trajectory.mirrored { -1.0 } else { 1.0 };
+    let theirs = &trajectory.states[0].mean;
+    assert_eq!(theirs.len(), angle.len());
+    let size = theirs.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let pairs = theirs.iter().zip(angle).skip(from);
+    pairs.map(|(x, y)| (sign * x - y).abs()).fold(0.0, f64::max) / size
+}
+
+#[test]
+fn an_exported_filter_of_the_scanner_estimates_what_the_program_does() {
+    let (recording, estimate) = estimated(&example(SCANNER));
+    let segment = &recording.segments()[0];
+    let column = |name: &str| recording.column(name).unwrap().of(segment);
+    let (drive, signal, time_s) = (column("drive_V"), column("cap_V"), segment.time.to_vec());
+
+    let mut euler = scanner::Estimator::<f64>::new();
+    euler.begin(signal[0]).unwrap();
+    let mut angle = vec![euler.mean()[0] * scanner::ANGLE_UNIT_RAD];
+    for k in 1..signal.len() {
+        euler.step(&drive[k - 1], signal[k]).unwrap();
+        angle.push(euler.mean()[0] * scanner::ANGLE_UNIT_RAD);
+    }
+    // The same numbers but for their units: rounding, over 24 000 steps.
+    let found = apart(&estimate, "euler_ekf", &angle, 0);
+    println!("Euler: {found:e}");
+    assert!(found < 1e-9, "{found:e}");
+
+    // Of every sample, where the firmware's copy corrects by one in four.
+    let mut filter = Ekf::new(
+        scanner_rk4::Estimator::<f64>::new().mean(),
+        scanner_rk4::Estimator::<f64>::new().covariance(),
+    );
+    let one = Covariance::from_variances([1.0]);
+    let mut angle = Vec::new();
+    for k in 0..signal.len() {
+        if k > 0 {
+            let middle = cubic_between(&time_s, |i| drive[i], k, time_s[k - 1].midpoint(time_s[k]));
+            let nodes = Nodes { start: drive[k - 1], middle, end: drive[k] };
+            filter.predict(&scanner_rk4::process(), &nodes).unwrap();
+        }
+        filter.update(&scanner_rk4::readout(), &[signal[k] * scanner_rk4::PER_VOLT], &one).unwrap();
+        angle.push(filter.mean()[0] * scanner_rk4::ANGLE_UNIT_RAD);
+    }
+    let found = apart(&estimate, "ekf", &angle, 0);
+    println!("Runge–Kutta: {found:e}");
+    assert!(found < 1e-9, "{found:e}");
+}
+
+/// The program fits the signal's offset on the way and integrates by Runge and Kutta; the exported filter knows the
+/// offset and steps exactly: less apart than a tenth of what either is from the truth, 2 mrad.
+#[test]
+fn an_exported_threshold_filter_estimates_nearly_what_the_program_does() {
+    let (recording, estimate) = estimated(&example(THRESHOLD));
+    let signal = recording.column("cap_V").unwrap().of(&recording.segments()[0]);
+    let mut filter = threshold::Estimator::<f64>::new().unwrap();
+    let mut angle = Vec::new();
+    for (k, volts) in signal.iter().enumerate() {
+        filter.step(*volts, k == 0).unwrap();
+        angle.push(filter.mean()[0] * threshold::ANGLE_UNIT_RAD);
+    }
+    let counts = estimate.trajectories.iter().find(|t| t.key == "hybrid").unwrap().counts;
+    println!("crossings {} of {}", filter.crossings(), counts.crossings);
+    let found = apart(&estimate, "hybrid", &angle, 0);
+    println!("threshold: {found:e} of the largest angle");
+    assert_eq!(filter.crossings() as usize, counts.crossings);
+    assert!(found < 2e-3, "{found:e}");
+}
+
+/// The C source against the library in f32 and f64, over the same samples.
+#[test]
+fn the_c_source_compiles_without_a_warning_and_agrees() {
+    if Command::new("cc").arg("--version").output().is_err() {
+        println!("SKIPPED: there is no C compiler");
+        return;
+    }
+    let experiment = example(SCANNER);
+    for (filter, arguments) in
+        [("Euler EKF", "DRIVE_V[k - 1]"), ("EKF", "DRIVE_V[k - 1], MIDDLE_V[k], DRIVE_V[k]")]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        let exported = export(&experiment, &Request { samples: 1000, ..request(Target::C, filter) }).unwrap();
+        write_export(&exported, &folder.path().join("source"), false).unwrap();
+        let main = format!(
+            "#include <stdio.h>\n#include \"scanner_filter.h\"\n#include \"samples.h\"\nint main(void)\n{{\n    \
+             scanner_filter_t filter;\n    unsigned k;\n    float used = MIDDLE_V[0];\n    \
+             scanner_filter_start(&filter);\n    if (!scanner_filter_begin(&filter, SIGNAL_V[0])) return 1;\n    \
+             for (k = 1; k < 1000; k++) {{\n        if (!scanner_filter_step(&filter, {arguments}, SIGNAL_V[k])) \
+             return 1;\n        printf(\"%.9g %.9g %.9g %.9g\\n\", (double)filter.angle, (double)filter.rate, \
+             (double)filter.p00, (double)filter.p11);\n    }}\n    return used < 0.0F;\n}}\n"
+        );
+        fs::write(folder.path().join("source/main.c"), main).unwrap();
+        let program = folder.path().join("program");
+        let compiled = Command::new("cc")
+            .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-ffp-contract=off", "-o"])
+            .arg(&program)
+            .args(["main.c", "scanner_filter.c"])
+            .current_dir(folder.path().join("source"))
+            .output()
+            .unwrap();
+        assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+        let ran = Command::new(&program).output().unwrap();
+        assert!(ran.status.success());
+        let text = String::from_utf8(ran.stdout).unwrap();
+        let theirs: Vec<Vec<f64>> =
+            text.lines().map(|l| l.split(' ').map(|x| x.parse().unwrap()).collect()).collect();
+        for (name, ours) in [("f32", run::<f32>(filter)), ("f64", run::<f64>(filter))] {
+            assert_eq!(theirs.len(), ours.len());
+            for i in 0..4 {
+                let size = ours.iter().fold(0.0_f64, |size, said| size.max(said[i].abs()));
+                let worst =
+                    ours.iter().zip(&theirs).map(|(a, b)| (a[i] - b[i]).abs()).fold(0.0, f64::max) / size;
+                println!("{filter}, {name}, quantity {i}: {worst:e}");
+                assert!(worst < 1e-5, "{filter}, {name}, quantity {i}: {worst:e}");
+            }
+        }
+    }
+}
+
+/// The library over the samples of the firmware: mean and variances after each step.
+fn run<T: Scalar<Mask = bool> + Into<f64>>(name: &str) -> Vec<[f64; 4]> {
+    let at = |table: &[f32], k: usize| T::of(f64::from(table[k]));
+    let one = Covariance::from_variances([T::of(1.0)]);
+    let per_volt = T::of(scanner::PER_VOLT);
+    let start = scanner::Estimator::<T>::new();
+    let mut filter = Ekf::new(start.mean(), start.covariance());
+    let mut said = Vec::new();
+    for k in 0..scanner_samples::SIGNAL_V.len() {
+        if k > 0 {
+            let (start, end) = (at(&scanner_samples::DRIVE_V, k - 1), at(&scanner_samples::DRIVE_V, k));
+            if name == "EKF" {
+                let nodes = Nodes { start, middle: at(&scanner_samples::MIDDLE_V, k), end };
+                filter.predict(&scanner_rk4::process(), &nodes).unwrap();
+            } else {
+                filter.predict(&scanner::process(), &start).unwrap();
+            }
+        }
+        let signal = at(&scanner_samples::SIGNAL_V, k) * per_volt;
+        filter.update(&scanner::readout(), &[signal], &one).unwrap();
+        if k > 0 {
+            let (mean, p) = (*filter.mean(), filter.covariance());
+            said.push([mean[0], mean[1], p.get(0, 0), p.get(1, 1)].map(Into::into));
+        }
+    }
+    said
+}
+
+#[test]
+fn what_cannot_be_exported_says_why() {
+    let why = |file: &str, request: &Request| export(&example(file), request).unwrap_err().to_string();
+    let scanner = "shared_scanner/experiment.toml";
+    for (file, request, expected) in [
+        (scanner, request(Target::Rust, "no such"), "the experiment has: `Model alone`, `EKF`, `UKF`"),
+        (scanner, request(Target::C, "UKF"), "the methods `ekf` and `euler_ekf` can be exported"),
+        (THRESHOLD, request(Target::Rust, "Hybrid as printed"), "the variant `full`"),
+        (THRESHOLD, request(Target::Rust, "Hybrid, resonance tracked"), "leave `states` out"),
+        (THRESHOLD, request(Target::C, "Hybrid"), "use `--target rust`"),
+        (
+            THRESHOLD,
+            Request { update_every: NonZeroU32::new(2).unwrap(), ..request(Target::Rust, "Hybrid") },
+            "needs every sample",
+        ),
+        (
+            scanner,
+            Request { samples: 30_000, ..request(Target::Rust, "EKF") },
+            "of the first 30000 samples only 24001 have a drive and a signal",
+        ),
+        (
+            scanner,
+            Request { samples: 3, interval_s: Some(1e-6), ..request(Target::Rust, "EKF") },
+            "leave `--rate` or `--samples` out",
+        ),
+        (
+            "piston_mirror/experiment.toml",
+            request(
+                Target::Rust,
+                &example("piston_mirror/experiment.toml").estimate.unwrap().filters[0].name.to_string(),
+            ),
+            "no filter of a `piston_mirror` can be exported",
+        ),
+    ] {
+        let found = why(file, &request);
+        assert!(found.contains(expected), "{file}: {found}");
+    }
+}
+
+#[test]
+fn an_export_is_whole_and_replaces_no_other() {
+    let experiment = example(SCANNER);
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("filter");
+    let write = |filter: &str, force: bool| {
+        write_export(&export(&experiment, &request(Target::C, filter)).unwrap(), &target, force)
+    };
+    write("EKF", false).unwrap();
+    let read = |name: &str| fs::read(target.join(name)).unwrap();
+    let first = ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read);
+    write("EKF", false).unwrap();
+    assert!(first == ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read));
+    assert!(matches!(write("Euler EKF", false), Err(ExportError::Output(_))));
+    write("Euler EKF", true).unwrap();
+    assert!(first[0] != read("scanner_filter.c"));
+    let source = String::from_utf8(read("scanner_filter.c")).unwrap();
+    assert!(source.contains(env!("CARGO_PKG_VERSION")) && source.contains("sha256") && !source.contains('@'));
+}

@@ -1,0 +1,106 @@
+//! The filter of a shared-electrode scanner, for a microcontroller.
+
+// Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
+// Experiment `scanner_filter`, sha256 51a681629ee8070a0d188834044079e2436f52a6fbf4dae4848ef4530e09c416, filter `EKF`.
+// Sampling interval 1.0000000000001327e-6 s, corrected by one sample in 4.
+
+use core::num::NonZeroU32;
+use kalmems_core::update::Decimation;
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Mat, Nodes, Rk4, Scalar};
+use kalmems_models::capacitance::GaussianComb;
+use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
+use kalmems_models::readout::DemodulatedComb;
+
+/// The unit of the angle in rad.
+pub const ANGLE_UNIT_RAD: f64 = 0.2;
+/// The unit of the rate in rad/s.
+pub const RATE_UNIT_RAD_PER_S: f64 = 199999.99999997346;
+/// What a signal of 1 V is, in standard deviations of its noise.
+pub const PER_VOLT: f64 = 72.16878364870321;
+/// Every how many samples the filter is corrected.
+pub const UPDATE_EVERY: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
+
+/// How it moves, the angle in its unit and the time in samples.
+#[inline(always)]
+pub fn scanner<T: Scalar>() -> ParametricScanner<T> {
+    let of = T::of;
+    ParametricScanner {
+        resonator: TorsionalResonator { inertia: of(1.0), damping: of(0.0005173913043478948), stiffness: of(0.009593913043480808) },
+        comb: GaussianComb { nominal: of(1.2413043478264162e-8), angular_width: of(1.0), bias: of(-0.0) },
+        carrier_mean_square: of(18.0),
+    }
+}
+
+/// One step over one interval, and its noise; what drives it is the voltage at its ends and in its middle.
+#[inline(always)]
+pub fn process<T: Scalar>() -> Rk4<ParametricScanner<T>, T, 2> {
+    let of = T::of;
+    let noise = Covariance::from_lower(Mat([[of(8.314131679767854e-10), of(0.0)], [of(1.2453630744504138e-9), of(2.4907323409663304e-9)]]));
+    Rk4::with_noise(scanner(), of(1.0), noise.into())
+}
+
+/// What is read, in standard deviations of its noise.
+#[inline(always)]
+pub fn readout<T: Scalar>() -> DemodulatedComb<T> {
+    let of = T::of;
+    let comb = GaussianComb { nominal: of(1.0), angular_width: of(1.0), bias: of(-0.0) };
+    DemodulatedComb { comb, gain: of(-147.27873390622565), offset: of(208.9686101691372) }
+}
+
+/// The filter on its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimator<T> {
+    filter: Ekf<T, 2>,
+    due: Decimation,
+}
+
+impl<T: Scalar<Mask = bool>> Estimator<T> {
+    /// Before the first sample.
+    #[inline(always)]
+    pub fn new() -> Self {
+        let of = T::of;
+        let start = Covariance::from_standard_deviations([of(0.7499999999999999), of(0.07500000000000995)]);
+        Self { filter: Ekf::new([of(0.25), of(0.0)], start), due: Decimation::every(UPDATE_EVERY) }
+    }
+
+    /// Corrects by the first sample, in V.
+    #[inline(always)]
+    pub fn begin(&mut self, signal_v: T) -> Result<(), FilterError> {
+        self.due.due();
+        self.filter.update(&readout(), &[signal_v * T::of(PER_VOLT)], &one()).map(drop)
+    }
+
+    /// Goes on to the next sample: the drive in V at its ends and in its middle, the signal in V at its end.
+    #[inline(always)]
+    pub fn step(&mut self, drive: &Nodes<T>, signal_v: T) -> Result<(), FilterError> {
+        if !self.due.due() {
+            return self.filter.predict(&process(), drive).map(drop);
+        }
+        let seen = [signal_v * T::of(PER_VOLT)];
+        self.filter.step((&process(), drive), (&readout(), &seen, &one())).map(drop)
+    }
+
+    /// Angle and rate, in their units.
+    #[inline(always)]
+    pub fn mean(&self) -> [T; 2] {
+        *self.filter.mean()
+    }
+
+    /// Their covariance, in their units.
+    #[inline(always)]
+    pub fn covariance(&self) -> Covariance<T, 2> {
+        self.filter.covariance()
+    }
+}
+
+impl<T: Scalar<Mask = bool>> Default for Estimator<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The variance of the signal in its unit.
+#[inline(always)]
+fn one<T: Scalar>() -> Covariance<T, 1> {
+    Covariance::from_variances([T::of(1.0)])
+}
