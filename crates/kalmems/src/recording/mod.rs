@@ -1,10 +1,9 @@
 //! Recordings: sampled channels with units, and their diagnosis.
 //!
-//! A recording is a CSV file with a header of `name_unit` columns. Numbers become SI as they are read. What is
-//! wrong with the file is found over its whole length and counted; nothing is repaired or interpolated. Findings
-//! that make it unusable are an error with all of them; the others are kept as [`Recording::diagnosis`].
-//!
-//! Read are CRLF and LF, a byte order mark, quoted cells, and lines that begin with `#` before the header.
+//! A recording is a table of numbers in any format of `kalmems_formats`, with columns named `name_unit`. Numbers become SI as
+//! they are read, on a thread of their own. What is wrong with the file is found over its whole length and counted;
+//! nothing is repaired or interpolated. Findings that make it unusable are an error with all of them; the others are
+//! kept as [`Recording::diagnosis`]. [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
 //! use kalmems::recording::{Clock, Layout, Recording};
