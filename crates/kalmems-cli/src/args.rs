@@ -39,6 +39,8 @@ pub enum Command {
     Schema(SchemaArguments),
     /// Compute a spectrum from interferograms and the positions along which they were taken.
     Spectrum(SpectrumArguments),
+    /// Estimate samples while they arrive, as the table `[stream]` of an experiment file says.
+    Stream(StreamArguments),
     /// Run an experiment again and again, over a grid or by chance, and compare its estimators.
     Study(StudyArguments),
 }
@@ -109,6 +111,35 @@ pub struct EstimateArguments {
     /// End with exit code 3 if a filter failed its consistency test.
     #[arg(long)]
     pub strict: bool,
+    /// Do not write the trajectories, which take several times the room of a long recording.
+    #[arg(long)]
+    pub no_trajectories: bool,
+}
+
+#[derive(Args)]
+pub struct StreamArguments {
+    /// The experiment file, such as `examples/shared_scanner/stream.toml`.
+    pub experiment: PathBuf,
+    /// Where samples come from: `-` for standard input, `tcp://HOST:PORT` to connect to, `listen://HOST:PORT` to wait for one
+    /// connection at, or a file, a named pipe or a serial device.
+    #[arg(long, value_name = "SOURCE", default_value = "-")]
+    pub from: String,
+    /// The rate of a serial device in bits per second; the device is then opened as one.
+    #[arg(long, value_name = "BITS_PER_S")]
+    pub baud: Option<u32>,
+    /// Write estimates and events as lines to this file; `-` for standard output, which is the default without `--frames`.
+    #[arg(long, value_name = "FILE")]
+    pub lines: Option<PathBuf>,
+    /// Write estimates as frames in binary to this file; `-` for standard output.
+    #[arg(long, value_name = "FILE")]
+    pub frames: Option<PathBuf>,
+    /// Keep in this file what is needed to go on, and go on from it where it is there: samples up to the time of the last line
+    /// `acknowledged` need not be sent again.
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Print the summary at the end as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

@@ -38,6 +38,7 @@ fn main() -> ExitCode {
         Command::Merge(arguments) => commands::study::merge(arguments),
         Command::Schema(arguments) => commands::schema::run(arguments),
         Command::Spectrum(arguments) => commands::spectrum::run(arguments),
+        Command::Stream(arguments) => commands::stream::run(arguments),
         Command::Study(arguments) => commands::study::run(arguments),
     };
     let (message, code) = match ending {

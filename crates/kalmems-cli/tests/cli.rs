@@ -228,7 +228,7 @@ fn bad_input_is_named_and_leaves_nothing() {
         ("a name that comes twice", |_, csv| {
             *csv = csv.replace("time_s,drive_V,cap_V", "time_s,drive_V,drive_V");
         }),
-        ("another separator", |_, csv| *csv = csv.replace(',', ";")),
+        ("another separator", |_, csv| *csv = csv.replace(',', "/")),
         ("a segment that comes back", |toml, csv| {
             *toml = toml.replace("clock = {", "segments = { column = \"record\" }\nclock = {");
             let label = |row: usize| ["record", "a", "b", "a"][usize::from(row > 0) + row / 10_000];
@@ -726,4 +726,187 @@ fn an_identification_that_cannot_be_is_refused() {
         })
     });
     assert!(none.contains("no recording has the role `ring_down`, `steady_state` or `zero_drive`"), "{none}");
+}
+
+/// A recording of this many rows: the scanner's, again and again, and the experiment for it.
+fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
+    let text =
+        |file: &str| std::fs::read_to_string(root().join("examples/shared_scanner").join(file)).unwrap();
+    // 20 000 rows are 627 cycles of the drive.
+    let repeat = |file: &str| {
+        let text = text(file);
+        let mut lines = text.lines();
+        let mut long = format!("{}\n", lines.next().unwrap());
+        let all: Vec<&str> = lines.map(|line| line.split_once(',').unwrap().1).collect();
+        for (k, cells) in all[all.len() - 20_000..].iter().cycle().take(rows).enumerate() {
+            long += &format!("{}.{:06},{cells}\n", k / 1_000_000, k % 1_000_000);
+        }
+        std::fs::write(folder.join(file), long).unwrap();
+    };
+    repeat("recording.csv");
+    let experiment = folder.join("experiment.toml");
+    let mut toml = text("experiment.toml");
+    if reference {
+        repeat("reference.csv");
+    } else {
+        let (from, to) = (toml.find("[recording.reference]").unwrap(), toml.find("[estimate]").unwrap());
+        toml.replace_range(from..to, "");
+    }
+    std::fs::write(&experiment, toml).unwrap();
+    experiment
+}
+
+#[test]
+fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
+    use kalmems::estimate::Silent;
+    use kalmems::{config::Experiment, results::Metrics, workflow};
+    let folder = tempfile::tempdir().unwrap();
+    let path = long_recording(folder.path(), workflow::LONG + 5_000, true);
+    let out = folder.path().join("out");
+    let output = run(&["estimate", path.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let parts: serde_json::Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let outcome = workflow::estimate(&Experiment::load(&path).unwrap(), &Silent).unwrap();
+    let whole = serde_json::to_value(Metrics::of(&outcome)).unwrap();
+    let of = |value: &serde_json::Value, filter: usize, path: &str| {
+        value["recordings"][0]["segments"][0]["estimators"][filter].pointer(path).unwrap().clone()
+    };
+    for (i, trajectory) in outcome.recordings[0].segments[0].estimate.trajectories.iter().enumerate() {
+        let csv = std::fs::read_to_string(out.join(format!("trajectory_{}.csv", trajectory.key))).unwrap();
+        let angles: Vec<u64> = csv
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').nth(1).unwrap().parse::<f64>().unwrap().to_bits())
+            .collect();
+        assert_eq!(angles.len(), trajectory.time_s.len());
+        assert!(angles.iter().zip(&trajectory.states[0].mean).all(|(a, b)| *a == b.to_bits()), "{i}");
+        for (field, tolerance) in [
+            ("/errors/angle/rmse_deg", 1e-9),
+            ("/errors/angle/samples", 0.0),
+            ("/errors/peak_phase_rmse_deg", 0.01),
+        ] {
+            let [a, b] = [&parts, &whole].map(|v| of(v, i, field).as_f64().unwrap());
+            assert!((a / b - 1.0).abs() <= tolerance, "{field}: {a} {b}");
+        }
+        assert_eq!(of(&parts, i, "/counts"), of(&whole, i, "/counts"));
+        let [a, b] = [&parts, &whole].map(|v| of(v, i, "/consistency"));
+        if a.is_object() {
+            let [a, b] = [a, b].map(|v| v["mean_nis"].as_f64().unwrap());
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+    }
+    assert!(out.join("figures/course.png").is_file() && out.join("report.html").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_estimated_as_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = long_recording(folder.path(), 150_000, false);
+    let piped = folder.path().join("piped.toml");
+    let toml = std::fs::read_to_string(&path).unwrap().replace("\"recording.csv\"", "\"/dev/stdin\"");
+    std::fs::write(&piped, toml).unwrap();
+    let estimate = |experiment: &Path, name: &str, input: Stdio| {
+        let out = folder.path().join(name);
+        let output = kalmems()
+            .args(["estimate", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()])
+            .stdin(input)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        std::fs::read(out.join("trajectory_ekf.csv")).unwrap()
+    };
+    let mut writer =
+        Command::new("cat").arg(folder.path().join("recording.csv")).stdout(Stdio::piped()).spawn().unwrap();
+    let piped = estimate(&piped, "piped", writer.stdout.take().unwrap().into());
+    writer.wait().unwrap();
+    assert!(piped == estimate(&path, "file", Stdio::null()), "the trajectories differ");
+}
+
+const STREAM: &str = "examples/shared_scanner/stream.toml";
+
+/// The lines of estimates of one answer of a stream.
+fn estimates<'a>(lines: &'a str, key: &str) -> Vec<&'a str> {
+    lines.lines().filter(|line| line.split(',').next() == Some(key)).collect()
+}
+
+#[test]
+fn samples_come_from_a_file_a_pipe_or_a_connection() {
+    use std::io::{BufRead, BufReader, Write};
+    let recording = root().join("examples/shared_scanner/recording.csv");
+    let from_file = run(&["stream", STREAM, "--from", recording.to_str().unwrap()]);
+    let said = text(&from_file.stderr);
+    assert_eq!(from_file.status.code(), Some(0), "{said}");
+    assert!(said.contains("24001 samples estimated") && said.contains("from arrival to estimate"), "{said}");
+    let lines = text(&from_file.stdout);
+    assert!(lines.contains("\nevent,{\"event\":\"zero_phase\""), "{said}");
+    let same = |other: &str| {
+        for key in ["ekf", "ekf_lagged"] {
+            assert_eq!(estimates(&lines, key).len(), 2401);
+            assert!(estimates(&lines, key) == estimates(other, key), "{key}");
+        }
+    };
+
+    let piped = kalmems().args(["stream", STREAM]).stdin(std::fs::File::open(&recording).unwrap()).output();
+    same(&text(&piped.unwrap().stdout));
+
+    let folder = tempfile::tempdir().unwrap();
+    let [to_lines, to_frames] = ["lines.csv", "frames.bin"].map(|name| folder.path().join(name));
+    let outputs = ["--lines", to_lines.to_str().unwrap(), "--frames", to_frames.to_str().unwrap()];
+    let mut child = kalmems()
+        .args(["stream", STREAM, "--from", "listen://127.0.0.1:0"])
+        .args(outputs)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap();
+    let mut connection = std::net::TcpStream::connect(address).unwrap();
+    connection.write_all(&std::fs::read(&recording).unwrap()).unwrap();
+    drop(connection);
+    std::io::Read::read_to_string(&mut said, &mut line).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{line}");
+    same(&std::fs::read_to_string(&to_lines).unwrap());
+    // A frame is its beginning, two counts and 1 + 2·3 numbers.
+    assert_eq!(std::fs::metadata(&to_frames).unwrap().len(), 2 * 2401 * (4 + 2 + 2 + 8 * 7));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_stream_gives_what_it_has() {
+    use std::io::{BufRead, BufReader, Write};
+    let mut child = kalmems()
+        .args(["stream", STREAM])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let writer = std::thread::spawn(move || {
+        input.write_all(&bytes).unwrap();
+        input.flush().unwrap();
+        input
+    });
+    // The samples wait for no end: estimates are there while the input is open.
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let (mut line, mut count) = (String::new(), 0);
+    while count < 2400 {
+        line.clear();
+        output.read_line(&mut line).unwrap();
+        count += usize::from(line.starts_with("ekf,"));
+    }
+    let input = writer.join().unwrap();
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let mut rest = String::new();
+    std::io::Read::read_to_string(&mut output, &mut rest).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    // What was smoothed a little later has come to its end as well.
+    assert!(estimates(&rest, "ekf_lagged").len() >= 10, "{rest}");
+    drop(input);
 }

@@ -32,7 +32,7 @@ mod tdms;
 mod wav;
 
 pub use block::{Block, CellFault, Fault, Labels};
-pub use csv::{CsvHints, open_csv, read_csv};
+pub use csv::{Cells, CsvHints, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
 pub use open::{Format, Hints, open, open_reader};

@@ -5,7 +5,7 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
 use kalmems::report::{Axis, Figure, Panel, Role, Series};
-use kalmems::results::{Metrics, RunInfo, outlook_figures, summary_table, write_estimate};
+use kalmems::results::{Metrics, RunInfo, WriteOptions, outlook_figures, summary_table, write_estimate};
 use kalmems::rigs;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Euler, Nodes, NoiseDensity, Process, Rk4};
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let staged = tempfile::tempdir()?;
         let results = staged.path().join("results");
         let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-        write_estimate(&outcome, &metrics, &results, false, info, &|| false)?;
+        write_estimate(&outcome, &metrics, &results, WriteOptions::default(), info, &|| false)?;
         for (name, ending) in figures {
             let to = folder.join(format!("shared_scanner_{name}.{ending}"));
             std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;

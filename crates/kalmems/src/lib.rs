@@ -44,6 +44,7 @@ pub mod results;
 pub mod rigs;
 pub mod signal;
 pub mod simulate;
+pub mod stream;
 pub mod study;
 pub mod units;
 pub mod workflow;

@@ -1,5 +1,9 @@
 //! The main job from end to end: each step is public, this calls them in order.
 
+mod parts;
+
+pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in_parts, is_long};
+
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
 use crate::estimate::{EstimateError, Progress, SegmentEstimate};
 use crate::evaluate::{
@@ -169,7 +173,8 @@ fn evaluate(
 /// Refuses a file that is not there, where the experiment names it.
 fn require(experiment: &Experiment, file: &Path, key: Key) -> Result<(), ConfigError> {
     let path = experiment.resolve(file);
-    if path.is_file() {
+    // What is neither file nor folder, such as a pipe, is read as it comes.
+    if path.exists() && !path.is_dir() {
         return Ok(());
     }
     let why = format!(

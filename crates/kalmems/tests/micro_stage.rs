@@ -8,7 +8,7 @@ use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
-use kalmems::results::{CalibrationSummary, Metrics, RunInfo, write_estimate};
+use kalmems::results::{CalibrationSummary, Metrics, RunInfo, WriteOptions, write_estimate};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
@@ -177,7 +177,10 @@ fn the_gyroscope_is_calibrated_by_the_stage_and_by_the_vibrometer() {
     let found = identify(&stage::reference("stage-room", &(TRAINING.to_owned() + ESTIMATE))).unwrap();
     let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
-    write_estimate(&outcome, &metrics, &here.path().join("stage"), false, info(), &|| false).unwrap();
+    write_estimate(&outcome, &metrics, &here.path().join("stage"), WriteOptions::default(), info(), &|| {
+        false
+    })
+    .unwrap();
     let toml = format!(
         "name = \"stage-room\"\n[gyroscope]\nrate = \"8 kHz\"\nclock_tolerance = \"1 %\"\n\
          channels = {{ y = \"gyro_rad_per_s\" }}\n\n\
@@ -224,7 +227,7 @@ fn the_examples_calibrate_the_gyroscope_by_the_stage() {
     let experiment = Experiment::load(&examples.join("micro_stage/experiment.toml")).unwrap();
     let outcome = workflow::estimate(&identify(&experiment).unwrap().experiment, &Silent).unwrap();
     let to = out.path().join("micro_stage");
-    write_estimate(&outcome, &Metrics::of(&outcome), &to, false, info, &|| false).unwrap();
+    write_estimate(&outcome, &Metrics::of(&outcome), &to, WriteOptions::default(), info, &|| false).unwrap();
     let path = examples.join("gyroscope/by_stage.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("\"../../out/"));

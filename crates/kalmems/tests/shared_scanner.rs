@@ -3,7 +3,9 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Silent};
 use kalmems::report::{Figure, Series, Shape};
-use kalmems::results::{Metrics, RunInfo, Verdict, WriteError, estimate_figures, notices, write_estimate};
+use kalmems::results::{
+    Metrics, RunInfo, Verdict, WriteError, WriteOptions, estimate_figures, notices, write_estimate,
+};
 use kalmems::workflow::{self, Outcome};
 use std::path::PathBuf;
 
@@ -375,7 +377,7 @@ fn writing_that_is_stopped_leaves_nothing() {
             looks.set(looks.get() + 1);
             looks.get() > places
         };
-        match write_estimate(&outcome, &metrics, &target, false, info, &stop) {
+        match write_estimate(&outcome, &metrics, &target, WriteOptions::default(), info, &stop) {
             Err(WriteError::Interrupted) => {
                 assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "stopped at look {places}");
             }

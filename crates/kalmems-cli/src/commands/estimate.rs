@@ -4,9 +4,12 @@ use crate::args::EstimateArguments;
 use crate::progress::Bar;
 use crate::{Ending, print};
 use kalmems::config::Experiment;
-use kalmems::results::{Metrics, RunInfo, WriteError, notices, summary_table, write_estimate};
-use kalmems::workflow;
-use std::path::PathBuf;
+use kalmems::estimate::Silent;
+use kalmems::results::{
+    LongEstimate, Metrics, RunInfo, WriteError, WriteOptions, notices, summary_table, write_estimate,
+};
+use kalmems::workflow::{self, PartsError, WorkflowError};
+use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
@@ -17,17 +20,11 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
         Some(out) => out.clone(),
         None => PathBuf::from("out").join(experiment.name.to_string()),
     };
-    let bar = Bar::default();
-    let outcome = workflow::estimate(&experiment, &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
-    drop(bar);
-    let metrics = Metrics::of(&outcome);
-    let info = RunInfo { started, took: clock.elapsed() };
-    let stop = &crate::interrupt::requested;
-    write_estimate(&outcome, &metrics, &out, arguments.force, info, stop).map_err(|e| match e {
-        WriteError::Interrupted => Ending::Interrupted,
-        e => wrong(&e),
-    })?;
+    let metrics = if workflow::is_long(&experiment, &Silent).map_err(|e| wrong(&e))? {
+        in_parts(&experiment, arguments, &out, (started, clock))?
+    } else {
+        at_once(&experiment, arguments, &out, (started, clock))?
+    };
 
     if arguments.json {
         let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
@@ -48,4 +45,53 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
         return Err(Ending::NotConsistent(format!("failed the consistency test: {failed}")));
     }
     Ok(())
+}
+
+/// Of recordings that are held in memory.
+fn at_once(
+    experiment: &Experiment,
+    arguments: &EstimateArguments,
+    out: &Path,
+    (started, clock): (SystemTime, Instant),
+) -> Result<Metrics, Ending> {
+    let bar = Bar::default();
+    let outcome = workflow::estimate(experiment, &bar).map_err(of_work)?;
+    drop(bar);
+    let metrics = Metrics::of(&outcome);
+    let info = RunInfo { started, took: clock.elapsed() };
+    let wanted = WriteOptions { force: arguments.force, trajectories: !arguments.no_trajectories };
+    write_estimate(&outcome, &metrics, out, wanted, info, &crate::interrupt::requested)
+        .map_err(of_writing)?;
+    Ok(metrics)
+}
+
+/// Of recordings of any length.
+fn in_parts(
+    experiment: &Experiment,
+    arguments: &EstimateArguments,
+    out: &Path,
+    (started, clock): (SystemTime, Instant),
+) -> Result<Metrics, Ending> {
+    let wanted = WriteOptions { force: arguments.force, trajectories: !arguments.no_trajectories };
+    let begun = LongEstimate::begin(experiment, out, wanted, &crate::interrupt::requested);
+    let mut results = begun.map_err(of_writing)?;
+    let bar = Bar::default();
+    let whole = workflow::estimate_in_parts(experiment, &bar, &mut |part| results.part(&part));
+    let whole = whole.map_err(|e| match e {
+        PartsError::Work(error) => of_work(error),
+        PartsError::Taken(error) => of_writing(error),
+    })?;
+    drop(bar);
+    results.finish(&whole, RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
+}
+
+fn of_work(error: WorkflowError) -> Ending {
+    if error.is_interruption() { Ending::Interrupted } else { Ending::Wrong(error.to_string()) }
+}
+
+fn of_writing(error: WriteError) -> Ending {
+    match error {
+        WriteError::Interrupted => Ending::Interrupted,
+        error => Ending::Wrong(error.to_string()),
+    }
 }

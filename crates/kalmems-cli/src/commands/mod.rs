@@ -9,4 +9,5 @@ pub mod reproduce;
 pub mod schema;
 pub mod simulate;
 pub mod spectrum;
+pub mod stream;
 pub mod study;

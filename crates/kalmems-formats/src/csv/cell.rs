@@ -4,14 +4,14 @@ use crate::Fault;
 use std::io::Write as _;
 
 /// Reads cells the slow way, with memory that is used again.
-#[derive(Default)]
-pub(super) struct Cells {
+#[derive(Debug, Default)]
+pub struct Cells {
     scratch: Vec<u8>,
 }
 
 impl Cells {
-    /// The finite number in a cell, times 10^`power` and rounded once, or what is wrong with it.
-    pub(super) fn read(&mut self, cell: &[u8], point: u8, power: i32) -> Result<f64, Fault> {
+    /// The finite number in a cell whose decimal point is `point`, times 10^`power` and rounded once, or what is wrong with it.
+    pub fn read(&mut self, cell: &[u8], point: u8, power: i32) -> Result<f64, Fault> {
         let cell = cell.trim_ascii();
         if cell.is_empty() {
             return Err(Fault::Missing);

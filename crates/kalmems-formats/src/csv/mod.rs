@@ -8,6 +8,7 @@ mod number;
 mod split;
 mod table;
 
+pub use cell::Cells;
 pub use hints::CsvHints;
 
 use crate::{FormatError, Hints, ReadSeek, Table};

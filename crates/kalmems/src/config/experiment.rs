@@ -7,7 +7,7 @@ use super::source::Source;
 use super::values::{self, AnyValue, Entry, Values};
 use super::{
     Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Method, Name,
-    Quantity, Recording, Reference, Segments, Sign, Simulate,
+    Quantity, Recording, Reference, Segments, Sign, Simulate, Stream,
 };
 use crate::recording::{self, Layout};
 use crate::units::Kind;
@@ -44,6 +44,9 @@ pub struct Experiment {
     /// The simulation that is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulate: Option<Simulate>,
+    /// Samples that arrive while they are estimated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stream: Option<Stream>,
     #[serde(skip)]
     source: Source,
 }

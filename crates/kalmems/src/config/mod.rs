@@ -10,7 +10,7 @@
 //! assert_eq!(
 //!     error.to_string(),
 //!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
-//!      known keys: name, description, device, recording, estimate, identify, simulate"
+//!      known keys: name, description, device, recording, estimate, identify, simulate, stream"
 //! );
 //! ```
 
@@ -35,6 +35,7 @@ mod sign;
 mod simulate;
 mod source;
 mod spectrum;
+mod stream;
 #[cfg(test)]
 mod tests;
 mod values;
@@ -72,4 +73,5 @@ pub use spectrum::{
     PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
     SpectrumReference, SpectrumTransform, TransformMethod,
 };
+pub use stream::{Field, FieldType, Stream, StreamFormat, Sync};
 pub use values::{AnyValue, Entry, Values};

@@ -1,10 +1,10 @@
 //! The one loop that takes a filter through a segment.
 
 use super::smoothing::Linked;
-use super::{Counts, Failure, Lock, Progress, StateSeries, Trajectory, TrajectoryKind};
+use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
 use crate::units::Kind;
-use kalmems_core::{Covariance, Filter, FilterError, Innovation, Measurement};
-use std::ops::ControlFlow;
+use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Mat, Measurement};
+use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 /// What a filter meets on its way through one segment: how to get from one sample to the next, and what was
@@ -102,14 +102,14 @@ const CHUNK: usize = 65_536;
 pub type StateName = (&'static str, &'static str, &'static Kind);
 
 impl Trajectory {
-    /// A trajectory without a number yet, over these times.
+    /// A trajectory without a number yet, over these samples of a signal.
     pub(crate) fn blank(
         (key, name): (&str, &str),
         kind: TrajectoryKind,
-        time_s: &[f64],
+        (time_s, signal, samples): (&[f64], &[f64], &Range<usize>),
         states: &[StateName],
     ) -> Self {
-        let n = time_s.len();
+        let n = samples.len();
         let blank = || vec![f64::NAN; n];
         Self {
             key: key.to_owned(),
@@ -119,6 +119,7 @@ impl Trajectory {
                 .iter()
                 .map(|&(name, unit, kind)| StateSeries { name, unit, kind, mean: blank(), sd: blank() })
                 .collect(),
+            signal: signal[samples.clone()].to_vec(),
             innovation: blank(),
             innovation_sd: blank(),
             nis: blank(),
@@ -129,75 +130,177 @@ impl Trajectory {
             mirrored: false,
             failure: None,
             seconds_per_step: f64::NAN,
-            time_s: time_s.to_vec(),
+            time_s: time_s[samples.clone()].to_vec(),
         }
+    }
+
+    /// Puts another part behind, which follows this one.
+    pub(super) fn append(&mut self, mut later: Self) {
+        for (state, later) in self.states.iter_mut().zip(&mut later.states) {
+            state.mean.append(&mut later.mean);
+            state.sd.append(&mut later.sd);
+        }
+        self.each_series(&mut later, Vec::append);
+    }
+
+    /// Takes what belongs to the first samples off, as many as are asked for.
+    pub(crate) fn take_front(&mut self, count: usize) -> Self {
+        let mut front = self.hollow();
+        let split = |rest: &mut Vec<f64>, front: &mut Vec<f64>| {
+            front.extend(rest.drain(..count.min(rest.len())));
+        };
+        for (rest, front) in self.states.iter_mut().zip(&mut front.states) {
+            split(&mut rest.mean, &mut front.mean);
+            split(&mut rest.sd, &mut front.sd);
+        }
+        self.each_series(&mut front, split);
+        front
+    }
+
+    /// The same without its series of numbers.
+    pub(super) fn hollow(&self) -> Self {
+        let empty = |state: &StateSeries| StateSeries { mean: Vec::new(), sd: Vec::new(), ..*state };
+        Self {
+            key: self.key.clone(),
+            name: self.name.clone(),
+            states: self.states.iter().map(empty).collect(),
+            signal: Vec::new(),
+            innovation: Vec::new(),
+            innovation_sd: Vec::new(),
+            nis: Vec::new(),
+            log_likelihood: Vec::new(),
+            lock: self.lock.clone(),
+            time_s: Vec::new(),
+            ..*self
+        }
+    }
+
+    /// Does something with each series of numbers of this and another trajectory, but the states'.
+    fn each_series(&mut self, other: &mut Self, mut each: impl FnMut(&mut Vec<f64>, &mut Vec<f64>)) {
+        each(&mut self.time_s, &mut other.time_s);
+        each(&mut self.signal, &mut other.signal);
+        each(&mut self.innovation, &mut other.innovation);
+        each(&mut self.innovation_sd, &mut other.innovation_sd);
+        each(&mut self.nis, &mut other.nis);
+        each(&mut self.log_likelihood, &mut other.log_likelihood);
     }
 }
 
-/// Takes a filter through a segment and records what it says. `None` where the work was stopped.
-///
-/// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
-/// says where and why, and has no numbers from there on.
-pub fn follow<F: Filter<f64, N>, C: Course<N>, const N: usize>(
-    names: (&str, &str),
-    filter: F,
-    course: &mut C,
-    states: &[StateName; N],
-    progress: &dyn Progress,
-) -> Option<Trajectory> {
-    let mut trajectory = Trajectory::blank(
-        names,
-        TrajectoryKind::Filtered,
-        course.time_s(),
-        &Derived::after(course.derived().as_ref(), states),
-    );
-    let n = trajectory.time_s.len();
-    // Remembers what only a smoother needs; so that a filter is compiled once for both.
-    let mut filter = Linked::new(filter);
-    progress.begin(names.1, n as u64);
-    let started = Instant::now();
-    for k in 0..n {
-        if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(()) {
+/// A filter on its way through a segment.
+#[derive(Clone)]
+pub struct Followed<F, const N: usize> {
+    filter: Linked<F, N>,
+    /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
+    entry: Linked<F, N>,
+    begun: bool,
+    failure: Option<Failure>,
+}
+
+impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
+    /// From the segment's first sample on.
+    pub fn new(filter: F) -> Self {
+        // Remembers what only a smoother needs; so that a filter is compiled once for both.
+        let filter = Linked::new(filter);
+        Self { entry: filter.clone(), filter, begun: false, failure: None }
+    }
+
+    /// From a sample on at which a filter was left with this mean and lower covariance, row by row.
+    pub(super) fn resumed(filter: F, (mean, lower): &(Vec<f64>, Vec<f64>)) -> Result<Self, FilterError> {
+        let mut followed = Self::new(filter);
+        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
+        let mean = std::array::from_fn(|i| of(mean, i));
+        let state = Gaussian { mean, covariance: Covariance::from_lower(covariance) };
+        followed.filter.predict(&TakenOver::from(state), &())?;
+        followed.begun = true;
+        Ok(followed)
+    }
+
+    /// Mean and lower covariance of the filter, row by row.
+    pub(super) fn state(&self) -> (Vec<f64>, Vec<f64>) {
+        let covariance = self.filter.covariance();
+        let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance.get(i, j));
+        (self.filter.mean().to_vec(), lower.collect())
+    }
+
+    /// The filter at the first row of the part that was taken last.
+    pub(super) fn entry(&self) -> &Linked<F, N> {
+        &self.entry
+    }
+
+    /// Takes the filter through the new samples of a course and records what it says. `None` where the work was stopped.
+    ///
+    /// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
+    /// says where and why, and has no numbers from there on.
+    pub fn follow<C: Course<N>>(
+        &mut self,
+        names: (&str, &str),
+        course: &mut C,
+        fresh: &Range<usize>,
+        states: &[StateName; N],
+        progress: &dyn Progress,
+    ) -> Option<Trajectory> {
+        let mut trajectory = Trajectory::blank(
+            names,
+            TrajectoryKind::Filtered,
+            (course.time_s(), course.signal(), fresh),
+            &Derived::after(course.derived().as_ref(), states),
+        );
+        let n = fresh.len();
+        progress.begin(names.1, n as u64);
+        let started = Instant::now();
+        trajectory.failure = self.failure;
+        for k in 0..n {
+            if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(()) {
+                return None;
+            }
+            if self.failure.is_some() {
+                break;
+            }
+            if let Err(why) = self.step(course, (fresh.start, k), &mut trajectory) {
+                self.failure = Some(Failure { time_s: trajectory.time_s[k], why });
+                trajectory.failure = self.failure;
+            }
+        }
+        course.conclude(&mut trajectory);
+        trajectory.seconds_per_step = started.elapsed().as_secs_f64() / n.max(1) as f64;
+        if progress.reached(n as u64) == ControlFlow::Break(()) {
             return None;
         }
-        if let Err(why) = step(&mut filter, course, k, &mut trajectory) {
-            trajectory.failure = Some(Failure { time_s: trajectory.time_s[k], why });
-            break;
-        }
+        Some(trajectory)
     }
-    course.conclude(&mut trajectory);
-    trajectory.seconds_per_step = started.elapsed().as_secs_f64() / n.max(1) as f64;
-    if progress.reached(n as u64) == ControlFlow::Break(()) {
-        return None;
-    }
-    Some(trajectory)
-}
 
-/// One sample: prediction from the last one, update if there is a signal.
-fn step<F: Filter<f64, N>, C: Course<N>, const N: usize>(
-    filter: &mut Linked<F, N>,
-    course: &mut C,
-    k: usize,
-    trajectory: &mut Trajectory,
-) -> Result<(), FilterError> {
-    if k > 0 {
-        filter.forget();
-        course.advance(filter, k, &mut trajectory.counts)?;
-    }
-    match course.correct(filter, k, &mut trajectory.counts)? {
-        Some(innovation) => {
-            trajectory.innovation[k] = innovation.residual[0];
-            trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
-            trajectory.nis[k] = innovation.nis;
-            trajectory.log_likelihood[k] = innovation.log_likelihood();
-            trajectory.counts.updates += usize::from(innovation.taken);
+    /// One sample: prediction from the last one, update if there is a signal.
+    fn step<C: Course<N>>(
+        &mut self,
+        course: &mut C,
+        (first, k): (usize, usize),
+        trajectory: &mut Trajectory,
+    ) -> Result<(), FilterError> {
+        let filter = &mut self.filter;
+        if self.begun {
+            filter.forget();
+            course.advance(filter, first + k, &mut trajectory.counts)?;
         }
-        None => trajectory.counts.without_signal += 1,
+        self.begun = true;
+        if k == 0 {
+            self.entry.clone_from(filter);
+        }
+        match course.correct(filter, first + k, &mut trajectory.counts)? {
+            Some(innovation) => {
+                trajectory.innovation[k] = innovation.residual[0];
+                trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
+                trajectory.nis[k] = innovation.nis;
+                trajectory.log_likelihood[k] = innovation.log_likelihood();
+                trajectory.counts.updates += usize::from(innovation.taken);
+            }
+            None => trajectory.counts.without_signal += 1,
+        }
+        for (i, state) in trajectory.states.iter_mut().take(N).enumerate() {
+            state.mean[k] = filter.mean()[i];
+            state.sd[k] = filter.covariance().standard_deviation(i);
+        }
+        Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
+        Ok(())
     }
-    for (i, state) in trajectory.states.iter_mut().take(N).enumerate() {
-        state.mean[k] = filter.mean()[i];
-        state.sd[k] = filter.covariance().standard_deviation(i);
-    }
-    Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
-    Ok(())
 }

@@ -25,6 +25,25 @@ pub enum EstimateError {
         /// The settling time.
         skip_s: f64,
     },
+    /// A long recording would have to be held for longer than a part before the filters can begin.
+    #[error(
+        "`{place}`: the filters need the first {needed} samples together, for the settling time (`estimate.skip`) or the \
+         drive's sine, and of a long recording {held} are held; shorten the settling time or record at a lower rate"
+    )]
+    LongStart {
+        /// The file.
+        place: String,
+        /// Samples that are needed.
+        needed: usize,
+        /// Samples that are held.
+        held: usize,
+    },
+    /// A filter cannot go on from the state that it was left in.
+    #[error("a filter cannot go on from the state that was kept of it: {why}; begin anew without it")]
+    Resumed {
+        /// Why.
+        why: String,
+    },
     /// The signal holds no finite sample.
     #[error("{place}: the signal `{column}` has no finite sample; there is nothing to estimate from")]
     NoSignal {

@@ -1,15 +1,18 @@
-//! A recording, segment by segment.
+//! Segments on the way to an estimate.
 
-use super::{EstimateError, Motion, Trajectory};
+use super::{EstimateError, Motion, Part, Past, Trajectory};
 use crate::recording::{Recording, Segment};
 use crate::signal::Sine;
 use crate::units::Kind;
+use std::ops::Range;
 
 /// What the filters say of one segment.
 #[derive(Clone, Debug)]
 pub struct SegmentEstimate {
-    /// The segment.
+    /// The samples of the segment that it is about.
     pub segment: Segment,
+    /// When the segment began, in s.
+    pub start_s: f64,
     /// The column of the drive in V, by its name.
     pub drive_column: String,
     /// The column of the signal, by its name.
@@ -46,20 +49,22 @@ pub struct Axis {
 impl SegmentEstimate {
     /// The end of the settling time in s.
     pub fn from_s(&self) -> f64 {
-        self.segment.time.start_s() + self.skip_s
+        self.start_s + self.skip_s
     }
 }
 
-/// One segment and its signal, on the way to an estimate.
-#[derive(Clone, Copy, Debug)]
+/// A part of a segment and its signal, on the way to an estimate.
+#[derive(Clone, Debug)]
 pub struct SignalSegment<'a> {
-    /// The segment.
+    /// The recording.
+    pub recording: &'a Recording,
+    /// The rows that are there.
     pub segment: &'a Segment,
     /// What messages call it: the file, and the segment's label where it has one.
-    pub place: &'a str,
+    pub place: String,
     /// When, in s.
-    pub time_s: &'a [f64],
-    /// The signal, with at least one finite sample.
+    pub time_s: Vec<f64>,
+    /// The signal; with at least one finite sample, where the segment begins.
     pub signal: &'a [f64],
     /// Its column.
     pub signal_column: &'a str,
@@ -69,20 +74,29 @@ pub struct SignalSegment<'a> {
     pub interval_s: f64,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
+    /// When the segment began, in s.
+    pub start_s: f64,
+    /// Which of the rows are new.
+    pub fresh: Range<usize>,
+    /// Whether the segment begins with the first of them.
+    pub begins: bool,
+    /// Whether it ends with the last of them.
+    pub ends: bool,
 }
 
-/// Estimates these segments of a recording, which has a signal in this column, of this kind.
-///
-/// A segment of less than two samples is refused, and one without a signal.
-pub fn estimate_segments<'a>(
-    recording: &Recording,
-    segments: impl IntoIterator<Item = &'a Segment>,
-    (column, signal_kind): (&str, &'static Kind),
-    skip_s: f64,
-    each: impl Fn(&SignalSegment) -> Result<SegmentEstimate, EstimateError>,
-) -> Result<Vec<SegmentEstimate>, EstimateError> {
-    let signal = recording.column_of(column, signal_kind)?;
-    let one = |segment: &Segment| {
+impl<'a> SignalSegment<'a> {
+    /// A part of a segment with a signal in this column, of this kind.
+    ///
+    /// A segment of less than two samples is refused, and one without a signal where it begins. What the past keeps of
+    /// another segment is dropped.
+    pub fn of(
+        part: &Part<'a>,
+        (column, signal_kind): (&'a str, &'static Kind),
+        skip_s: f64,
+        past: &mut Past,
+    ) -> Result<Self, EstimateError> {
+        let Part { recording, segment, ref fresh, begins, ends } = *part;
+        let signal = recording.column_of(column, signal_kind)?;
         let place = match segment.label.as_str() {
             "" => recording.source().file.clone(),
             label => format!("{}, segment `{label}`", recording.source().file),
@@ -91,50 +105,49 @@ pub fn estimate_segments<'a>(
             return Err(EstimateError::TooShort { place, found_s: 0.0, skip_s });
         };
         let signal = signal.of(segment);
-        if !signal.iter().any(|y| y.is_finite()) {
+        if begins && !signal.iter().any(|y| y.is_finite()) {
             return Err(EstimateError::NoSignal { place, column: column.to_owned() });
         }
-        let time_s = &segment.time.to_vec();
-        let place = place.as_str();
-        let signal_column = column;
-        each(&SignalSegment {
+        if begins {
+            *past = Past::from(segment.time.start_s());
+        }
+        Ok(Self {
+            recording,
             segment,
             place,
-            time_s,
+            time_s: segment.time.to_vec(),
             signal,
-            signal_column,
+            signal_column: column,
             signal_kind,
             interval_s,
             skip_s,
+            start_s: past.start_s,
+            fresh: fresh.clone(),
+            begins,
+            ends,
         })
-    };
-    segments.into_iter().map(one).collect()
-}
-
-/// Refuses samples that do not last this long after the settling time, all in s; `place` names them in the message.
-pub(super) fn require_after_settling(
-    place: &str,
-    time_s: &[f64],
-    skip_s: f64,
-    lasting_s: f64,
-) -> Result<(), EstimateError> {
-    let found_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
-    if found_s < skip_s + lasting_s {
-        return Err(EstimateError::TooShort { place: place.to_owned(), found_s, skip_s });
     }
-    Ok(())
 }
 
 impl SignalSegment<'_> {
     /// Refuses a segment that does not last this long after the settling time, in s.
     pub fn require_after_settling(&self, lasting_s: f64) -> Result<(), EstimateError> {
-        require_after_settling(self.place, self.time_s, self.skip_s, lasting_s)
+        // Of a segment that goes on, more is to come.
+        if !(self.begins && self.ends) {
+            return Ok(());
+        }
+        let found_s = self.time_s.last().zip(self.time_s.first()).map_or(0.0, |(last, first)| last - first);
+        if found_s < self.skip_s + lasting_s {
+            return Err(EstimateError::TooShort { place: self.place.clone(), found_s, skip_s: self.skip_s });
+        }
+        Ok(())
     }
 
     /// What the filters say of it, of a device with one axis and no drive.
     pub fn estimated(&self, motion: Motion, trajectories: Vec<Trajectory>) -> SegmentEstimate {
         SegmentEstimate {
-            segment: self.segment.clone(),
+            segment: self.segment.part(&self.fresh),
+            start_s: self.start_s,
             drive_column: String::new(),
             signal_column: self.signal_column.to_owned(),
             signal_kind: self.signal_kind,

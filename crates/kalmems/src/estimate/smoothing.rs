@@ -5,116 +5,237 @@ use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
 use kalmems_core::update::Policy;
 use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Link, Measurement, Process};
+use std::ops::Range;
 
-/// How many later samples a smoothed state knows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lookahead {
-    /// All of the segment (fixed interval).
-    Whole,
-    /// So many, fewer at the end (fixed lag). It could be had while samples arrive, that much late.
-    Samples(usize),
+/// The smoothed answer of a filter on its way.
+///
+/// Innovations, NIS and counts are taken over from the filter. Where it stopped, or the smoother has to, the answer says so
+/// and has no numbers from there on.
+pub(super) enum Smoother<F, const N: usize> {
+    /// Each state given all samples of the segment (fixed interval); in a segment that comes in parts, given those of its own
+    /// part and of the next one.
+    Whole(Whole<F, N>),
+    /// Each state given so many later samples, fewer at the end (fixed lag). It could be had while samples arrive, that
+    /// much late.
+    Lagged(Lagged<F, N>),
 }
 
-/// Smooths the answer that a filter gave, from the filter as it started and the same course.
-///
-/// `filtered` is what [`follow`](super::follow) made of them; innovations, NIS and counts are taken over from it.
-/// Where the filter stopped, or the smoother has to, the answer says so and has no numbers.
-pub fn smooth<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
-    (key, name): (&str, &str),
-    start: &F,
-    course: &mut C,
-    filtered: &Trajectory,
-    lookahead: Lookahead,
-) -> Trajectory {
-    let mut answer = Trajectory {
-        key: key.to_owned(),
-        name: name.to_owned(),
-        kind: TrajectoryKind::Smoothed,
-        ..filtered.clone()
-    };
-    for state in &mut answer.states {
-        state.mean.fill(f64::NAN);
-        state.sd.fill(f64::NAN);
-    }
-    if answer.failure.is_some() {
-        return answer;
-    }
-    let begun = std::time::Instant::now();
-    let derived = course.derived();
-    let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| {
-        let covariance = smoothed.covariance();
-        for (i, state) in answer.states.iter_mut().take(N).enumerate() {
-            state.mean[k] = smoothed.mean[i];
-            state.sd[k] = covariance.standard_deviation(i);
+/// New samples and what a filter made of them.
+pub(super) struct FilteredPart<'a, F, const N: usize> {
+    /// The filter at the first of them, not yet corrected by it.
+    pub(super) entry: &'a Linked<F, N>,
+    /// Which of the course's samples they are.
+    pub(super) fresh: &'a Range<usize>,
+    /// Whether the segment ends with them.
+    pub(super) ends: bool,
+    /// What the filter made of them.
+    pub(super) filtered: &'a Trajectory,
+}
+
+impl<F: Filter<f64, N> + Clone, const N: usize> Smoother<F, N> {
+    /// What is known for good of these samples and those before that it did not give yet.
+    pub(super) fn take<C: Course<N>>(
+        &mut self,
+        (key, name): (&str, &str),
+        course: &mut C,
+        part: &FilteredPart<F, N>,
+    ) -> Trajectory {
+        let begun = std::time::Instant::now();
+        let mut filtered = Trajectory {
+            key: key.to_owned(),
+            name: name.to_owned(),
+            kind: TrajectoryKind::Smoothed,
+            ..part.filtered.clone()
+        };
+        for state in &mut filtered.states {
+            state.mean.fill(f64::NAN);
+            state.sd.fill(f64::NAN);
         }
-        Derived::keep(derived.as_ref(), &mut answer, k, &smoothed.mean, &covariance);
-    };
-    let linked = Linked::new(start.clone());
-    let result = match lookahead {
-        Lookahead::Whole => whole(&linked, course, &mut keep),
-        Lookahead::Samples(lag) => lagged(linked, course, lag, &mut keep),
-    };
-    let n = answer.time_s.len();
-    answer.seconds_per_step = begun.elapsed().as_secs_f64() / n.max(1) as f64;
-    if let Err((sample, why)) = result {
-        let time_s = answer.time_s.get(sample).copied().unwrap_or(f64::NAN);
-        answer.failure = Some(Failure { time_s, why });
+        let mut answer = match self {
+            Self::Whole(whole) => whole.take(course, part, filtered),
+            Self::Lagged(lagged) => lagged.take(course, part, filtered),
+        };
+        answer.seconds_per_step = begun.elapsed().as_secs_f64() / part.fresh.len().max(1) as f64;
+        answer
     }
-    answer
 }
 
 /// The sample at which it stopped, and why.
 type Stopped = (usize, FilterError);
 
-/// Every sample given all of them, in memory that grows with the root of their number.
+/// Enters a smoothed state.
+fn keep<const N: usize>(
+    answer: &mut Trajectory,
+    derived: Option<&Derived<N>>,
+    k: usize,
+    smoothed: &Smoothed<f64, N>,
+) {
+    let covariance = smoothed.covariance();
+    for (i, state) in answer.states.iter_mut().take(N).enumerate() {
+        state.mean[k] = smoothed.mean[i];
+        state.sd[k] = covariance.standard_deviation(i);
+    }
+    Derived::keep(derived, answer, k, &smoothed.mean, &covariance);
+}
+
+/// Where an answer stopped.
+fn failed(answer: &Trajectory, (sample, why): Stopped) -> Failure {
+    Failure { time_s: answer.time_s.get(sample).copied().unwrap_or(f64::NAN), why }
+}
+
+/// The part before the present one, which waits for what comes after it.
+pub(super) struct Whole<F, const N: usize> {
+    waiting: Option<(Linked<F, N>, Trajectory)>,
+}
+
+impl<F: Filter<f64, N> + Clone, const N: usize> Whole<F, N> {
+    pub(super) fn new() -> Self {
+        Self { waiting: None }
+    }
+
+    fn take<C: Course<N>>(
+        &mut self,
+        course: &mut C,
+        part: &FilteredPart<F, N>,
+        filtered: Trajectory,
+    ) -> Trajectory {
+        let before = self.waiting.take();
+        let waited = before.as_ref().map_or(0, |(_, answer)| answer.time_s.len());
+        let failure = filtered.failure;
+        let (start, mut answer) = match before {
+            Some((start, mut answer)) => {
+                answer.counts = filtered.counts;
+                answer.append(filtered);
+                (start, answer)
+            }
+            None => (part.entry.clone(), filtered),
+        };
+        let given = if part.ends { answer.time_s.len() } else { waited };
+        if failure.is_some() {
+            answer.failure = failure;
+        } else if given > 0 {
+            let window = part.fresh.start - waited..part.fresh.end;
+            let derived = course.derived();
+            let each = |k: usize, smoothed: &Smoothed<f64, N>| {
+                if k < given {
+                    keep(&mut answer, derived.as_ref(), k, smoothed);
+                }
+            };
+            if let Err(stopped) = whole(&start, course, &window, each) {
+                answer.failure = Some(failed(&answer, stopped));
+            }
+        }
+        if part.ends {
+            return answer;
+        }
+        let known = answer.take_front(given);
+        self.waiting = Some((part.entry.clone(), answer));
+        known
+    }
+}
+
+/// Every sample of a window given all of it, in memory that grows with the root of their number.
 fn whole<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
     start: &Linked<F, N>,
     course: &mut C,
-    keep: &mut impl FnMut(usize, &Smoothed<f64, N>),
+    window: &Range<usize>,
+    mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), Stopped> {
-    let block = course.time_s().len().isqrt() + 1;
+    let block = window.len().isqrt() + 1;
     let mut checkpoints = vec![start.clone(); block];
     let mut steps = vec![Backward::identity(); block];
     let each = |k: usize, smoothed: &Smoothed<f64, N>| {
         keep(k, smoothed);
         Ok(())
     };
-    smooth_interval(start, &mut Repeated(course), &mut checkpoints, &mut steps, each).map_err(|e| match e {
+    let mut repeated = Repeated { course, window: window.clone() };
+    smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
         IntervalError::Course { sample, cause } | IntervalError::Step { sample, cause } => (sample, cause),
         // There are block² > n places.
         IntervalError::Storage { samples, .. } => (samples, FilterError::NonFiniteState),
     })
 }
 
-/// Every sample given `lag` later ones.
-fn lagged<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
-    mut filter: Linked<F, N>,
-    course: &mut C,
-    lag: usize,
-    keep: &mut impl FnMut(usize, &Smoothed<f64, N>),
-) -> Result<(), Stopped> {
-    let n = course.time_s().len();
-    let mut repeated = Repeated(course);
-    let mut window = Window { lag, older: Vec::new(), newer: Vec::new(), product: None };
-    for k in 0..n {
-        let at = |why| (k, why);
-        if k > 0 {
-            let before = gaussian(&filter);
-            let link = smooth::Course::advance(&mut repeated, &mut filter, k).map_err(at)?;
-            window.push(Backward::new(&before, &link, filter.mean()).map_err(at)?);
-        }
-        smooth::Course::correct(&mut repeated, &mut filter, k).map_err(at)?;
-        if k >= lag || k + 1 == n {
-            let now = Smoothed::newest(&gaussian(&filter)).map_err(at)?;
-            if k >= lag {
-                keep(k - lag, &window.oldest(&now));
-            }
-            if k + 1 == n {
-                window.rest(&now, k, keep);
-            }
-        }
+/// The filter once more, the backward steps of the last samples, and the answers that these wait for.
+pub(super) struct Lagged<F, const N: usize> {
+    filter: Option<Linked<F, N>>,
+    window: Window<N>,
+    waiting: Option<Trajectory>,
+}
+
+impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
+    pub(super) fn new(lag: usize) -> Self {
+        let window = Window { lag, older: Vec::new(), newer: Vec::new(), product: None };
+        Self { filter: None, window, waiting: None }
     }
-    Ok(())
+
+    fn take<C: Course<N>>(
+        &mut self,
+        course: &mut C,
+        part: &FilteredPart<F, N>,
+        filtered: Trajectory,
+    ) -> Trajectory {
+        let failure = filtered.failure;
+        let (waited, mut answer) = match self.waiting.take() {
+            Some(mut answer) => {
+                let waited = answer.time_s.len();
+                answer.counts = filtered.counts;
+                answer.append(filtered);
+                (waited, answer)
+            }
+            None => (0, filtered),
+        };
+        let lag = self.window.lag;
+        let given = if part.ends { answer.time_s.len() } else { answer.time_s.len().saturating_sub(lag) };
+        if failure.is_some() || answer.failure.is_some() {
+            answer.failure = answer.failure.or(failure);
+        } else if let Err(stopped) = self.pass(course, part, waited, &mut answer) {
+            answer.failure = Some(failed(&answer, stopped));
+        }
+        if part.ends {
+            return answer;
+        }
+        let known = answer.take_front(given);
+        self.waiting = Some(answer);
+        known
+    }
+
+    /// Takes the filter through the new samples; `waited` answers of earlier ones are not given yet.
+    fn pass<C: Course<N>>(
+        &mut self,
+        course: &mut C,
+        part: &FilteredPart<F, N>,
+        waited: usize,
+        answer: &mut Trajectory,
+    ) -> Result<(), Stopped> {
+        let derived = course.derived();
+        let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
+        let begun = self.filter.is_some();
+        let filter = self.filter.get_or_insert_with(|| part.entry.clone());
+        let n = part.fresh.len();
+        let mut repeated = Repeated { course, window: part.fresh.clone() };
+        for k in 0..n {
+            let place = waited + k;
+            let at = |why| (place, why);
+            if begun || k > 0 {
+                let before = gaussian(filter);
+                let link = smooth::Course::advance(&mut repeated, filter, k).map_err(at)?;
+                self.window.push(Backward::new(&before, &link, filter.mean()).map_err(at)?);
+            }
+            smooth::Course::correct(&mut repeated, filter, k).map_err(at)?;
+            let last = part.ends && k + 1 == n;
+            if place >= self.window.lag || last {
+                let now = Smoothed::newest(&gaussian(filter)).map_err(at)?;
+                if place >= self.window.lag {
+                    keep(place - self.window.lag, &self.window.oldest(&now));
+                }
+                if last {
+                    self.window.rest(&now, place, &mut keep);
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The last `lag` backward steps, so divided that a sample costs two products whatever the lag is: steps taken
@@ -186,8 +307,11 @@ fn gaussian<F: Filter<f64, N>, const N: usize>(filter: &F) -> Gaussian<f64, N> {
     Gaussian { mean: *filter.mean(), covariance: filter.covariance() }
 }
 
-/// A course as the smoothers of the core take it.
-struct Repeated<'a, C>(&'a mut C);
+/// Some samples of a course as the smoothers of the core take them.
+struct Repeated<'a, C> {
+    course: &'a mut C,
+    window: Range<usize>,
+}
 
 impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked<F, N>, N>
     for Repeated<'_, C>
@@ -195,17 +319,17 @@ impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked
     type Error = FilterError;
 
     fn samples(&self) -> usize {
-        self.0.time_s().len()
+        self.window.len()
     }
 
     fn advance(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<Link<f64, N>, FilterError> {
         filter.forget();
-        self.0.advance(filter, sample, &mut Counts::default())?;
+        self.course.advance(filter, self.window.start + sample, &mut Counts::default())?;
         filter.link.ok_or(FilterError::NonFiniteState)
     }
 
     fn correct(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<(), FilterError> {
-        self.0.correct(filter, sample, &mut Counts::default()).map(drop)
+        self.course.correct(filter, self.window.start + sample, &mut Counts::default()).map(drop)
     }
 }
 

@@ -20,6 +20,8 @@ pub struct Trajectory {
     pub time_s: Vec<f64>,
     /// The states, each with its uncertainty.
     pub states: Vec<StateSeries>,
+    /// The signal that the innovations are of, in SI; not a number where it is missing.
+    pub signal: Vec<f64>,
     /// y − h(x⁻): measured minus predicted, in the signal's unit; not a number where there was no update.
     pub innovation: Vec<f64>,
     /// The standard deviation that the filter gives the innovation, likewise.
@@ -95,6 +97,20 @@ pub struct Counts {
     pub crossings_refused: usize,
 }
 
+impl Counts {
+    /// Adds those of a later part.
+    pub(crate) fn add(&mut self, later: &Self) {
+        self.samples += later.samples;
+        self.updates += later.updates;
+        self.without_signal += later.without_signal;
+        self.bridged += later.bridged;
+        self.drive_from_sine += later.drive_from_sine;
+        self.drive_bends += later.drive_bends;
+        self.crossings += later.crossings;
+        self.crossings_refused += later.crossings_refused;
+    }
+}
+
 #[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
 fn is_zero(count: &usize) -> bool {
     *count == 0
@@ -126,6 +142,21 @@ pub struct Consistency {
 }
 
 impl Consistency {
+    /// From the sums over so many updates; `None` where there is none.
+    fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
+        let n = updates as f64;
+        let chi = ChiSquared::new(n).ok()?;
+        let [lower, upper] = [0.025, 0.975].map(|p| chi.inverse_cdf(p) / n);
+        Some(Self { mean_nis: sum_nis / n, lower, upper, updates, log_likelihood })
+    }
+
+    /// Over the updates of both.
+    pub(crate) fn pooled(self, other: &Self) -> Self {
+        let sum = |c: &Self| c.mean_nis * c.updates as f64;
+        let likelihood = self.log_likelihood + other.log_likelihood;
+        Self::of(sum(&self) + sum(other), self.updates + other.updates, likelihood).unwrap_or(self)
+    }
+
     /// Whether the mean lies in its interval.
     pub fn holds(&self) -> bool {
         self.lower <= self.mean_nis && self.mean_nis <= self.upper
@@ -150,9 +181,13 @@ impl Trajectory {
 
     /// The samples from `skip_s` after the first on: those that are scored.
     pub fn scored(&self, skip_s: f64) -> Range<usize> {
-        let first = self.time_s.first().copied().unwrap_or(0.0);
+        self.scored_after(self.time_s.first().copied().unwrap_or(0.0), skip_s)
+    }
+
+    /// The samples from `skip_s` after this time on, both in s: likewise, of a segment that began then.
+    pub fn scored_after(&self, start_s: f64, skip_s: f64) -> Range<usize> {
         // Half an ulp of a decimal time must not decide about a sample.
-        let start = self.time_s.partition_point(|t| *t < first + skip_s * (1.0 - 1e-12));
+        let start = self.time_s.partition_point(|t| *t < start_s + skip_s * (1.0 - 1e-12));
         start..self.time_s.len()
     }
 
@@ -163,15 +198,7 @@ impl Trajectory {
         let finite = nis.iter().filter(|v| v.is_finite());
         let (updates, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
         let log_likelihood = self.log_likelihood.get(range)?.iter().filter(|v| v.is_finite()).sum();
-        let n = updates as f64;
-        let chi = ChiSquared::new(n).ok()?;
-        Some(Consistency {
-            mean_nis: sum / n,
-            lower: chi.inverse_cdf(0.025) / n,
-            upper: chi.inverse_cdf(0.975) / n,
-            updates,
-            log_likelihood,
-        })
+        Consistency::of(sum, updates, log_likelihood)
     }
 }
 

@@ -109,6 +109,9 @@ pub fn evaluate_motion(
     reference: &Reference,
     extent: Extent,
 ) -> Option<MotionErrors> {
+    if trajectory.time_s.is_empty() {
+        return None;
+    }
     let (estimated, sd) = reference.estimate_at(trajectory);
     let from = reference.time_s.partition_point(|t| *t < extent.from_s);
     let time_s = &reference.time_s[from..];
@@ -290,6 +293,7 @@ mod tests {
                 state("angle", "rad", &kind::ANGLE, angle),
                 state("rate", "rad_per_s", &kind::ANGULAR_RATE, rate),
             ],
+            signal: vec![0.0; n],
             innovation: vec![0.0; n],
             innovation_sd: vec![1.0; n],
             nis: vec![0.0; n],

@@ -7,7 +7,9 @@ mod beam;
 mod edge;
 mod lag;
 mod parts;
+mod pool;
 mod reference;
+mod reference_parts;
 mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
@@ -16,4 +18,5 @@ pub use edge::EdgeVelocity;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
+pub use reference_parts::ReferenceParts;
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};

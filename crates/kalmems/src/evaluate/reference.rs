@@ -25,9 +25,15 @@ pub struct Reference {
 #[derive(Clone, Debug)]
 pub struct ReferenceRecording {
     recording: Recording,
+    columns: ReferenceColumns,
+}
+
+/// What the columns of a reference mean.
+#[derive(Clone, Debug)]
+pub(super) struct ReferenceColumns {
     angles: Vec<AngleColumns>,
     values: Vec<ValueColumn>,
-    delay_s: f64,
+    pub(super) delay_s: f64,
 }
 
 /// An angle, and the columns that know it.
@@ -93,6 +99,21 @@ impl ReferenceRecording {
         values: &'static [ValueState],
         read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
     ) -> Result<Option<Self>, ReferenceError> {
+        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
+            return Ok(None);
+        };
+        Ok(Some(Self { recording: read(&layout)?, columns }))
+    }
+}
+
+impl ReferenceColumns {
+    /// Those of a recording's reference, where the experiment names one, and how its file is to be read.
+    pub(super) fn of(
+        experiment: &Experiment,
+        index: usize,
+        angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
+    ) -> Result<Option<(Layout, Self)>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
@@ -148,7 +169,14 @@ impl ReferenceRecording {
         let columns: Vec<&str> =
             of_angles.chain(values.iter().map(|value| &value.column)).map(String::as_str).collect();
         let layout = described.reference_layout(reference, &columns);
-        Ok(Some(Self { recording: read(&layout)?, angles, values, delay_s: reference.delay_s() }))
+        Ok(Some((layout, Self { angles, values, delay_s: reference.delay_s() })))
+    }
+}
+
+impl ReferenceRecording {
+    /// Rows of a reference with these columns.
+    pub(super) const fn new(recording: Recording, columns: ReferenceColumns) -> Self {
+        Self { recording, columns }
     }
 
     /// The recording as read.
@@ -167,7 +195,7 @@ impl ReferenceRecording {
             let rate = rate.transpose()?;
             Ok(segment.map(|segment| Reference {
                 states: columns.states,
-                time_s: segment.time.to_vec().iter().map(|t| t - self.delay_s).collect(),
+                time_s: segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect(),
                 angle: match columns.beam {
                     Some(beam) => angle.of(segment).iter().map(|volts| beam.angle(*volts)).collect(),
                     None => angle.of(segment).to_vec(),
@@ -175,7 +203,7 @@ impl ReferenceRecording {
                 rate: rate.map(|rate| rate.of(segment).to_vec()),
             }))
         };
-        self.angles.iter().filter_map(|columns| one(columns).transpose()).collect()
+        self.columns.angles.iter().filter_map(|columns| one(columns).transpose()).collect()
     }
 }
 
@@ -186,7 +214,7 @@ impl ReferenceRecording {
             return Ok(Vec::new());
         };
         let one = |known: &ValueColumn| {
-            let time_s: Vec<f64> = segment.time.to_vec().iter().map(|t| t - self.delay_s).collect();
+            let time_s: Vec<f64> = segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect();
             let kind = if known.edge.is_some() { &kind::VOLTAGE } else { known.state.kind };
             let values = self.recording.column_of(&known.column, kind)?.of(segment);
             let value = match (known.edge, segment.time.interval_s()) {
@@ -195,7 +223,7 @@ impl ReferenceRecording {
             };
             Ok(ValueReference { state: known.state, time_s, value })
         };
-        self.values.iter().map(one).collect()
+        self.columns.values.iter().map(one).collect()
     }
 }
 

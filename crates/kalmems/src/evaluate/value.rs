@@ -64,6 +64,9 @@ pub type ErrorsByState = BTreeMap<&'static str, ValueErrors>;
 /// Compares a trajectory with each reference from a time on; without an entry where not one sample can be compared.
 pub fn evaluate_values(trajectory: &Trajectory, references: &[ValueReference], from_s: f64) -> ErrorsByState {
     let one = |reference: &ValueReference| {
+        if trajectory.time_s.is_empty() {
+            return None;
+        }
         let state = trajectory.state(reference.state.name)?;
         let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
         Some((state.name, errors(&trajectory.time_s, (state, rate), reference, from_s)?))
@@ -161,7 +164,12 @@ mod tests {
     #[test]
     fn errors_are_counted_after_the_settling_time() {
         let time_s: Vec<f64> = (0..100).map(f64::from).collect();
-        let mut trajectory = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, &time_s, &STATES);
+        let mut trajectory = Trajectory::blank(
+            ("ekf", "EKF"),
+            TrajectoryKind::Filtered,
+            (&time_s, &time_s, &(0..time_s.len())),
+            &STATES,
+        );
         // 3 nm and −1 nm in turn, after errors of 1 µm in the first ten samples.
         for (k, t) in time_s.iter().enumerate() {
             let off = if k < 10 {
@@ -187,7 +195,12 @@ mod tests {
     #[test]
     fn between_samples_the_rate_says_how_it_went() {
         let time_s: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k)).collect();
-        let mut trajectory = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, &time_s, &STATES);
+        let mut trajectory = Trajectory::blank(
+            ("ekf", "EKF"),
+            TrajectoryKind::Filtered,
+            (&time_s, &time_s, &(0..time_s.len())),
+            &STATES,
+        );
         for (k, t) in time_s.iter().enumerate() {
             (trajectory.states[0].mean[k], trajectory.states[1].mean[k]) = t.sin_cos();
         }

@@ -38,6 +38,7 @@ mod stretches;
 mod tests;
 mod time;
 mod unwritten;
+mod window;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};

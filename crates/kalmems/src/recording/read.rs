@@ -34,11 +34,11 @@ impl Reading {
         }
         let table = kalmems_formats::open(path, request.hints)
             .map_err(|source| ReadError::of_format(path, source))?;
-        Self::of_table(table, path, request, head)
+        Self::of(table, path, request, head)
     }
 
-    /// Begins to read a table of the file at `path`.
-    pub(super) fn of_table(
+    /// Begins to read a table; `path` is what messages call it.
+    pub(super) fn of(
         table: Box<dyn Table>,
         path: &Path,
         request: &Request,

@@ -14,6 +14,16 @@ pub struct Segment {
     pub time: TimeBase,
 }
 
+impl Segment {
+    /// Some of its rows, counted from its first.
+    #[must_use]
+    pub fn part(&self, rows: &Range<usize>) -> Self {
+        let time = TimeBase { times: self.time.times.part(rows), ..self.time };
+        let start = self.rows.start;
+        Self { label: self.label.clone(), rows: start + rows.start..start + rows.end, time }
+    }
+}
+
 /// The times of a segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimeBase {
@@ -35,6 +45,21 @@ pub(super) enum Times {
         first: usize,
         len: usize,
     },
+}
+
+impl Times {
+    /// Those of some rows.
+    fn part(&self, rows: &Range<usize>) -> Self {
+        match self {
+            Self::Column(times) => Self::Column(times.get(rows.clone()).unwrap_or_default().to_vec()),
+            Self::Rate { rate_hz, start_s, first, len } => Self::Rate {
+                rate_hz: *rate_hz,
+                start_s: *start_s,
+                first: first + rows.start,
+                len: rows.end.min(*len).saturating_sub(rows.start),
+            },
+        }
+    }
 }
 
 impl TimeBase {

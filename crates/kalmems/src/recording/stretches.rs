@@ -21,12 +21,6 @@ pub struct Around {
     pub after: usize,
 }
 
-impl Around {
-    fn sensible(self) -> Self {
-        Self { rows: self.rows.max(1), first: self.first.max(1), ..self }
-    }
-}
-
 /// A stretch of one segment, with some of the rows around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stretch {
@@ -75,6 +69,8 @@ pub struct Stretches {
     /// The segment that comes next and its next row.
     segment: usize,
     next: usize,
+    /// Whether a stretch holds as many new rows as there are.
+    arriving: bool,
     ended: bool,
     /// Vectors that are used again.
     spare: Vec<Vec<f64>>,
@@ -89,24 +85,50 @@ impl Stretches {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
         };
-        let around = around.sensible();
-        Ok(Self::of(Reading::open(path, &request, around.first)?, path, around))
+        let reading = Reading::open(path, &request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, false))
     }
 
-    /// Those of a table of the file at `path`.
+    /// Of a table of the file at `path`.
     pub(crate) fn of_table(
         table: Box<dyn Table>,
         path: &Path,
         request: &Request,
         around: Around,
     ) -> Result<Self, ReadError> {
-        let around = around.sensible();
-        Ok(Self::of(Reading::of_table(table, path, request, around.first)?, path, around))
+        let reading = Reading::of(table, path, request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, false))
     }
 
-    fn of(reading: Reading, path: &Path, around: Around) -> Self {
+    /// Of a table whose rows arrive now and then: a stretch holds what has arrived, `around.rows` new rows at most.
+    pub(crate) fn of_arriving(
+        table: Box<dyn Table>,
+        path: &Path,
+        layout: &Layout,
+        around: Around,
+    ) -> Result<Self, ReadError> {
+        let request = Request {
+            clock: &layout.clock,
+            segment_column: layout.segment_column.as_deref(),
+            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &layout.hints,
+        };
+        let reading = Reading::of(table, path, &request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, true))
+    }
+
+    fn of_reading(reading: Reading, path: &Path, around: Around, arriving: bool) -> Self {
+        let around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
         let file = path.display().to_string();
-        Self { reading, around, file, segment: 0, next: 0, ended: false, spare: Vec::new() }
+        Self { reading, around, file, segment: 0, next: 0, arriving, ended: false, spare: Vec::new() }
+    }
+
+    /// Takes what has been read for all there is.
+    pub(crate) fn cut_off(&mut self) {
+        if !self.ended {
+            self.ended = true;
+            self.reading.pass.end();
+        }
     }
 
     /// What was recognised of the format.
@@ -173,7 +195,12 @@ impl Stretches {
     /// The new rows of the next stretch, where all that it needs is read, and whether they end their segment.
     fn ready(&self) -> Option<(Range<usize>, bool)> {
         let (start, end) = self.reading.pass.segment(self.segment)?;
-        let rows = if self.next == start { self.around.first } else { self.around.rows };
+        let first = self.next == start;
+        let mut rows = if first { self.around.first } else { self.around.rows };
+        if self.arriving && !first && end.is_none() {
+            let there = self.rows().saturating_sub(self.next + self.around.after.max(1));
+            rows = rows.min(there.max(1));
+        }
         let until = self.next.saturating_add(rows);
         match end {
             Some(end) => Some((self.next..until.min(end), until >= end)),

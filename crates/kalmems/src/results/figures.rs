@@ -1,6 +1,7 @@
 //! The pictures of an estimate.
 
 use super::Verdict;
+use super::long::PartFigures;
 use super::metrics::{angles_of, verdict, words_with};
 use super::summary::shown as shown_unit;
 use crate::estimate::{Trajectory, TrajectoryKind};
@@ -297,11 +298,36 @@ fn windowed(time_s: &[f64], values: &[f64], window: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// How the filters fared from part to part of a long recording.
+pub(super) fn course(parts: &[PartFigures], prefix: &str) -> Figure {
+    let caption = "The whole recording, part by part. Top: the mean of the normalised innovation squared, 1 for a filter that \
+                   is right. Bottom: the root mean square error of the angle, where there is a reference. The other pictures \
+                   show the last part.";
+    let names: Vec<&String> =
+        parts.first().map_or_else(Vec::new, |p| p.filters.iter().map(|f| &f.0).collect());
+    let panel = |label: &str, unit: &str, of: fn(&(String, Option<f64>, Option<f64>)) -> Option<f64>| {
+        let mut panel = Panel::new(time_axis(), Axis::new(label, unit).log());
+        let mut any = false;
+        for (i, name) in names.iter().enumerate() {
+            let points = parts.iter().filter_map(|part| Some((part.time_s, of(part.filters.get(i)?)?)));
+            let points: Vec<(f64, f64)> = points.collect();
+            any |= !points.is_empty();
+            if !points.is_empty() {
+                panel = panel.with(Series::line(name.as_str(), Role::Estimate, points));
+            }
+        }
+        any.then_some(panel)
+    };
+    let panels = [panel("mean NIS", "1", |f| f.1), panel("angle RMSE", "deg", |f| f.2)];
+    let figure = Figure::new(format!("{prefix}course"), "Part by part", caption);
+    stacked(figure, panels.into_iter().flatten().collect())
+}
+
 /// The filter's name; with a warning where its answer is none for this angle, or for any.
 fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
-    match verdict(trajectory, errors, segment.estimate.skip_s) {
+    match verdict(trajectory, errors, &segment.estimate) {
         bad @ (Verdict::LostLock | Verdict::Failed | Verdict::WrongSign | Verdict::Astray) => {
             let angles = angles_of(bad, &trajectory.lock, errors);
             match angle {

@@ -3,6 +3,7 @@
 use super::names::prefix;
 use super::page::page;
 use super::{Metrics, Output, OutputError, RUN_FILE};
+use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::recording::Source;
 use crate::report::ReportError;
@@ -21,6 +22,21 @@ pub struct RunInfo {
     pub took: Duration,
 }
 
+/// How results are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// Whether a result of another input is replaced.
+    pub force: bool,
+    /// Whether trajectories are written. Those of a long recording take several times its room.
+    pub trajectories: bool,
+}
+
+impl Default for WriteOptions {
+    fn default() -> Self {
+        Self { force: false, trajectories: true }
+    }
+}
+
 /// Why the results are not there.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
@@ -30,6 +46,9 @@ pub enum WriteError {
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Experiment(Box<ConfigError>),
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,
@@ -44,12 +63,12 @@ pub fn write_estimate(
     outcome: &Outcome,
     metrics: &Metrics,
     target: &Path,
-    force: bool,
+    options: WriteOptions,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), WriteError> {
-    let output = Output::prepare(target, &input_id(outcome), force)?;
-    for recording in &outcome.recordings {
+    let output = Output::prepare(target, &input_id(outcome), options.force)?;
+    for recording in outcome.recordings.iter().filter(|_| options.trajectories) {
         let column = recording.segments.first().map_or("", |s| s.estimate.signal_column.as_str());
         let unit = recording.recording.column(column).ok().and_then(|c| c.header.unit);
         let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
@@ -107,14 +126,28 @@ fn write_trajectory(
     w: &mut dyn Write,
     stop: &dyn Fn() -> bool,
 ) -> io::Result<bool> {
+    write_header(trajectory, signal_unit, w)?;
+    write_rows(trajectory, w, stop)
+}
+
+/// The names of the columns of a trajectory.
+pub(super) fn write_header(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Write) -> io::Result<()> {
     write!(w, "time_s")?;
     for state in &trajectory.states {
         write!(w, ",{}_{}", state.name, state.unit)?;
-        if !state.sd.is_empty() {
+        if trajectory.claims() {
             write!(w, ",{}_sd_{}", state.name, state.unit)?;
         }
     }
-    writeln!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")?;
+    writeln!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")
+}
+
+/// The rows of a trajectory; see [`write_trajectory`].
+pub(super) fn write_rows(
+    trajectory: &Trajectory,
+    w: &mut dyn Write,
+    stop: &dyn Fn() -> bool,
+) -> io::Result<bool> {
     for k in 0..trajectory.time_s.len() {
         if k % ROWS == 0 && stop() {
             return Ok(false);
@@ -153,27 +186,37 @@ struct Timing {
 }
 
 fn run_file(outcome: &Outcome, metrics: &Metrics, info: RunInfo) -> io::Result<String> {
+    let sources = outcome.recordings.iter().flat_map(|recording| {
+        let reference = recording.reference.as_ref().map(|r| r.recording().source());
+        [Some(recording.recording.source()), reference].into_iter().flatten()
+    });
+    record_of_run(&outcome.experiment, metrics, (input_id(outcome), sources.collect()), info)
+}
+
+/// The record of a run on these inputs.
+pub(super) fn record_of_run(
+    experiment: &Experiment,
+    metrics: &Metrics,
+    (input_id, input): (String, Vec<&Source>),
+    info: RunInfo,
+) -> io::Result<String> {
     let mut steps = toml::Table::new();
     for estimator in metrics.estimators() {
         // Tenths of a nanosecond are noise.
         let nanoseconds = (estimator.seconds_per_step * 1e10).round() / 10.0;
         steps.entry(estimator.key.clone()).or_insert(toml::Value::Float(nanoseconds));
     }
-    let sources = outcome.recordings.iter().flat_map(|recording| {
-        let reference = recording.reference.as_ref().map(|r| r.recording().source());
-        [Some(recording.recording.source()), reference].into_iter().flatten()
-    });
     let run = Run {
         version: env!("CARGO_PKG_VERSION"),
         command: "estimate",
-        input_id: input_id(outcome),
+        input_id,
         timing: Timing {
             started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             took_s: info.took.as_secs_f64(),
             nanoseconds_per_step: steps,
         },
-        input: sources.collect(),
-        experiment: toml::Value::try_from(&outcome.experiment).map_err(io::Error::other)?,
+        input,
+        experiment: toml::Value::try_from(experiment).map_err(io::Error::other)?,
     };
     toml::to_string(&run).map_err(io::Error::other)
 }

@@ -1,6 +1,8 @@
 //! The figures of an estimate.
 
-use crate::estimate::{Consistency, Counts, Lock, LockEvent, Trajectory, TrajectoryKind, is_the_only_one};
+use crate::estimate::{
+    Consistency, Counts, Lock, LockEvent, SegmentEstimate, Trajectory, TrajectoryKind, is_the_only_one,
+};
 use crate::evaluate::{ErrorsByState, MotionErrors, ValueState};
 use crate::recording::Finding;
 use crate::signal::Sine;
@@ -134,6 +136,9 @@ pub struct EstimatorMetrics {
     pub key: String,
     /// The filter, for people.
     pub name: String,
+    /// What its answer rests on.
+    #[serde(skip)]
+    pub kind: TrajectoryKind,
     /// Whether to trust it.
     pub verdict: Verdict,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
@@ -209,6 +214,61 @@ impl EstimatorMetrics {
     }
 }
 
+/// Events of a lock that are listed; a filter that is lost again and again is lost.
+const LISTED: usize = 1000;
+
+impl SegmentMetrics {
+    /// Takes those of the segment's next part in.
+    pub(super) fn pool(&mut self, later: Self) {
+        self.duration_s += later.duration_s;
+        for remark in later.remarks {
+            if !self.remarks.contains(&remark) {
+                self.remarks.push(remark);
+            }
+        }
+        for (own, later) in self.estimators.iter_mut().zip(later.estimators) {
+            own.pool(later);
+        }
+        self.likeliest = likeliest(&self.estimators);
+    }
+}
+
+impl EstimatorMetrics {
+    fn pool(&mut self, later: Self) {
+        let weight = |counts: &Counts| counts.samples as f64;
+        let (own, others) = (weight(&self.counts), weight(&later.counts));
+        self.seconds_per_step =
+            (self.seconds_per_step * own + later.seconds_per_step * others) / (own + others).max(1.0);
+        self.counts.add(&later.counts);
+        match (&mut self.errors, &later.errors) {
+            (Some(errors), Some(later)) => errors.pool(later),
+            (None, Some(_)) => self.errors.clone_from(&later.errors),
+            (_, None) => {}
+        }
+        for (name, errors) in later.values {
+            match self.values.get_mut(name) {
+                Some(own) => own.pool(&errors),
+                None => drop(self.values.insert(name, errors)),
+            }
+        }
+        self.consistency = match (self.consistency.take(), later.consistency) {
+            (Some(own), Some(later)) => Some(own.pooled(&later)),
+            (own, later) => own.or(later),
+        };
+        let room = LISTED.saturating_sub(self.lock.events.len());
+        self.lock.events.extend(later.lock.events.into_iter().take(room));
+        self.crossings_log_likelihood += later.crossings_log_likelihood;
+        self.mirrored |= later.mirrored;
+        self.failure = self.failure.take().or(later.failure);
+        self.verdict = verdict_by(
+            self.kind,
+            (self.failure.is_some(), &self.lock),
+            self.errors.as_ref(),
+            self.consistency.as_ref(),
+        );
+    }
+}
+
 #[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
@@ -278,17 +338,18 @@ impl Metrics {
     }
 }
 
-fn texts(findings: &[Finding]) -> Vec<FindingText> {
+pub(super) fn texts(findings: &[Finding]) -> Vec<FindingText> {
     let text = |finding: &Finding| FindingText { message: finding.to_string(), finding: finding.clone() };
     findings.iter().map(text).collect()
 }
 
-fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
+/// Those of a segment, or of a part of one.
+pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
     let estimate = &outcome.estimate;
     let time = &estimate.segment.time;
     let errors = outcome.errors.iter().zip(&outcome.values);
     let estimators: Vec<EstimatorMetrics> = (estimate.trajectories.iter().zip(errors))
-        .map(|(trajectory, (errors, values))| estimator(trajectory, (errors, values), estimate.skip_s))
+        .map(|(trajectory, (errors, values))| estimator(trajectory, (errors, values), estimate))
         .collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
@@ -313,23 +374,45 @@ fn drive(sine: Sine) -> DriveMetrics {
     DriveMetrics { offset_v: sine.offset, amplitude_v: sine.amplitude, frequency_hz: sine.frequency_hz }
 }
 
-fn consistency(trajectory: &Trajectory, skip_s: f64) -> Option<Consistency> {
-    if trajectory.claims() { trajectory.consistency(trajectory.scored(skip_s)) } else { None }
+fn consistency(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Option<Consistency> {
+    if !trajectory.claims() {
+        return None;
+    }
+    trajectory.consistency(trajectory.scored_after(estimate.start_s, estimate.skip_s))
 }
 
 /// Whether to trust a trajectory.
-pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, skip_s: f64) -> Verdict {
-    if trajectory.failure.is_some() {
+pub(super) fn verdict(
+    trajectory: &Trajectory,
+    errors: Option<&MotionErrors>,
+    estimate: &SegmentEstimate,
+) -> Verdict {
+    let consistency = consistency(trajectory, estimate);
+    verdict_by(
+        trajectory.kind,
+        (trajectory.failure.is_some(), &trajectory.lock),
+        errors,
+        consistency.as_ref(),
+    )
+}
+
+fn verdict_by(
+    kind: TrajectoryKind,
+    (failed, lock): (bool, &Lock),
+    errors: Option<&MotionErrors>,
+    consistency: Option<&Consistency>,
+) -> Verdict {
+    if failed {
         return Verdict::Failed;
     }
-    if !trajectory.lock.held() {
-        let alone = trajectory.kind == TrajectoryKind::ModelAlone;
+    if !lock.held() {
+        let alone = kind == TrajectoryKind::ModelAlone;
         return if alone { Verdict::Astray } else { Verdict::LostLock };
     }
     if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
         return Verdict::WrongSign;
     }
-    match consistency(trajectory, skip_s) {
+    match consistency {
         None => Verdict::NoClaim,
         Some(c) if c.holds() => Verdict::Consistent,
         Some(c) if c.mean_nis < c.lower => Verdict::Cautious,
@@ -340,15 +423,16 @@ pub(super) fn verdict(trajectory: &Trajectory, errors: Option<&MotionErrors>, sk
 fn estimator(
     trajectory: &Trajectory,
     (errors, values): (&Option<MotionErrors>, &ErrorsByState),
-    skip_s: f64,
+    estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
     EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
-        verdict: verdict(trajectory, errors.as_ref(), skip_s),
+        kind: trajectory.kind,
+        verdict: verdict(trajectory, errors.as_ref(), estimate),
         errors: errors.clone(),
         values: values.clone(),
-        consistency: consistency(trajectory, skip_s),
+        consistency: consistency(trajectory, estimate),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,
         counts: trajectory.counts,

@@ -7,6 +7,7 @@ mod gyroscope;
 mod identification;
 mod image;
 mod inspection;
+mod long;
 mod metrics;
 mod names;
 mod outlook;
@@ -17,12 +18,13 @@ mod spectrum;
 mod summary;
 
 pub use figures::figures as estimate_figures;
-pub use files::{RunInfo, WriteError, write_estimate};
+pub use files::{RunInfo, WriteError, WriteOptions, write_estimate};
 pub use grey_png::{PictureError, read_grey, write_grey};
 pub use gyroscope::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
+pub use long::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
     Verdict,

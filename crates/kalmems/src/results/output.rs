@@ -97,6 +97,19 @@ impl Output {
         content(&mut file).and_then(|()| file.flush()).map_err(error)
     }
 
+    /// Begins one file of the result that is written bit by bit.
+    pub fn create(&self, name: &str) -> Result<io::BufWriter<fs::File>, OutputError> {
+        let path = self.staged.path().join(name);
+        let file = fs::File::create(&path);
+        let file = file.map_err(|source| OutputError::Io { path: self.target.join(name), source })?;
+        Ok(io::BufWriter::with_capacity(1 << 18, file))
+    }
+
+    /// The error of a file of this name that cannot be written.
+    pub(super) fn error(&self, name: &str, source: io::Error) -> OutputError {
+        OutputError::Io { path: self.target.join(name), source }
+    }
+
     /// Puts the complete result in its place.
     pub fn commit(self) -> Result<(), OutputError> {
         let error = |source| OutputError::Io { path: self.target.clone(), source };

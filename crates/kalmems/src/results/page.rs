@@ -4,25 +4,38 @@ use super::figures::figures;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
-use crate::config::Peak;
+use crate::config::{Experiment, Peak};
 use crate::evaluate::{MotionErrors, ValueErrors};
 use crate::report::{Column, Figure, Page, ReportError, Section, Table};
-use crate::workflow::Outcome;
+use crate::workflow::{Outcome, SegmentOutcome};
 
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
-    let experiment = &outcome.experiment;
+    let drawn = outcome.recordings.iter().map(|recording| {
+        let of = |segment: &SegmentOutcome| {
+            figures(recording, segment, &prefix(outcome, recording, &segment.estimate.segment.label))
+        };
+        recording.segments.iter().map(of).collect()
+    });
+    let drawn: Vec<Vec<Vec<Figure>>> = drawn.collect();
+    let html = page_with((&outcome.experiment, outcome.rig), metrics, &drawn)?;
+    Ok((html, drawn.into_iter().flatten().flatten().collect()))
+}
+
+/// The page with these figures, segment by segment of each recording.
+pub(super) fn page_with(
+    (experiment, rig): (&Experiment, &str),
+    metrics: &Metrics,
+    drawn: &[Vec<Vec<Figure>>],
+) -> Result<String, ReportError> {
     let subtitle = experiment.description.clone().unwrap_or_default();
-    let mut drawn = Vec::new();
-    let mut page = Page::new(experiment.name.to_string(), subtitle).with(overview(outcome, metrics));
-    for (recording, figures_of) in metrics.recordings.iter().zip(&outcome.recordings) {
-        for (segment, outcome_of) in recording.segments.iter().zip(&figures_of.segments) {
+    let mut page = Page::new(experiment.name.to_string(), subtitle).with(overview(experiment, metrics));
+    for (recording, drawn) in metrics.recordings.iter().zip(drawn) {
+        for (index, segment) in recording.segments.iter().enumerate() {
             let name = segment_name(&recording.name, segment);
-            let prefix_of = prefix(outcome, figures_of, &segment.label);
             let mut section = Section::new(name).key_values(facts(recording, segment));
-            for figure in figures(figures_of, outcome_of, &prefix_of) {
-                drawn.push(figure.clone());
-                section = section.figure(figure);
+            for figure in drawn.get(index).into_iter().flatten() {
+                section = section.figure(figure.clone());
             }
             page = page.with(section.table(details(segment)));
         }
@@ -31,22 +44,21 @@ pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<
     page = page.with(
         Section::new("How it was made")
             .paragraph(format!(
-                "kalmems {}, rig {}. The same experiment and recording give the same page to the last byte; dates \
+                "kalmems {}, rig {rig}. The same experiment and recording give the same page to the last byte; dates \
                  and durations are in run.toml.",
                 env!("CARGO_PKG_VERSION"),
-                outcome.rig
             ))
             .preformatted("The experiment as it was understood", toml),
     );
-    Ok((page.to_html()?, drawn))
+    page.to_html()
 }
 
-fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
+fn overview(experiment: &Experiment, metrics: &Metrics) -> Section {
     let mut section = Section::new("Result");
     for notice in notices(metrics) {
         section = section.notice(notice.severity, notice.text);
     }
-    let sign = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak) {
+    let sign = match experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
             let word = if peak == Peak::Positive { "positive" } else { "negative" };
             let mirrored: Vec<&str> =
@@ -56,7 +68,7 @@ fn overview(outcome: &Outcome, metrics: &Metrics) -> Section {
             } else {
                 format!(" To agree with that, the answer was mirrored for: {}.", mirrored.join(", "))
             };
-            let second = match outcome.experiment.estimate.as_ref().and_then(|e| e.first_peak_y) {
+            let second = match experiment.estimate.as_ref().and_then(|e| e.first_peak_y) {
                 Some(Peak::Positive) => ", that of the second axis after a peak of its own drive positive",
                 Some(Peak::Negative) => ", that of the second axis after a peak of its own drive negative",
                 None => "",

@@ -11,11 +11,11 @@ pub mod shared_scanner;
 pub mod threshold_scanner;
 
 use crate::config::{ConfigError, Device, Experiment, Fault};
-use crate::estimate::{EstimateError, Progress, SegmentEstimate};
+use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
+use crate::recording::{Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 
@@ -54,14 +54,27 @@ pub trait Rig: Sync {
         &[]
     }
 
-    /// Estimates the motion in each segment of a recording.
+    /// What estimates one of them, part by part.
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError>;
+
+    /// Estimates the motion in each segment of a recording that is held in memory.
     fn estimate(
         &self,
         experiment: &Experiment,
         index: usize,
         recording: &Recording,
         progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError>;
+    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        let mut estimator = self.estimator(experiment, index, progress)?;
+        let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
+        let wanted: Vec<&Segment> = wanted.collect();
+        wanted.into_iter().map(|segment| estimator.take(&Part::whole(recording, segment))).collect()
+    }
 
     /// What can be said of the device and its drive before anything is recorded.
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError>;
@@ -87,6 +100,24 @@ pub trait Rig: Sync {
     fn reproduction(&self) -> Option<&'static Program> {
         None
     }
+}
+
+/// Estimates a recording, segment by segment, and each segment part by part.
+pub trait Estimator {
+    /// Whether the segment with this label is to be estimated.
+    fn wants(&self, label: &str) -> bool {
+        let _ = label;
+        true
+    }
+
+    /// What it needs of the rows around those that are new, in a recording of this interval in s between samples.
+    fn around(&self, interval_s: f64) -> Around;
+
+    /// What is kept of the segment that is being estimated.
+    fn past(&mut self) -> &mut Past;
+
+    /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;
 }
 
 /// The rig for an experiment's device.

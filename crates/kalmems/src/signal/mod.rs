@@ -17,5 +17,5 @@ pub use cubic::{cubic_between, hermite, polynomial_between};
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};
-pub use sine::{Sine, fit_sine, fit_sine_at};
+pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near};
 pub(crate) use sine::{largest_line, least_squares};

@@ -2,6 +2,7 @@
 
 use kalmems_core::{Covariance, Ldl, Mat};
 use realfft::RealFftPlanner;
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 /// y(t) = offset + amplitude·cos(2π·frequency·t + phase).
@@ -57,7 +58,7 @@ pub fn fit_sine_at(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine>
 pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
     let n = time_s.len().min(y.len());
     let mut window = n.min(4096);
-    let mut frequency = largest_line(&y[..window])? / interval_s;
+    let mut frequency = largest_line(&on_a_grid(&time_s[..window], &y[..window], interval_s))? / interval_s;
     loop {
         let (t, v) = (&time_s[..window], &y[..window]);
         frequency = refine(t, v, frequency)?;
@@ -66,6 +67,12 @@ pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
         }
         window = (window * 4).min(n);
     }
+}
+
+/// The sine near a frequency that fits best, its frequency included; samples may be missing. `None` where the fit does not
+/// settle.
+pub fn fit_sine_near(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine> {
+    fit_sine_at(time_s, y, refine(time_s, y, frequency_hz)?)
 }
 
 /// Gauss–Newton on the frequency, linear least squares on the rest (IEEE Std 1057).
@@ -139,6 +146,25 @@ pub(crate) fn least_squares<const P: usize>(
     let scaled: [f64; P] = ldl.solve(&std::array::from_fn(|i| right[i] * scale[i]));
     let solution: [f64; P] = std::array::from_fn(|i| scaled[i] * scale[i]);
     (ldl.positive && solution.iter().all(|x| x.is_finite())).then_some(solution)
+}
+
+/// Samples put where they belong among equidistant ones; what is missing is not a number.
+fn on_a_grid<'a>(time_s: &[f64], y: &'a [f64], interval_s: f64) -> Cow<'a, [f64]> {
+    let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else { return Cow::Borrowed(y) };
+    let intervals = ((last - first) / interval_s).round();
+    // As many as there are; or times that make no grid.
+    if !(intervals > y.len() as f64 - 0.5 && intervals < 4.0 * y.len() as f64) {
+        return Cow::Borrowed(y);
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the grid
+    let place = |time: f64| ((time - first) / interval_s).round() as usize;
+    let mut grid = vec![f64::NAN; place(*last) + 1];
+    for (time, value) in time_s.iter().zip(y) {
+        if let Some(cell) = grid.get_mut(place(*time)) {
+            *cell = *value;
+        }
+    }
+    Cow::Owned(grid)
 }
 
 /// The frequency of the largest line in cycles per sample, by a parabola through the logarithms of a Hann-windowed
@@ -215,6 +241,17 @@ mod tests {
         let fit = fit_sine(&time, &y, 1e-6).unwrap();
         assert_abs_diff_eq!(fit.frequency_hz, DRIVE.frequency_hz, epsilon = 1e-4);
         assert_abs_diff_eq!(fit.residual_rms, 0.0, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn rows_that_are_not_there_do_no_harm() {
+        let (time, y) = sampled(5000, 1e-6, &DRIVE);
+        let kept = |k: &usize| k * 7919 % 20 > 0;
+        let some = |values: &[f64]| (0..5000).filter(kept).map(|k| values[k]).collect::<Vec<f64>>();
+        let fit = fit_sine(&some(&time), &some(&y), 1e-6).unwrap();
+        assert_abs_diff_eq!(fit.frequency_hz, DRIVE.frequency_hz, epsilon = 1e-4);
+        let near = fit_sine_near(&some(&time), &some(&y), 31_300.0).unwrap();
+        assert_abs_diff_eq!(near.frequency_hz, DRIVE.frequency_hz, epsilon = 1e-4);
     }
 
     #[test]

@@ -5,13 +5,13 @@ mod wrong_models;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Silent, Trajectory, judge_lock};
+use kalmems::estimate::{Past, Silent, Trajectory, judge_lock};
 use kalmems::results::{
     Metrics, RunInfo, Verdict, estimate_figures, notices, summary_table, write_simulation,
 };
 use kalmems::rigs::shared_scanner::two_axes::{
     Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
-    line_share,
+    first_tones, line_share,
 };
 use kalmems::rigs::{Rig, shared_scanner::two_axes::TwoAxesRig};
 use kalmems::simulate::{Drive, Simulator, Tone, WhiteNoise, floquet_exponent};
@@ -107,7 +107,11 @@ fn anywhere(seed: u64) -> [f64; 4] {
 
 fn run(settings: &Settings, recorded: &Recorded) -> Vec<Trajectory> {
     let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
-    estimate(settings, "test", &data, &Silent).unwrap().trajectories
+    {
+        let past = &mut Past::default();
+        let drive = first_tones(settings, &data, past, "test").unwrap();
+        estimate(settings, ("test", &drive), &data, past, &Silent).unwrap()
+    }
 }
 
 /// RMS angle errors in degrees of both axes over some samples, each axis mirrored as fits best.
@@ -572,8 +576,8 @@ fn a_lost_axis_is_named() {
     // From 12 ms on the other branch of y.
     let from = trajectory.time_s.partition_point(|t| *t < 12e-3);
     trajectory.states[2].mean[from..].iter_mut().for_each(|angle| *angle = -*angle);
-    let signal = vec![0.0; trajectory.time_s.len()];
-    trajectory.lock = judge_lock(trajectory, &signal, &axes, from_s);
+    trajectory.signal.fill(0.0);
+    trajectory.lock = judge_lock(trajectory, &axes, from_s);
     assert!(
         trajectory.lock.held_of("angle_x") && !trajectory.lock.held_of("angle_y"),
         "{:?}",

@@ -5,9 +5,9 @@
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Silent, Trajectory};
+use kalmems::estimate::{Past, Silent, Trajectory};
 use kalmems::evaluate::{Extent, Reference, evaluate_motion};
-use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate};
+use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate, first_tones};
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
 use kalmems_core::bound::CramerRao;
@@ -194,7 +194,11 @@ fn study(case: &Case, seeds: u64) -> Vec<(&'static str, Runs)> {
         let told: Vec<f64> = recorded.drive.iter().map(|volts| volts * case.told.drive).collect();
         let bound = (case.bound)(&recorded, &drive);
         let data = DrivenSegment::new(&recorded.time_s, &told, &recorded.signal, 1.0 / RATE_HZ);
-        let trajectories = estimate(&settings, case.name, &data, &Silent).unwrap().trajectories;
+        let trajectories = {
+            let past = &mut Past::default();
+            let drive = first_tones(&settings, &data, past, case.name).unwrap();
+            estimate(&settings, (case.name, &drive), &data, past, &Silent).unwrap()
+        };
         for ((_, runs), trajectory) in all.iter_mut().zip(&trajectories) {
             assert!(trajectory.failure.is_none(), "{}: {:?}", case.name, trajectory.failure);
             let reached = reached(trajectory, &recorded);

@@ -60,7 +60,7 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
         let steps = (interval / self.data.interval_s).round().max(1.0);
         // It could be made for the usual interval.
         let each = self.plant.over(interval / steps).map_err(|_| FilterError::NonFiniteState)?;
-        match self.data.drive.sine() {
+        match self.data.drive.stand_in(to) {
             Some(sine) if steps > 1.0 => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
                 let steps = steps as usize;

@@ -1,22 +1,155 @@
 //! The recorded drive, between its samples and where samples are missing.
 
-use crate::signal::{Sine, cubic_between, fit_sine};
+use crate::estimate::Samples;
+use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near};
 use kalmems_core::Nodes;
+use std::cell::OnceCell;
+use std::ops::Range;
 
-/// The drive of one segment.
+/// The drive over the rows of a part of a segment.
 #[derive(Clone, Debug)]
 pub struct Drive<'a> {
     time_s: &'a [f64],
     volts: &'a [f64],
-    /// The sine that the drive follows, where it follows one.
+    /// The sine that it follows, where it follows one: over all that is there, or over the first part.
     sine: Option<Sine>,
+    /// The sine that its first rows follow.
+    first_sine: Option<Sine>,
+    /// The sines that stand in for rows without a drive, each from a row on.
+    stand_ins: Vec<(usize, Sine)>,
+    unknown: Option<(f64, usize)>,
+}
+
+/// Rows that a sine is fitted to which stands in for missing ones: a missing drive comes from what the block of rows before
+/// its own block follows, so that it is the same whether the later rows are known or not. In the first block it comes from
+/// that block.
+pub const BLOCK: usize = 4096;
+
+/// What is kept of the drive of a segment from one part to the next.
+#[derive(Clone, Debug, Default)]
+pub struct DrivePast {
+    sine: Option<Sine>,
+    first_sine: Option<Sine>,
+    /// Rows of the segment before the new ones of the next part.
+    rows: usize,
+    /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
+    last: Block,
+    present: Block,
+    fitted: OnceCell<Option<Sine>>,
+    /// The sines that stand in, by the rows of the segment from which on.
+    stand_ins: Vec<(usize, Sine)>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Block {
+    time_s: Vec<f64>,
+    volts: Vec<f64>,
+}
+
+impl Block {
+    /// The sine near one that came before.
+    fn sine_like(&self, before: Option<&Sine>) -> Option<Sine> {
+        fit_sine_near(&self.time_s, &self.volts, before?.frequency_hz).filter(Sine::is_steady)
+    }
+}
+
+impl DrivePast {
+    /// Of a segment that goes on from where another run left it, when its drive followed this sine.
+    pub(crate) fn resumed(sine: Option<Sine>) -> Self {
+        let fitted = OnceCell::from(sine);
+        Self { sine, first_sine: sine, rows: BLOCK, fitted, ..Self::default() }
+    }
+
+    /// The sine that the drive was last known to follow.
+    pub(crate) fn known(&self) -> Option<Sine> {
+        self.fitted.get().copied().flatten().or(self.sine)
+    }
+
+    /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
+    fn take(&mut self, time_s: &[f64], volts: &[f64], rows: &Range<usize>, interval_s: f64) {
+        let mut from = rows.start;
+        while from < rows.end {
+            let end = rows.end.min(from + BLOCK - self.present.time_s.len());
+            self.stand_in_for(time_s, volts, from..end, interval_s);
+            self.present.time_s.extend_from_slice(&time_s[from..end]);
+            self.present.volts.extend_from_slice(&volts[from..end]);
+            self.rows += end - from;
+            if self.present.time_s.len() == BLOCK {
+                self.last = std::mem::take(&mut self.present);
+                self.fitted = OnceCell::new();
+            }
+            from = end;
+        }
+        // The row behind the new ones is looked at as well: the drive before it is interpolated through it.
+        self.stand_in_for(time_s, volts, from..(from + 1).min(time_s.len()), interval_s);
+    }
+
+    /// Finds the sine for rows of the present block, where it is needed.
+    fn stand_in_for(&mut self, time_s: &[f64], volts: &[f64], mut rows: Range<usize>, interval_s: f64) {
+        if !rows.any(|k| missing(time_s, volts, k, interval_s) > 0) {
+            return;
+        }
+        let begins = self.rows - self.present.time_s.len();
+        let sine = if begins == 0 {
+            self.first_sine
+        } else {
+            let before = self.stand_ins.last().map(|(_, sine)| sine).or(self.first_sine.as_ref());
+            *self.fitted.get_or_init(|| self.last.sine_like(before))
+        };
+        // Where a block follows no sine, what the blocks before it followed stands in.
+        if let Some(sine) = sine {
+            self.stand_ins.push((begins, sine));
+        }
+    }
+}
+
+/// Rows without a drive at row `k` or, by the times, before it.
+fn missing(time_s: &[f64], volts: &[f64], k: usize, interval_s: f64) -> usize {
+    let interval = if k > 0 { time_s[k] - time_s[k - 1] } else { interval_s };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
+    let left_out = (interval / interval_s - 0.5) as usize;
+    usize::from(!volts[k].is_finite()) + left_out
 }
 
 impl<'a> Drive<'a> {
-    /// Takes the samples and looks for a steady sine in them.
+    /// Takes all the samples of a segment and looks for a steady sine in them.
     pub fn new(time_s: &'a [f64], volts: &'a [f64], interval_s: f64) -> Self {
-        let sine = fit_sine(time_s, volts, interval_s).filter(Sine::is_steady);
-        Self { time_s, volts, sine }
+        Self::of(time_s, volts, &Samples::whole(time_s.len(), interval_s), &mut DrivePast::default())
+    }
+
+    /// Takes the samples of a part of a segment; those that are new go on where the past left off.
+    pub fn of(time_s: &'a [f64], volts: &'a [f64], samples: &Samples, past: &mut DrivePast) -> Self {
+        let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
+        let before = past.rows;
+        if before == 0 {
+            let fit = |rows: Range<usize>| {
+                fit_sine(&time_s[rows.clone()], &volts[rows], interval_s).filter(Sine::is_steady)
+            };
+            let end = fresh.end.min(fresh.start + BLOCK);
+            past.first_sine = fit(fresh.start..end);
+            past.sine = if end == fresh.end { past.first_sine } else { fit(fresh.clone()) };
+        }
+        // What no later part asks for is forgotten; that of the block before the first row may still be.
+        let (first, oldest) =
+            (before.saturating_sub(fresh.start), before.saturating_sub(fresh.start + BLOCK));
+        let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
+        past.stand_ins.drain(..unused);
+        past.take(time_s, volts, fresh, interval_s);
+        let mut stand_ins: Vec<(usize, Sine)> = Vec::new();
+        for (row, sine) in &past.stand_ins {
+            let row = row.saturating_sub(first);
+            stand_ins.pop_if(|(before, _)| *before == row);
+            stand_ins.push((row, *sine));
+        }
+        let mut drive =
+            Self { time_s, volts, sine: past.sine, first_sine: past.first_sine, stand_ins, unknown: None };
+        let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
+        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
+        if let Some(first) = unknown.next() {
+            let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
+            drive.unknown = Some((time_s[first], count));
+        }
+        drive
     }
 
     /// Its samples in V.
@@ -29,32 +162,33 @@ impl<'a> Drive<'a> {
         self.sine.as_ref()
     }
 
-    /// The sample at `k`, or the sine's value where it is missing; whether it was missing.
+    /// The sine that its first rows follow, as many as [`BLOCK`]: what a start may know.
+    pub fn first_sine(&self) -> Option<&Sine> {
+        self.first_sine.as_ref()
+    }
+
+    /// The sine that stands in for the drive at row `k`, or on the way to it, where that is missing.
+    pub fn stand_in(&self, k: usize) -> Option<&Sine> {
+        let next = self.stand_ins.partition_point(|(row, _)| *row <= k);
+        self.stand_ins.get(next.checked_sub(1)?).map(|(_, sine)| sine)
+    }
+
+    /// The sample at `k`, or what stands in for it where it is missing; whether it was missing.
     pub fn sample(&self, k: usize) -> (f64, bool) {
         let v = self.volts[k];
-        match &self.sine {
-            Some(sine) if !v.is_finite() => (sine.at(self.time_s[k]), true),
-            _ => (v, false),
+        if v.is_finite() {
+            return (v, false);
+        }
+        match self.stand_in(k) {
+            Some(sine) => (sine.at(self.time_s[k]), true),
+            None => (v, false),
         }
     }
 
-    /// Where nothing tells what the drive was: the time of the first such sample and how many there are, gaps in
-    /// the time included. `None` where the drive is known throughout, if only by its sine.
-    pub fn unknown(&self, interval_s: f64) -> Option<(f64, usize)> {
-        if self.sine.is_some() {
-            return None;
-        }
-        let (mut first, mut count) = (None, 0);
-        for (k, volts) in self.volts.iter().enumerate() {
-            let interval = if k > 0 { self.time_s[k] - self.time_s[k - 1] } else { interval_s };
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
-            let missing = usize::from(!volts.is_finite()) + (interval / interval_s - 0.5) as usize;
-            if missing > 0 {
-                first.get_or_insert(self.time_s[k]);
-                count += missing;
-            }
-        }
-        first.map(|first_s| (first_s, count))
+    /// Where nothing tells what the drive was at new rows: the time of the first such row and how many there are, gaps in
+    /// the time included. `None` where the drive is known throughout, if only by a sine.
+    pub fn unknown(&self) -> Option<(f64, usize)> {
+        self.unknown
     }
 
     /// The drive at the ends and in the middle of the interval that ends at sample `to`.
@@ -113,6 +247,6 @@ mod tests {
         sweep[5] = f64::NAN;
         let drive = Drive::new(&time, &sweep, 1e-6);
         assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
-        assert_eq!(drive.unknown(1e-6), Some((time[5], 1)));
+        assert_eq!(drive.unknown(), Some((time[5], 1)));
     }
 }

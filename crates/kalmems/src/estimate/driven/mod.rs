@@ -6,6 +6,6 @@ mod plant;
 mod segment;
 
 pub use course::DrivenCourse;
-pub use drive::Drive;
+pub use drive::{BLOCK, Drive, DrivePast};
 pub use plant::{Augmentation, Plain, Plant, WithParameters, step};
 pub use segment::DrivenSegment;

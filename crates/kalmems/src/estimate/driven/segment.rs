@@ -1,12 +1,12 @@
 //! What the estimators see of a segment with a drive.
 
 use super::Drive;
-use crate::estimate::segments::require_after_settling;
-use crate::estimate::{Axis, EstimateError, Motion, SegmentEstimate, SignalSegment, Trajectory};
-use crate::recording::Recording;
+use crate::estimate::{
+    Axis, EstimateError, Motion, Past, Samples, SegmentEstimate, SignalSegment, Trajectory,
+};
 use crate::units::kind;
 
-/// One segment of a recording with a drive voltage, as the estimators see it.
+/// Rows of a segment with a drive voltage, as the estimators see them.
 #[derive(Clone, Debug)]
 pub struct DrivenSegment<'a> {
     /// When, in s.
@@ -17,27 +17,40 @@ pub struct DrivenSegment<'a> {
     pub drive: Drive<'a>,
     /// The usual interval between samples in s.
     pub interval_s: f64,
+    /// Which of them are new.
+    pub samples: Samples,
+    /// When the segment began, in s.
+    pub start_s: f64,
 }
 
 impl<'a> DrivenSegment<'a> {
-    /// Takes the samples: time in s, drive and signal in V; `interval_s` is the usual one.
+    /// Takes all samples of a segment: time in s, drive and signal in V; `interval_s` is the usual one.
     pub fn new(time_s: &'a [f64], drive: &'a [f64], signal: &'a [f64], interval_s: f64) -> Self {
-        Self { time_s, signal, drive: Drive::new(time_s, drive, interval_s), interval_s }
+        Self {
+            time_s,
+            signal,
+            drive: Drive::new(time_s, drive, interval_s),
+            interval_s,
+            samples: Samples::whole(time_s.len(), interval_s),
+            start_s: time_s.first().copied().unwrap_or(0.0),
+        }
     }
 
-    /// A segment with the drive in this column; refused where the drive is not known throughout.
+    /// A part of a segment with the drive in this column; refused where the drive is not known throughout.
     pub fn of(
-        recording: &'a Recording,
-        segment: &SignalSegment<'a>,
+        segment: &'a SignalSegment<'a>,
         drive_column: &str,
+        past: &mut Past,
     ) -> Result<Self, EstimateError> {
-        let drive = recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
-        let data = Self::new(segment.time_s, drive, segment.signal, segment.interval_s);
-        if let Some((first_s, count)) = data.drive.unknown(segment.interval_s) {
-            let (place, column) = (segment.place.to_owned(), drive_column.to_owned());
+        let drive = segment.recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
+        let samples = segment.samples();
+        let drive = Drive::of(&segment.time_s, drive, &samples, &mut past.drive);
+        if let Some((first_s, count)) = drive.unknown() {
+            let (place, column) = (segment.place.clone(), drive_column.to_owned());
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
         }
-        Ok(data)
+        let SignalSegment { signal, interval_s, start_s, .. } = *segment;
+        Ok(Self { time_s: &segment.time_s, signal, drive, interval_s, samples, start_s })
     }
 
     /// How fast a device moves that is driven at twice its frequency: at half that of a steady drive, else at its own.
@@ -50,18 +63,13 @@ impl<'a> DrivenSegment<'a> {
 
     /// The end of the settling time in s.
     pub fn scored_from(&self, skip_s: f64) -> f64 {
-        self.time_s.first().copied().unwrap_or(0.0) + skip_s
-    }
-
-    /// Refuses a segment, which `place` names, in which ten cycles of the slowest motion do not follow the settling time.
-    pub fn require_cycles(&self, place: &str, skip_s: f64, slowest_hz: f64) -> Result<(), EstimateError> {
-        require_after_settling(place, self.time_s, skip_s, CYCLES / slowest_hz)
+        self.start_s + skip_s
     }
 
     /// The first drive peak after the settling time; the end of the settling time where there is none.
     pub fn first_drive_peak(&self, skip_s: f64) -> f64 {
         let start = self.scored_from(skip_s);
-        self.drive.sine().map_or(start, |sine| sine.peak_after(start))
+        self.drive.first_sine().map_or(start, |sine| sine.peak_after(start))
     }
 }
 
@@ -69,6 +77,11 @@ impl<'a> DrivenSegment<'a> {
 const CYCLES: f64 = 10.0;
 
 impl SignalSegment<'_> {
+    /// Refuses a segment in which ten cycles of the slowest motion do not follow the settling time.
+    pub fn require_cycles(&self, slowest_hz: f64) -> Result<(), EstimateError> {
+        self.require_after_settling(CYCLES / slowest_hz)
+    }
+
     /// What the filters say of it, of a device with a drive: of its first axis, and of others.
     pub fn estimated_under(
         &self,

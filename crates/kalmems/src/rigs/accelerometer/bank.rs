@@ -4,12 +4,9 @@ use super::course::unusual_interval;
 use super::data::SegmentData;
 use super::settings::Hardware;
 use super::varied::{Factors, Step, Varied};
-use crate::estimate::{Counts, Course};
+use crate::estimate::{Counts, Course, TakenOver};
 use kalmems_core::adapt::Bank;
-use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, NotAScale, Over, Process, ProcessNoise,
-    Scaled,
-};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation, NotAScale, Scaled};
 use kalmems_models::readout::DifferentialReadout;
 
 /// Three values of each of three parameters.
@@ -17,12 +14,15 @@ const MODELS: usize = 27;
 
 type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
 
+/// The filters of all models, and how likely each is.
+pub type Models = Bank<Ekf<f64, 4>, f64, 4, MODELS>;
+
 /// A bank on its way through a segment. The filter that is led through it takes over what the bank says.
 pub struct BankCourse<'a> {
     hardware: &'a Hardware,
     data: &'a SegmentData<'a>,
     factors: Vec<Factors<f64>>,
-    bank: Box<Bank<Ekf<f64, 4>, f64, 4, MODELS>>,
+    bank: Box<Models>,
     processes: Box<[Step<f64>; MODELS]>,
     readouts: [Readout; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
@@ -63,29 +63,16 @@ impl<'a> BankCourse<'a> {
             factors,
         })
     }
-}
 
-/// A step to a known state, whatever was before.
-struct TakenOver {
-    mean: [f64; 4],
-    noise: ProcessNoise<f64, 4>,
-}
-
-impl From<Gaussian<f64, 4>> for TakenOver {
-    fn from(Gaussian { mean, covariance }: Gaussian<f64, 4>) -> Self {
-        Self { mean, noise: covariance.into() }
-    }
-}
-
-impl Process<f64, 4> for TakenOver {
-    type Input = ();
-
-    fn step<S: Over<f64>>(&self, _: &[S; 4], (): &()) -> [S; 4] {
-        self.mean.map(S::lift)
+    /// The same from where the models were left, if they were.
+    #[must_use]
+    pub fn continuing(self, models: Option<Box<Models>>) -> Self {
+        Self { bank: models.unwrap_or(self.bank), ..self }
     }
 
-    fn noise(&self) -> &ProcessNoise<f64, 4> {
-        &self.noise
+    /// Where the models are now.
+    pub fn into_models(self) -> Box<Models> {
+        self.bank
     }
 }
 

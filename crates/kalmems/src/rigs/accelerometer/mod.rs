@@ -23,13 +23,13 @@ mod simulation;
 mod uncertainty;
 mod varied;
 
-use super::Rig;
+use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
+use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
+use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -80,50 +80,15 @@ impl Rig for AccelerometerRig {
         &VALUES
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = Columns::of(experiment, index)?;
-        let optional =
-            |name: Option<&str>, kind| name.map(|name| recording.column_of(name, kind)).transpose();
-        let feedback = optional(columns.feedback, &kind::VOLTAGE)?;
-        let acceleration = optional(columns.acceleration, &kind::ACCELERATION)?;
-        let drive_column = columns.feedback.unwrap_or_default();
-        estimate_segments(
-            recording,
-            recording.segments(),
-            (columns.signal, &kind::VOLTAGE),
-            settings.skip_s,
-            |segment| {
-                segment.require_after_settling(segment.interval_s)?;
-                let data = SegmentData {
-                    time_s: segment.time_s,
-                    signal: segment.signal,
-                    feedback: feedback.map(|column| column.of(segment.segment)),
-                    acceleration: acceleration.map(|column| column.of(segment.segment)),
-                    interval_s: segment.interval_s,
-                };
-                for (values, name) in
-                    [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)]
-                {
-                    data.require_whole(values, name.unwrap_or_default(), segment.place)?;
-                }
-                pull_in::require_free(&settings.hardware, &data, columns.signal, segment.place)?;
-                if settings.hardware.has_feedback
-                    && let Ok(instrument) = Instrument::sensed(&settings.hardware)
-                {
-                    feedback::require_right(&instrument, &data, drive_column, segment.place)?;
-                }
-                let trajectories = segment::estimate(&settings, &data, progress)?;
-                let estimate = segment.estimated(segment::motion(&settings), trajectories);
-                Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
-            },
-        )
+        Ok(Box::new(AccelerometerEstimator { settings, columns, past: Past::default(), progress }))
     }
 
     fn identify(
@@ -149,6 +114,61 @@ impl Rig for AccelerometerRig {
     /// It has no angle; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
+    }
+}
+
+/// Estimates recordings of the instrument.
+struct AccelerometerEstimator<'a> {
+    settings: Settings,
+    columns: Columns<'a>,
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+/// Samples that show the sign of the feedback at least.
+const HEAD: usize = 4096;
+
+impl Estimator for AccelerometerEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let skipped = (self.settings.skip_s / interval_s).ceil() as usize;
+        Around { head: skipped.max(HEAD), before: 1, after: 1, smooths }
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
+        let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_after_settling(segment.interval_s)?;
+        let optional = |name: Option<&str>, kind| {
+            let column = name.map(|name| segment.recording.column_of(name, kind)).transpose();
+            column.map(|column| column.map(|column| column.of(segment.segment)))
+        };
+        let data = SegmentData {
+            time_s: &segment.time_s,
+            signal: segment.signal,
+            feedback: optional(columns.feedback, &kind::VOLTAGE)?,
+            acceleration: optional(columns.acceleration, &kind::ACCELERATION)?,
+            interval_s: segment.interval_s,
+        };
+        for (values, name) in [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)] {
+            data.require_whole(values, name.unwrap_or_default(), &segment.place)?;
+        }
+        pull_in::require_free(&settings.hardware, &data, columns.signal, &segment.place)?;
+        let drive_column = columns.feedback.unwrap_or_default();
+        if segment.begins
+            && settings.hardware.has_feedback
+            && let Ok(instrument) = Instrument::sensed(&settings.hardware)
+        {
+            feedback::require_right(&instrument, &data, drive_column, &segment.place)?;
+        }
+        let trajectories = segment::estimate(settings, &data, &segment.samples(), past, self.progress)?;
+        let estimate = segment.estimated(segment::motion(settings), trajectories);
+        Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
     }
 }
 

@@ -9,8 +9,8 @@ use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, FilterBasics, Motion, Progress, StateSeries, Trajectory,
-    TrajectoryKind, answers, follow, judge_lock,
+    AnyFilter, ConstantGain, EstimateError, FilterBasics, FilterPast, Motion, Past, Progress, Samples,
+    StateSeries, Trajectory, TrajectoryKind, answers, follow,
 };
 use crate::units::kind;
 use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales, SchmidtEkf};
@@ -18,28 +18,37 @@ use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
 
-/// Runs the wanted filters over a segment.
+/// Runs the wanted filters over the new samples of a segment.
 pub fn estimate(
     settings: &Settings,
     data: &SegmentData,
+    samples: &Samples,
+    past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    for filter in &settings.filters {
-        let task = Task { filter, data, progress };
+    let start_s = past.start_s + settings.skip_s;
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let task = Task { filter, data, samples, progress };
+        let past = past.filter(index);
         let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::ConsiderEkf {
-            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?)?
+            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, past)?
         } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
-            vec![task.bank(&settings.hardware, &instrument)?]
+            vec![task.bank(&settings.hardware, &instrument, past)?]
         } else if filter.known_acceleration {
-            task.run(&Instrument::known(&settings.hardware).map_err(scale)?)?
+            task.run(&Instrument::known(&settings.hardware).map_err(scale)?, past)?
         } else {
-            task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?)?
+            task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?, past)?
         };
-        for trajectory in &mut trajectories {
-            finish(trajectory, settings, data, filter);
+        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+            let (judge, axes) = (&mut past.answer(answer).judge, [("acceleration", motion(settings))]);
+            trajectory.lock = judge.judge(trajectory, &axes, start_s, samples.ends);
+            if !filter.basics.method.claims() {
+                trajectory.kind = TrajectoryKind::ModelAlone;
+                trajectory.claim_nothing();
+            }
         }
         all.append(&mut trajectories);
     }
@@ -51,27 +60,21 @@ pub fn motion(settings: &Settings) -> Motion {
     Motion { frequency_hz: settings.hardware.sensed.prior.rate / TAU, is_driven: false }
 }
 
-/// Whether it followed the signal, and no uncertainty for what claims none.
-fn finish(trajectory: &mut Trajectory, settings: &Settings, data: &SegmentData, filter: &FilterSettings) {
-    let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
-    let axes = [("acceleration", motion(settings))];
-    trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
-    if !filter.basics.method.claims() {
-        trajectory.kind = TrajectoryKind::ModelAlone;
-        trajectory.claim_nothing();
-    }
-}
-
 /// One filter over one segment.
 struct Task<'a> {
     filter: &'a FilterSettings,
     data: &'a SegmentData<'a>,
+    samples: &'a Samples,
     progress: &'a dyn Progress,
 }
 
 impl Task<'_> {
     /// Chooses the filter and its way of predicting: once per segment, so that the loops inside know their types.
-    fn run<D, const N: usize>(&self, instrument: &Instrument<D, N>) -> Result<Vec<Trajectory>, EstimateError>
+    fn run<D, const N: usize>(
+        &self,
+        instrument: &Instrument<D, N>,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
     {
@@ -82,31 +85,32 @@ impl Task<'_> {
         match method {
             Method::HybridEkf => {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
-                self.filtered(instrument, step, Ekf::new(mean, covariance))
+                self.filtered(instrument, step, Ekf::new(mean, covariance), past)
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), gain)
+                self.filtered(instrument, instrument.over(h), gain, past)
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), gain)
+                self.filtered(instrument, instrument.over(h), gain, past)
             }
             Method::KalmanBucy => {
                 let (observer, point) = instrument.kalman_bucy(h).map_err(|why| self.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
-                self.filtered(instrument, observer, none)
+                self.filtered(instrument, observer, none, past)
             }
             _ if self.filter.noise_memory_s.is_some() => {
                 let filter = AnyFilter::of(method, points, mean, covariance);
-                self.filtered(instrument, instrument.over(h), filter)
+                self.filtered(instrument, instrument.over(h), filter, past)
             }
             _ => {
                 let filter = AnyFilter::of(method, points, mean, covariance);
                 let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(h));
-                let all = answers(&self.filter.basics, &filter, (&mut course, h), &states(), self.progress)?;
+                let (basics, course) = ((&self.filter.basics, past), (&mut course, self.samples));
+                let all = answers(basics, || Ok(filter), course, &states(), self.progress)?;
                 Ok(all.into_iter().map(|one| restored(one, &instrument.scales)).collect())
             }
         }
@@ -128,25 +132,31 @@ impl Task<'_> {
         instrument: &Instrument<D, N>,
         step: S,
         filter: F,
+        past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
         S: Step<D, N>,
-        F: Filter<f64, N>,
+        F: Filter<f64, N> + Clone + Send + 'static,
     {
-        let FilterBasics { key, name, .. } = &self.filter.basics;
-        let noise = self
-            .filter
-            .noise_memory_s
-            .map(|memory_s| NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s));
+        let begin = |memory_s: f64| {
+            Box::new(NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s))
+        };
+        let noise = self.filter.noise_memory_s.map(|memory_s| {
+            let kept = past.course.take::<NoiseEstimate>();
+            *kept.unwrap_or_else(|| begin(memory_s))
+        });
         let mut course = AccelerometerCourse::new(instrument, self.data, step).with_noise(noise);
-        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
-        let mut trajectory = restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales);
-        if let Some(noise) = course.into_noise() {
-            let mut all = noise.history.iter().copied().chain(iter::repeat([f64::NAN; 2]));
+        let (basics, samples) = ((&self.filter.basics, &mut *past), (&mut course, self.samples));
+        let followed = follow(basics, || Ok(filter), samples, &states(), self.progress)?;
+        let mut trajectory = restored(followed, &instrument.scales);
+        if let Some(mut noise) = course.into_noise() {
+            let mut all = noise.history.drain(..).chain(iter::repeat([f64::NAN; 2]));
             let (mean, sd) = all.by_ref().take(trajectory.time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
+            drop(all);
             let (name, unit) = ("noise_variance", "V2");
             trajectory.states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
+            past.course.put(Box::new(noise));
         }
         Ok(vec![trajectory])
     }
@@ -155,10 +165,11 @@ impl Task<'_> {
     fn considered(
         &self,
         instrument: &Instrument<UncertainMechanics<f64>, 7>,
+        past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let (mean, covariance) = self.start(&instrument.scales);
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
-        self.filtered(instrument, instrument.over(self.data.interval_s), filter)
+        self.filtered(instrument, instrument.over(self.data.interval_s), filter, past)
     }
 
     /// Filters of several models, weighed.
@@ -166,14 +177,17 @@ impl Task<'_> {
         &self,
         hardware: &Hardware,
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
+        past: &mut FilterPast,
     ) -> Result<Trajectory, EstimateError> {
         let (mean, covariance) = self.start(&instrument.scales);
-        let FilterBasics { key, name, .. } = &self.filter.basics;
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
-            .map_err(|why| self.no_gain(&why))?;
-        let followed = follow((key, name), filter, &mut course, &states(), self.progress);
-        Ok(restored(followed.ok_or(EstimateError::Interrupted)?, &instrument.scales))
+            .map_err(|why| self.no_gain(&why))?
+            .continuing(past.course.take());
+        let (basics, samples) = ((&self.filter.basics, &mut *past), (&mut course, self.samples));
+        let followed = follow(basics, || Ok(filter), samples, &states(), self.progress)?;
+        past.course.put(course.into_models());
+        Ok(restored(followed, &instrument.scales))
     }
 
     fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {

@@ -16,13 +16,15 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::Rig;
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{Axis, EstimateError, Motion, Progress, SegmentEstimate, estimate_segments};
+use super::{Estimator, Rig};
+use crate::config::{self, ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::estimate::{
+    Around, Axis, EstimateError, Motion, Part, Past, Progress, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
+use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::signal::{Sine, fit_sine};
 use crate::simulate::{SimulateError, Simulation};
@@ -91,88 +93,21 @@ impl Rig for MicroStageRig {
         &VALUES
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        let hardware = &settings.hardware;
-        let (drive, signals) = columns(experiment, hardware, index)?;
         let described = experiment.recording(index)?;
-        let name =
-            described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+        let columns = columns(experiment, &settings.hardware, index)?;
         let bias_off = match described.role {
-            Role::BiasOn => Some(bias_off(experiment, hardware, progress)?),
+            Role::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
             _ => None,
         };
-        let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
-        let others = signals.iter().map(|(_, column)| recording.column_of(column, &kind::VOLTAGE));
-        let signal_columns = others.collect::<Result<Vec<_>, _>>()?;
-        let electrodes: Vec<usize> = signals.iter().map(|(electrode, _)| *electrode).collect();
-        let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
-        let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
-        let trains = |label: &str| described.role == Role::BiasOn && is_training(experiment, label);
-        let judged = recording.segments().iter().filter(|segment| !trains(&segment.label));
-        estimate_segments(recording, judged, first, settings.skip_s, |segment| {
-            segment.require_after_settling(segment.interval_s)?;
-            let (time_s, place) = (segment.time_s, place(&name, segment.segment));
-            if let Some((column, count)) = records::clipped(recording, segment.segment, &names) {
-                return Err(EstimateError::Clipped { place, column, count });
-            }
-            let volts = drive_column.of(segment.segment);
-            let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
-            if let Some(first) = unknown.first() {
-                let (column, count, first_s) = (drive.to_owned(), unknown.len(), time_s[*first]);
-                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
-            }
-            let sine = fit_sine(time_s, volts, segment.interval_s).filter(Sine::is_steady);
-            let sine = sine.ok_or_else(|| EstimateError::NoSteadyDrive {
-                place: place.clone(),
-                filter: "the rig".to_owned(),
-            })?;
-            let off = match &bias_off {
-                Some(records) => Some(off_of(records, &segment.segment.label, &place, &sine)?),
-                None => None,
-            };
-            let mut cleaned = Vec::new();
-            for ((electrode, column), values) in signals.iter().zip(&signal_columns) {
-                let values = values.of(segment.segment);
-                if !values.iter().any(|y| y.is_finite()) {
-                    return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
-                }
-                let feedthrough = hardware.channels[*electrode].feedthrough;
-                cleaned.push(match (&off, feedthrough) {
-                    (Some((off, order)), _) => {
-                        let at = order.iter().position(|e| e == electrode).ok_or_else(|| EstimateError::Unfit {
-                            place: place.clone(),
-                            why: format!(
-                                "the recording with the bias off has no channel `{}`; name its column there too",
-                                hardware.channels[*electrode].meaning()
-                            ),
-                        })?;
-                        off.cancel(at, time_s, &sine, values)
-                    }
-                    (None, Some(known)) => without_drive(time_s, &sine, values, known),
-                    (None, None) => values.to_vec(),
-                });
-            }
-            let samples = Samples {
-                place: &place,
-                time_s,
-                interval_s: segment.interval_s,
-                drive: volts,
-                drive_sine: sine,
-                electrodes: &electrodes,
-                signals: cleaned,
-            };
-            let trajectories = segment::estimate(&settings, &samples, progress)?;
-            let motion = Motion { frequency_hz: sine.frequency_hz, is_driven: true };
-            let axis = Axis { angle: "angle", motion, drive: Some(sine) };
-            Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
-        })
+        let past = Past::default();
+        Ok(Box::new(StageEstimator { experiment, settings, described, columns, bias_off, past, progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -198,6 +133,99 @@ impl Rig for MicroStageRig {
 
     fn reproduction(&self) -> Option<&'static Program> {
         Some(&reproduction::PROGRAM)
+    }
+}
+
+/// Estimates recordings of the stage.
+struct StageEstimator<'a> {
+    experiment: &'a Experiment,
+    settings: Settings,
+    described: &'a config::Recording,
+    /// That of the drive, and those of the electrodes by their places in the hardware.
+    columns: (&'a str, Vec<(usize, &'a str)>),
+    /// The recording without bias, where that is needed.
+    bias_off: Option<Records>,
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for StageEstimator<'_> {
+    fn wants(&self, label: &str) -> bool {
+        !(self.described.role == Role::BiasOn && is_training(self.experiment, label))
+    }
+
+    /// The drive's sine and what it makes of the signals are told from a whole record.
+    fn around(&self, _: f64) -> Around {
+        Around::WHOLE
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, (drive, signals)) = (&self.settings, &self.columns);
+        let hardware = &settings.hardware;
+        let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
+        let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
+        let segment = SignalSegment::of(part, first, settings.skip_s, &mut self.past)?;
+        segment.require_after_settling(segment.interval_s)?;
+        let name = self.described.name.as_ref();
+        let name = name.map_or_else(|| segment.recording.source().file.clone(), ToString::to_string);
+        let (time_s, place) = (segment.time_s.as_slice(), place(&name, segment.segment));
+        if let Some((column, count)) = records::clipped(segment.recording, segment.segment, &names) {
+            return Err(EstimateError::Clipped { place, column, count });
+        }
+        let volts = segment.recording.column_of(drive, &kind::VOLTAGE)?.of(segment.segment);
+        let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
+        if let Some(first) = unknown.first() {
+            let (column, count, first_s) = ((*drive).to_owned(), unknown.len(), time_s[*first]);
+            return Err(EstimateError::DriveUnknown { place, column, count, first_s });
+        }
+        let sine = fit_sine(time_s, volts, segment.interval_s).filter(Sine::is_steady);
+        let sine = sine.ok_or_else(|| EstimateError::NoSteadyDrive {
+            place: place.clone(),
+            filter: "the rig".to_owned(),
+        })?;
+        let off = match &self.bias_off {
+            Some(records) => Some(off_of(records, &segment.segment.label, &place, &sine)?),
+            None => None,
+        };
+        let mut cleaned = Vec::new();
+        for (electrode, column) in signals {
+            let values = segment.recording.column_of(column, &kind::VOLTAGE)?.of(segment.segment);
+            if !values.iter().any(|y| y.is_finite()) {
+                return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
+            }
+            let feedthrough = hardware.channels[*electrode].feedthrough;
+            cleaned.push(match (&off, feedthrough) {
+                (Some((off, order)), _) => {
+                    let at = order.iter().position(|e| e == electrode).ok_or_else(|| EstimateError::Unfit {
+                        place: place.clone(),
+                        why: format!(
+                            "the recording with the bias off has no channel `{}`; name its column there too",
+                            hardware.channels[*electrode].meaning()
+                        ),
+                    })?;
+                    off.cancel(at, time_s, &sine, values)
+                }
+                (None, Some(known)) => without_drive(time_s, &sine, values, known),
+                (None, None) => values.to_vec(),
+            });
+        }
+        let samples = Samples {
+            place: &place,
+            time_s,
+            taken: segment.samples(),
+            drive: volts,
+            drive_sine: sine,
+            electrodes: &signals.iter().map(|(electrode, _)| *electrode).collect::<Vec<_>>(),
+            signals: cleaned,
+        };
+        let trajectories = segment::estimate(settings, &samples, &mut self.past, self.progress)?;
+        let motion = Motion { frequency_hz: sine.frequency_hz, is_driven: true };
+        let axis = Axis { angle: "angle", motion, drive: Some(sine) };
+        Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
     }
 }
 

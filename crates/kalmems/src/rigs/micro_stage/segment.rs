@@ -6,7 +6,8 @@ use super::identification::motion_by;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, EstimateError, Motion, Progress, StateName, Trajectory, TrajectoryKind, answers, judge_lock,
+    self, AnyFilter, EstimateError, FilterPast, Motion, Past, Progress, StateName, Trajectory,
+    TrajectoryKind, answers,
 };
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
@@ -20,8 +21,8 @@ pub struct Samples<'a> {
     pub place: &'a str,
     /// When, in s.
     pub time_s: &'a [f64],
-    /// The usual interval in s.
-    pub interval_s: f64,
+    /// Which of them are new, and the usual interval.
+    pub taken: estimate::Samples,
     /// The drive at each sample in V.
     pub drive: &'a [f64],
     /// The sine that it follows.
@@ -38,19 +39,22 @@ const STATES: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_pe
 /// How many cycles a start from the signals looks at.
 const CYCLES: f64 = 2.0;
 
-/// Runs the wanted filters over a record.
+/// Runs the wanted filters over the new samples of a record.
 pub fn estimate(
     settings: &Settings,
     samples: &Samples,
+    past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let motion = Motion { frequency_hz: samples.drive_sine.frequency_hz, is_driven: true };
     let start_s = samples.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
     let mut all = Vec::new();
-    for filter in &settings.filters {
-        let (mut trajectories, signal) = one(settings, filter, samples, progress)?;
-        for trajectory in &mut trajectories {
-            trajectory.lock = judge_lock(trajectory, &signal, &[("angle", motion)], start_s);
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let past = past.filter(index);
+        let mut trajectories = one(settings, filter, samples, past, progress)?;
+        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+            let judge = &mut past.answer(answer).judge;
+            trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.taken.ends);
             if filter.basics.method == Method::Model {
                 trajectory.kind = TrajectoryKind::ModelAlone;
                 trajectory.claim_nothing();
@@ -71,13 +75,14 @@ fn correct(trajectory: &mut Trajectory, [scale, bias]: [f64; 2]) {
     }
 }
 
-/// One filter, smoothed where that is wanted, and the signal that its innovations are of.
+/// One filter, smoothed where that is wanted.
 fn one(
     settings: &Settings,
     filter: &FilterSettings,
     samples: &Samples,
+    past: &mut FilterPast,
     progress: &dyn Progress,
-) -> Result<(Vec<Trajectory>, Vec<f64>), EstimateError> {
+) -> Result<Vec<Trajectory>, EstimateError> {
     let channels = channels(settings, filter, samples)?;
     let mean = match filter.start {
         Some(start) => start,
@@ -85,12 +90,10 @@ fn one(
     };
     let covariance = Covariance::from_standard_deviations(filter.start_sd);
     let start = AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance);
-    let time = (samples.time_s, samples.interval_s);
+    let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
-    let trajectories = answers(&filter.basics, &start, (&mut course, samples.interval_s), &STATES, progress)?;
-    let signal = channels.into_iter().next().map(|channel| channel.signal).unwrap_or_default();
-    Ok((trajectories, signal))
+    answers((&filter.basics, past), || Ok(start), (&mut course, &samples.taken), &STATES, progress)
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.

@@ -24,12 +24,12 @@ mod simulation;
 mod start;
 mod trigger;
 
-use super::Rig;
+use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Key, Role};
-use crate::estimate::{EstimateError, Progress, SegmentEstimate, estimate_segments};
+use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, ReadError, Recording};
+use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -96,46 +96,15 @@ impl Rig for PistonMirrorRig {
         &VALUES
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let trigger = columns
-            .trigger
-            .map(|name| Ok::<_, ReadError>((name, recording.column_of(name, &kind::VOLTAGE)?)));
-        let trigger = trigger.transpose()?;
-        let hardware = &settings.hardware;
-        let signal = (columns.signal, &kind::CAPACITANCE);
-        estimate_segments(recording, recording.segments(), signal, settings.skip_s, |segment| {
-            let (time_s, interval_s) = (segment.time_s, segment.interval_s);
-            let motion_hz = trigger.map(|(column, values)| {
-                motion_frequency(time_s, values.of(segment.segment), interval_s).map_err(|why| {
-                    let (place, column) = (segment.place.to_owned(), column.to_owned());
-                    EstimateError::Trigger { place, column, why: why.to_string() }
-                })
-            });
-            let recorded = SegmentData {
-                time_s,
-                signal: segment.signal,
-                interval_s,
-                noise_variance: hardware.noise_variance(interval_s),
-                motion_hz: motion_hz.transpose()?,
-            };
-            require_fast_enough(hardware, &recorded, segment.place)?;
-            let kept = without_impossible(hardware, &recorded);
-            let signal = kept.as_ref().map_or(segment.signal, |(kept, _)| kept);
-            let data = SegmentData { signal, ..recorded };
-            let (trajectories, motion) = segment::estimate(&settings, &data, segment.place, progress)?;
-            segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-            let beyond = kept.as_ref().map(|(_, beyond)| *beyond);
-            let remarks = remarks(hardware, &recorded, beyond, &trajectories);
-            Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
-        })
+        Ok(Box::new(PistonEstimator { settings, columns, past: Past::default(), progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -158,6 +127,56 @@ impl Rig for PistonMirrorRig {
     /// It has no angle; see [`Rig::values`].
     fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
+    }
+}
+
+/// Estimates recordings of the mirror.
+struct PistonEstimator<'a> {
+    settings: Settings,
+    columns: Columns<'a>,
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for PistonEstimator<'_> {
+    /// The frequency and what is beyond the electrodes' range are told from a whole segment.
+    fn around(&self, _: f64) -> Around {
+        Around::WHOLE
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
+        let hardware = &settings.hardware;
+        let segment = SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, past)?;
+        let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
+        let motion_hz = columns.trigger.map(|column| {
+            let values = segment.recording.column_of(column, &kind::VOLTAGE)?.of(segment.segment);
+            motion_frequency(time_s, values, interval_s).map_err(|why| {
+                let (place, column) = (segment.place.clone(), column.to_owned());
+                EstimateError::Trigger { place, column, why: why.to_string() }
+            })
+        });
+        let recorded = SegmentData {
+            time_s,
+            signal: segment.signal,
+            interval_s,
+            noise_variance: hardware.noise_variance(interval_s),
+            motion_hz: motion_hz.transpose()?,
+        };
+        require_fast_enough(hardware, &recorded, &segment.place)?;
+        let kept = without_impossible(hardware, &recorded);
+        let signal = kept.as_ref().map_or(segment.signal, |(kept, _)| kept);
+        let data = SegmentData { signal, ..recorded };
+        let place = (segment.place.as_str(), &segment.samples());
+        let (trajectories, motion) = segment::estimate(settings, &data, place, past, self.progress)?;
+        segment.require_after_settling(CYCLES / motion.frequency_hz)?;
+        let beyond = kept.as_ref().map(|(_, beyond)| *beyond);
+        let remarks = remarks(hardware, &recorded, beyond, &trajectories);
+        Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
     }
 }
 

@@ -10,45 +10,51 @@ use super::settings::{FilterSettings, Motion, Settings};
 use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, Progress, StateName, Trajectory, TrajectoryKind, answers, follow,
-    judge_lock,
+    self, AnyFilter, EstimateError, FilterPast, Past, Progress, Samples, StateName, Trajectory,
+    TrajectoryKind, answers, follow,
 };
 use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::TAU;
 
-/// Runs the wanted filters over a segment, which `place` names in messages, and says how fast it moves.
+/// Runs the wanted filters over the new samples of a segment, which `place` names in messages, and says how fast it moves.
 pub fn estimate(
     settings: &Settings,
     data: &SegmentData,
-    place: &str,
+    (place, samples): (&str, &Samples),
+    past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<(Vec<Trajectory>, estimate::Motion), EstimateError> {
     let mut all = Vec::new();
     let mut frequency_hz = None;
-    for filter in &settings.filters {
-        let task = Task { settings, filter, data, place, progress };
-        let mut trajectories = task.run()?;
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let task = Task { settings, filter, data, place, samples, progress };
+        let mut trajectories = task.run(past.filter(index))?;
         for trajectory in &mut trajectories {
             frequency_hz = frequency_hz.or_else(|| found_frequency(trajectory));
             for phase in trajectory.states.iter_mut().filter(|state| state.name == "phase") {
                 phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
             }
         }
-        all.append(&mut trajectories);
+        all.push(trajectories);
     }
     // Where no filter says it, the signal does.
     let frequency_hz = match frequency_hz {
         Some(frequency_hz) => frequency_hz,
-        None => Task { settings, filter: &settings.filters[0], data, place, progress }.batch()?.mean[1],
+        None => {
+            Task { settings, filter: &settings.filters[0], data, place, samples, progress }.batch()?.mean[1]
+        }
     };
     let motion = estimate::Motion { frequency_hz, is_driven: false };
     let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
-    for trajectory in &mut all {
-        trajectory.lock = judge_lock(trajectory, data.signal, &[("position", motion)], start_s);
+    for (index, trajectories) in all.iter_mut().enumerate() {
+        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+            let judge = &mut past.filter(index).answer(answer).judge;
+            trajectory.lock = judge.judge(trajectory, &[("position", motion)], start_s, samples.ends);
+        }
     }
-    Ok((all, motion))
+    Ok((all.into_iter().flatten().collect(), motion))
 }
 
 /// The last frequency that a filter gave in Hz, where it can be one.
@@ -63,6 +69,7 @@ struct Task<'a> {
     filter: &'a FilterSettings,
     data: &'a SegmentData<'a>,
     place: &'a str,
+    samples: &'a Samples,
     progress: &'a dyn Progress,
 }
 
@@ -76,7 +83,7 @@ const RATE_SD: f64 = 0.3 / 60.0;
 
 impl Task<'_> {
     /// Chooses the model.
-    fn run(&self) -> Result<Vec<Trajectory>, EstimateError> {
+    fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let plates = self.settings.hardware.plates;
         match self.filter.motion {
             Motion::None => Ok(vec![self.inversion()]),
@@ -84,19 +91,16 @@ impl Task<'_> {
                 let names = std::array::from_fn(|i| STATES[i]);
                 if let Some((mean, sd, rest)) = start {
                     let covariance = Covariance::from_standard_deviations(sd);
-                    return self.follow::<_, 3>(
-                        &Steady::new(plates, rest, density),
-                        &names,
-                        mean,
-                        covariance,
-                    );
+                    let steady = Steady::new(plates, rest, density);
+                    return self.follow::<_, 3>(&steady, &names, past, (mean, covariance));
                 }
                 let batch = self.batch()?;
                 let [a, f, phase, ..] = batch.mean;
                 let (rest, rest_sd) = self.rest(&batch);
                 let steady = Steady::new(plates, rest, density);
                 let covariance = widened(&batch.covariance);
-                let mut trajectories = self.follow::<_, 3>(&steady, &names, [a, f, phase], covariance)?;
+                let mut trajectories =
+                    self.follow::<_, 3>(&steady, &names, past, ([a, f, phase], covariance))?;
                 let taken_up = amplitude_per_rest(&plates, [a, rest]);
                 for trajectory in &mut trajectories {
                     with_rest(trajectory, rest_sd, taken_up);
@@ -112,24 +116,29 @@ impl Task<'_> {
                 };
                 let drifting = Drifting::new(plates, density);
                 if self.filter.basics.method == Method::SteadyState {
-                    return self.lock(&drifting, if start.is_some() { mean } else { self.settled(mean) });
+                    let mean = if start.is_some() { mean } else { self.settled(mean) };
+                    return self.lock(&drifting, past, mean);
                 }
-                self.follow::<_, 5>(&drifting, &STATES, mean, covariance)
+                self.follow::<_, 5>(&drifting, &STATES, past, (mean, covariance))
             }
         }
     }
 
     /// The phase-locked loop from a state.
-    fn lock(&self, drifting: &Drifting, mean: [f64; 5]) -> Result<Vec<Trajectory>, EstimateError> {
+    fn lock(
+        &self,
+        drifting: &Drifting,
+        past: &mut FilterPast,
+        mean: [f64; 5],
+    ) -> Result<Vec<Trajectory>, EstimateError> {
         let detector = PhasorDetector { series: self.settings.hardware.plates };
         let process = drifting.over(self.data.interval_s);
         let lock = PhaseLock::new(detector, &process, mean, self.data.noise_variance).map_err(|why| {
             EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
         })?;
         let mut course = PhasorCourse::new(drifting, self.data);
-        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
-        let trajectory = follow(names, lock, &mut course, &STATES, self.progress);
-        Ok(vec![trajectory.ok_or(EstimateError::Interrupted)?])
+        let (filter, course) = (&self.filter.basics, (&mut course, self.samples));
+        Ok(vec![follow((filter, past), || Ok(lock), course, &STATES, self.progress)?])
     }
 
     /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that
@@ -162,13 +171,13 @@ impl Task<'_> {
         &self,
         phasor: &P,
         states: &[StateName; N],
-        mean: [f64; N],
-        covariance: Covariance<f64, N>,
+        past: &mut FilterPast,
+        (mean, covariance): ([f64; N], Covariance<f64, N>),
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
         let start = AnyFilter::of(filter.method, filter.points, mean, covariance);
         let mut course = PhasorCourse::new(phasor, self.data);
-        answers(filter, &start, (&mut course, self.data.interval_s), states, self.progress)
+        answers((filter, past), || Ok(start), (&mut course, self.samples), states, self.progress)
     }
 
     /// Where the first samples say that the motion starts.
@@ -186,9 +195,14 @@ impl Task<'_> {
         let plates = &self.settings.hardware.plates;
         let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
         let states = [("position", "m", &kind::LENGTH)];
-        let mut trajectory = Trajectory::blank(names, TrajectoryKind::LockIn, self.data.time_s, &states);
+        let mut trajectory = Trajectory::blank(
+            names,
+            TrajectoryKind::LockIn,
+            (self.data.time_s, self.data.signal, &self.samples.fresh),
+            &states,
+        );
         let noise = self.data.noise_variance.sqrt();
-        for (k, capacitance) in self.data.signal.iter().enumerate() {
+        for (k, capacitance) in self.data.signal[self.samples.fresh.clone()].iter().enumerate() {
             match distance_at(plates, *capacitance) {
                 Some(distance) => {
                     trajectory.states[0].mean[k] = distance;

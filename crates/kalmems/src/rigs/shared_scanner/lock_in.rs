@@ -5,7 +5,6 @@ use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{StateName, Trajectory, TrajectoryKind};
 use crate::signal::{Sine, fit_sine_at};
 use std::f64::consts::{PI, TAU};
-use std::ops::Range;
 
 /// The motion A·sin(φ) of one window, φ = ω·t + ψ.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,52 +72,62 @@ impl<'a> LockIn<'a> {
         Some(Swing { amplitude: readout.comb.angular_width * (2.0 * z).sqrt(), rate, phase })
     }
 
-    /// One swing per cycle of the motion, each for the samples that it was read from.
-    pub fn swings(&self, data: &DrivenSegment) -> Vec<(Range<usize>, Option<Swing>)> {
+    /// The motion in the new samples of a segment and those kept before, as far as its cycles have ended.
+    pub fn trajectory(
+        &self,
+        names: (&str, &str),
+        states: &[StateName],
+        data: &DrivenSegment,
+        kept: &mut Cycles,
+    ) -> Trajectory {
+        let begun = std::time::Instant::now();
+        let fresh = data.samples.fresh.clone();
+        kept.time_s.extend_from_slice(&data.time_s[fresh.clone()]);
+        kept.signal.extend_from_slice(&data.signal[fresh.clone()]);
         let cycle_s = 2.0 / self.drive.frequency_hz;
-        let start_s = data.time_s.first().copied().unwrap_or(0.0);
-        let mut windows = Vec::new();
-        let (mut first, mut before) = (0, None);
-        for index in 1_u32.. {
-            if first >= data.time_s.len() {
+        let (mut first, mut swings) = (0, Vec::new());
+        while first < kept.time_s.len() {
+            let end_s = data.start_s + f64::from(kept.ended + 1) * cycle_s;
+            let end = first + kept.time_s[first..].partition_point(|t| *t < end_s);
+            if end == kept.time_s.len() && !data.samples.ends {
                 break;
             }
-            let end_s = start_s + f64::from(index) * cycle_s;
-            let end = first + data.time_s[first..].partition_point(|t| *t < end_s);
-            let samples = first..end;
-            let signal = &data.signal[samples.clone()];
+            let (time_s, signal) = (&kept.time_s[first..end], &kept.signal[first..end]);
             let enough = signal.iter().filter(|y| y.is_finite()).count() >= ENOUGH;
-            let swing = if enough {
-                self.swing(&data.time_s[samples.clone()], signal, before.as_ref())
-            } else {
-                None
-            };
-            before = swing.or(before);
-            windows.push((samples, swing));
+            let swing = if enough { self.swing(time_s, signal, kept.before.as_ref()) } else { None };
+            kept.before = swing.or(kept.before);
+            swings.push((first..end, swing));
+            kept.ended += 1;
             first = end;
         }
-        windows
-    }
-
-    /// The motion in the segment, cycle by cycle.
-    pub fn trajectory(&self, names: (&str, &str), states: &[StateName], data: &DrivenSegment) -> Trajectory {
-        let begun = std::time::Instant::now();
-        let mut answer = Trajectory::blank(names, TrajectoryKind::LockIn, data.time_s, states);
-        for (samples, swing) in self.swings(data) {
+        let samples = (&kept.time_s[..], &kept.signal[..], &(0..first));
+        let mut answer = Trajectory::blank(names, TrajectoryKind::LockIn, samples, states);
+        for (samples, swing) in swings {
             let Some(swing) = swing else { continue };
             for k in samples {
-                let [angle, rate] = swing.at(data.time_s[k]);
+                let [angle, rate] = swing.at(kept.time_s[k]);
                 for (state, value) in answer.states.iter_mut().zip([angle, rate]) {
                     state.mean[k] = value;
                 }
             }
         }
-        let there = data.signal.iter().filter(|y| y.is_finite()).count();
+        kept.time_s.drain(..first);
+        kept.signal.drain(..first);
+        let there = answer.signal.iter().filter(|y| y.is_finite()).count();
         answer.counts.updates = there;
-        answer.counts.without_signal = data.signal.len() - there;
-        answer.seconds_per_step = begun.elapsed().as_secs_f64() / data.time_s.len().max(1) as f64;
+        answer.counts.without_signal = answer.signal.len() - there;
+        answer.seconds_per_step = begun.elapsed().as_secs_f64() / fresh.len().max(1) as f64;
         answer
     }
+}
+
+/// The samples of the cycle that has not ended, and what came before.
+#[derive(Debug, Default)]
+pub struct Cycles {
+    ended: u32,
+    before: Option<Swing>,
+    time_s: Vec<f64>,
+    signal: Vec<f64>,
 }
 
 /// Samples that a cycle must have at least.

@@ -18,14 +18,14 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use super::Rig;
+use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, Trajectory, estimate_segments};
+use crate::estimate::driven::{BLOCK, DrivenSegment};
+use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
+use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -57,21 +57,15 @@ impl Rig for SharedScannerRig {
         Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        estimate_driven((experiment, index), recording, settings.skip_s, |place, data| {
-            let motion = data.motion(settings.hardware.natural_hz());
-            data.require_cycles(place, settings.skip_s, motion.frequency_hz)?;
-            let trajectories = segment::estimate(&settings, data, place, progress)?;
-            let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-            Ok(((axis, Vec::new()), trajectories))
-        })
+        let columns = columns(experiment, index)?;
+        Ok(Box::new(ScannerEstimator { settings, columns, past: Past::default(), progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -108,22 +102,51 @@ impl Rig for SharedScannerRig {
     }
 }
 
-/// What is said of a segment: its first axis, the others, and what the filters make of them.
-type Answer = ((Axis, Vec<Axis>), Vec<Trajectory>);
+/// Estimates recordings of a scanner with one axis.
+struct ScannerEstimator<'a> {
+    settings: Settings,
+    /// Those of drive and signal.
+    columns: [&'a str; 2],
+    past: Past,
+    progress: &'a dyn Progress,
+}
 
-/// Estimates every segment of a recording of one axis or two; `each` is given a name of the segment for messages.
-fn estimate_driven(
-    (experiment, index): (&Experiment, usize),
-    recording: &Recording,
-    skip_s: f64,
-    each: impl Fn(&str, &DrivenSegment) -> Result<Answer, EstimateError>,
-) -> Result<Vec<SegmentEstimate>, EstimateError> {
-    let [drive_column, signal_column] = columns(experiment, index)?;
-    estimate_segments(recording, recording.segments(), (signal_column, &kind::VOLTAGE), skip_s, |segment| {
-        let (axes, trajectories) =
-            each(segment.place, &DrivenSegment::of(recording, segment, drive_column)?)?;
-        Ok(segment.estimated_under(drive_column, axes, trajectories))
-    })
+impl Estimator for ScannerEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let cycle_s = 1.0 / self.settings.hardware.natural_hz();
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths)
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let past = &mut self.past;
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        let data = &DrivenSegment::of(&segment, drive_column, past)?;
+        let motion = data.motion(settings.hardware.natural_hz());
+        segment.require_cycles(motion.frequency_hz)?;
+        let trajectories = segment::estimate(settings, data, past, &segment.place, self.progress)?;
+        let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+        Ok(segment.estimated_under(drive_column, (axis, Vec::new()), trajectories))
+    }
+}
+
+/// Cycles of the motion after the settling time in which a turning point tells its sign.
+const STARTING_CYCLES: f64 = 4.0;
+
+/// Rows before the new ones that the drive is interpolated through.
+const INTERPOLATED: usize = 4;
+
+/// What the estimators of driven scanners need around the new rows: at first what shows the sine of the drive and the motion
+/// for this long in s.
+fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> Around {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    let rows = (start_s / interval_s).ceil() as usize;
+    Around { head: rows.max(BLOCK), before: INTERPOLATED, after: 1, smooths }
 }
 
 /// The recordings that are estimated, their channels checked.

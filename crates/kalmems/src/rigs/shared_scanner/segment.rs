@@ -7,30 +7,32 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
 use crate::estimate::{
-    AnyFilter, EstimateError, FilterBasics, Progress, StateName, Trajectory, TrajectoryKind, answers,
-    judge_lock,
+    AnyFilter, EstimateError, FilterBasics, FilterPast, Past, Progress, StateName, Trajectory,
+    TrajectoryKind, answers,
 };
-use crate::signal::extremes_of_rate;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, SquareRootUkf};
 
-/// Runs the wanted filters over a segment, which `place` names in messages.
+/// Runs the wanted filters over the new samples of a segment, which `place` names in messages.
 pub fn estimate(
     settings: &Settings,
     data: &DrivenSegment,
+    past: &mut Past,
     place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    for filter in &settings.filters {
-        let mut trajectories = one(&Task { settings, filter, data, place, progress })?;
-        for trajectory in &mut trajectories {
+    let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
+    let start_s = data.scored_from(settings.skip_s);
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let past = past.filter(index);
+        let mut trajectories = one(&Task { settings, filter, data, place, progress }, past)?;
+        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+            let past = past.answer(answer);
             if let Some(positive) = settings.first_peak_positive {
-                orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
+                past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
             }
-            let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
-            let start_s = data.scored_from(settings.skip_s);
-            trajectory.lock = judge_lock(trajectory, data.signal, &axes, start_s);
+            trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
         all.append(&mut trajectories);
     }
@@ -47,32 +49,32 @@ struct Task<'a> {
 }
 
 /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
-fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
+fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
     let (hardware, filter) = (&task.settings.hardware, task.filter);
     let method = filter.basics.method;
     if method == Method::LockIn {
-        return task.lock_in();
+        return task.lock_in(past);
     }
     let wrong = |why: AugmentationError| filter.basics.no_model(why);
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
     match (poles, filter.basics.tracked.len()) {
-        (None, _) if method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter)),
+        (None, _) if method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter), past),
         (Some(poles), _) if method == Method::SquareRootUkf => {
-            task.root::<_, 4>(&staged(hardware, filter, poles))
+            task.root::<_, 4>(&staged(hardware, filter, poles), past)
         }
-        (None, 0) if method == Method::EulerEkf => task.run(&Published::new(hardware, filter)),
-        (None, 0) => task.run::<_, 2>(&affine(hardware, filter)),
-        (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?),
-        (None, 2) => task.run::<_, 4>(&affine_with::<2>(hardware, filter).map_err(wrong)?),
-        (None, 3) => task.run::<_, 5>(&affine_with::<3>(hardware, filter).map_err(wrong)?),
-        (None, 4) => task.run::<_, 6>(&affine_with::<4>(hardware, filter).map_err(wrong)?),
-        (None, _) => task.run::<_, 7>(&affine_with::<5>(hardware, filter).map_err(wrong)?),
-        (Some(poles), 0) => task.run::<_, 4>(&staged(hardware, filter, poles)),
-        (Some(poles), 1) => task.run::<_, 5>(&staged_with::<1>(hardware, filter, poles)),
-        (Some(poles), 2) => task.run::<_, 6>(&staged_with::<2>(hardware, filter, poles)),
-        (Some(poles), 3) => task.run::<_, 7>(&staged_with::<3>(hardware, filter, poles)),
-        (Some(poles), 4) => task.run::<_, 8>(&staged_with::<4>(hardware, filter, poles)),
-        (Some(poles), _) => task.run::<_, 9>(&staged_with::<5>(hardware, filter, poles)),
+        (None, 0) if method == Method::EulerEkf => task.run(&Published::new(hardware, filter), past),
+        (None, 0) => task.run::<_, 2>(&affine(hardware, filter), past),
+        (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?, past),
+        (None, 2) => task.run::<_, 4>(&affine_with::<2>(hardware, filter).map_err(wrong)?, past),
+        (None, 3) => task.run::<_, 5>(&affine_with::<3>(hardware, filter).map_err(wrong)?, past),
+        (None, 4) => task.run::<_, 6>(&affine_with::<4>(hardware, filter).map_err(wrong)?, past),
+        (None, _) => task.run::<_, 7>(&affine_with::<5>(hardware, filter).map_err(wrong)?, past),
+        (Some(poles), 0) => task.run::<_, 4>(&staged(hardware, filter, poles), past),
+        (Some(poles), 1) => task.run::<_, 5>(&staged_with::<1>(hardware, filter, poles), past),
+        (Some(poles), 2) => task.run::<_, 6>(&staged_with::<2>(hardware, filter, poles), past),
+        (Some(poles), 3) => task.run::<_, 7>(&staged_with::<3>(hardware, filter, poles), past),
+        (Some(poles), 4) => task.run::<_, 8>(&staged_with::<4>(hardware, filter, poles), past),
+        (Some(poles), _) => task.run::<_, 9>(&staged_with::<5>(hardware, filter, poles), past),
     }
 }
 
@@ -89,16 +91,17 @@ pub struct Follower<'a> {
 }
 
 impl Follower<'_> {
-    /// Chooses the filter and follows it from this mean and covariance.
+    /// Chooses the filter and follows it, at first from this mean and covariance.
     pub fn run<P: Plant<N>, const N: usize>(
         &self,
         plant: &P,
         states: &[StateName; N],
-        start: ([f64; N], Covariance<f64, N>),
+        past: &mut FilterPast,
+        start: impl FnOnce() -> Result<([f64; N], Covariance<f64, N>), EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let FilterBasics { method, points, .. } = *self.filter;
-        let filter = AnyFilter::of(method, points, start.0, start.1);
-        let mut trajectories = self.follow(plant, states, &filter)?;
+        let begin = || start().map(|(mean, covariance)| AnyFilter::of(method, points, mean, covariance));
+        let mut trajectories = self.follow(plant, states, past, begin)?;
         if method == Method::Model {
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
@@ -109,15 +112,16 @@ impl Follower<'_> {
     }
 
     /// Follows this filter.
-    fn follow<P: Plant<N>, F: Filter<f64, N> + Copy, const N: usize>(
+    fn follow<P: Plant<N>, F: Filter<f64, N> + Clone + Send + 'static, const N: usize>(
         &self,
         plant: &P,
         states: &[StateName; N],
-        start: &F,
+        past: &mut FilterPast,
+        start: impl FnOnce() -> Result<F, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let mut course = course.map_err(|why| self.filter.no_model(why))?;
-        answers(self.filter, start, (&mut course, self.data.interval_s), states, self.progress)
+        answers((self.filter, past), start, (&mut course, &self.data.samples), states, self.progress)
     }
 }
 
@@ -128,15 +132,23 @@ impl Task<'_> {
     }
 
     /// The filters but one.
-    fn run<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
-        self.follower().run(plant, &self.filter.states(), self.start()?)
+    fn run<P: Plant<N>, const N: usize>(
+        &self,
+        plant: &P,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        self.follower().run(plant, &self.filter.states(), past, || self.start())
     }
 
     /// The unscented filter in square-root form, which tracks no parameters.
-    fn root<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
-        let (mean, covariance) = self.start()?;
-        let filter = SquareRootUkf::new(mean, covariance, self.filter.basics.points);
-        self.follower().follow(plant, &self.filter.states(), &filter)
+    fn root<P: Plant<N>, const N: usize>(
+        &self,
+        plant: &P,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let points = self.filter.basics.points;
+        let begin = || self.start().map(|(mean, covariance)| SquareRootUkf::new(mean, covariance, points));
+        self.follower().follow(plant, &self.filter.states(), past, begin)
     }
 
     /// The first mean and covariance.
@@ -171,9 +183,12 @@ impl Task<'_> {
         })
     }
 
-    fn lock_in(&self) -> Result<Vec<Trajectory>, EstimateError> {
+    fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
-        let mut trajectory = self.detector()?.trajectory(names, &self.filter.states::<2>(), self.data);
+        let mut kept = past.course.take().unwrap_or_default();
+        let states = self.filter.states::<2>();
+        let mut trajectory = self.detector()?.trajectory(names, &states, self.data, &mut kept);
+        past.course.put(kept);
         trajectory.claim_nothing();
         Ok(vec![trajectory])
     }
@@ -181,7 +196,7 @@ impl Task<'_> {
     fn detector(&self) -> Result<LockIn<'_>, EstimateError> {
         let hardware = &self.settings.hardware;
         let poles = hardware.poles.filter(|_| self.filter.demodulator_sd.is_some());
-        let drive = self.data.drive.sine().ok_or_else(|| EstimateError::NoSteadyDrive {
+        let drive = self.data.drive.first_sine().ok_or_else(|| EstimateError::NoSteadyDrive {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
         })?;
@@ -191,19 +206,3 @@ impl Task<'_> {
 
 /// How many cycles of the motion a start from the signal takes in.
 const START_CYCLES: f64 = 4.0;
-
-/// Gives the motion whose angle and rate begin at `first` the sign of its first turning point after the drive's peak.
-///
-/// θ → −θ is an exact symmetry of plant and sensor, and the filters keep it: had the filter started mirrored, its
-/// answer would be the mirrored one to the last bit. So the answer is mirrored, and says so. The voltages of the
-/// demodulator and the parameters are the same in both.
-pub fn orient(trajectory: &mut Trajectory, first: usize, positive: bool, peak_s: f64) {
-    let from = trajectory.time_s.partition_point(|t| *t < peak_s);
-    let extremes = extremes_of_rate(&trajectory.time_s[from..], &trajectory.states[first + 1].mean[from..]);
-    if extremes.first().is_some_and(|extreme| extreme.maximum != positive) {
-        trajectory.mirrored = true;
-        for mean in trajectory.states[first..first + 2].iter_mut().flat_map(|state| &mut state.mean) {
-            *mean = -*mean;
-        }
-    }
-}

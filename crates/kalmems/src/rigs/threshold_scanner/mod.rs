@@ -15,14 +15,14 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::Rig;
+use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, Experiment, Key, Method, Role};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate, SignalSegment, estimate_segments};
+use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
-use crate::recording::{FindingKind, Layout, Recording};
+use crate::recording::{FindingKind, Layout};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -63,35 +63,15 @@ impl Rig for ThresholdScannerRig {
         Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        let [drive_column, signal_column] = columns(experiment, index)?;
-        let natural_hz = settings.hardware.natural_hz();
-        estimate_segments(
-            recording,
-            recording.segments(),
-            (signal_column, &kind::VOLTAGE),
-            settings.skip_s,
-            |segment| {
-                segment.require_after_settling(CYCLES / natural_hz)?;
-                require_unclipped(recording, segment)?;
-                let data = DrivenSegment::of(recording, segment, drive_column)?;
-                let drive_slope = slope(&data, &settings.hardware);
-                let found = found(&settings, &data, &drive_slope, (segment.place, signal_column))?;
-                let motion = data.motion(natural_hz);
-                let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
-                let trajectories = segment::estimate(&settings, samples, progress)?;
-                let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-                let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
-                Ok(SegmentEstimate { parts: settings.parts, ..estimate })
-            },
-        )
+        let columns = columns(experiment, index)?;
+        Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -132,18 +112,55 @@ impl Rig for ThresholdScannerRig {
     }
 }
 
+/// Estimates recordings of the scanner.
+struct ThresholdEstimator<'a> {
+    settings: Settings,
+    /// Those of drive and signal.
+    columns: [&'a str; 2],
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for ThresholdEstimator<'_> {
+    /// Crossings are looked for over a whole segment.
+    fn around(&self, _: f64) -> Around {
+        Around::WHOLE
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_after_settling(CYCLES / natural_hz)?;
+        require_unclipped(&segment)?;
+        let data = DrivenSegment::of(&segment, drive_column, past)?;
+        let drive_slope = slope(&data, &settings.hardware);
+        let found = found(settings, &data, &drive_slope, (&segment.place, signal_column))?;
+        let motion = data.motion(natural_hz);
+        let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
+        let trajectories = segment::estimate(settings, samples, past, self.progress)?;
+        let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+        let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
+        Ok(SegmentEstimate { parts: settings.parts, ..estimate })
+    }
+}
+
 /// Cycles of the motion that have to follow the settling time.
 const CYCLES: f64 = 10.0;
 
 /// Refuses a segment whose signal is clipped: the flanks that tell of a crossing are the first to go.
-fn require_unclipped(recording: &Recording, segment: &SignalSegment) -> Result<(), EstimateError> {
-    let clipped = recording.diagnosis().iter().find(|finding| {
+fn require_unclipped(segment: &SignalSegment) -> Result<(), EstimateError> {
+    let clipped = segment.recording.diagnosis().iter().find(|finding| {
         finding.kind == FindingKind::Saturation
             && finding.column.as_deref() == Some(segment.signal_column)
             && finding.segment.as_ref().is_none_or(|label| *label == segment.segment.label)
     });
     let Some(finding) = clipped else { return Ok(()) };
-    let (place, column) = (segment.place.to_owned(), segment.signal_column.to_owned());
+    let (place, column) = (segment.place.clone(), segment.signal_column.to_owned());
     Err(EstimateError::Clipped { place, column, count: finding.count })
 }
 

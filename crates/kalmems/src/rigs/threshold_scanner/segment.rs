@@ -8,7 +8,7 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{
-    EstimateError, ModelAlone, Motion, Progress, Trajectory, TrajectoryKind, answers, judge_lock,
+    EstimateError, FilterPast, ModelAlone, Motion, Past, Progress, Trajectory, TrajectoryKind, answers,
 };
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Ekf, Filter};
@@ -26,19 +26,21 @@ pub struct Samples<'a> {
     pub motion: Motion,
 }
 
-/// Runs the wanted filters over a segment.
+/// Runs the wanted filters over the new samples of a segment.
 pub fn estimate(
     settings: &Settings,
     samples: Samples,
+    past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    for filter in &settings.filters {
-        let mut trajectories = one(&Task { settings, filter, samples, progress })?;
-        let data = samples.data;
-        let start_s = data.scored_from(settings.skip_s);
-        for trajectory in &mut trajectories {
-            trajectory.lock = judge_lock(trajectory, data.signal, &[("angle", samples.motion)], start_s);
+    let (data, axes) = (samples.data, [("angle", samples.motion)]);
+    let start_s = data.scored_from(settings.skip_s);
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let past = past.filter(index);
+        let mut trajectories = one(&Task { settings, filter, samples, progress }, past)?;
+        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+            trajectory.lock = past.answer(answer).judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
         all.append(&mut trajectories);
     }
@@ -54,18 +56,21 @@ struct Task<'a> {
 }
 
 /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
-fn one(task: &Task) -> Result<Vec<Trajectory>, EstimateError> {
+fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
     match task.filter.basics.tracked.len() {
-        0 => task.run::<0, 2>(),
-        1 => task.run::<1, 3>(),
-        2 => task.run::<2, 4>(),
-        3 => task.run::<3, 5>(),
-        _ => task.run::<4, 6>(),
+        0 => task.run::<0, 2>(past),
+        1 => task.run::<1, 3>(past),
+        2 => task.run::<2, 4>(past),
+        3 => task.run::<3, 5>(past),
+        _ => task.run::<4, 6>(past),
     }
 }
 
 impl Task<'_> {
-    fn run<const A: usize, const N: usize>(&self) -> Result<Vec<Trajectory>, EstimateError> {
+    fn run<const A: usize, const N: usize>(
+        &self,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = self.filter;
         let wrong = |why: AugmentationError| filter.basics.no_model(why);
         let plant = MirrorPlant::<A>::new(&self.settings.hardware, filter).map_err(wrong)?;
@@ -80,22 +85,23 @@ impl Task<'_> {
         let mut course = course.map_err(wrong)?;
         let (mean, sd) = filter.start::<N>();
         if filter.basics.method == Method::Model {
-            let mut trajectories = self.answers(&mut course, &ModelAlone::new(mean))?;
+            let mut trajectories = self.answers(&mut course, past, ModelAlone::new(mean))?;
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
                 trajectory.claim_nothing();
             }
             return Ok(trajectories);
         }
-        self.answers(&mut course, &Ekf::new(mean, Covariance::from_standard_deviations(sd)))
+        self.answers(&mut course, past, Ekf::new(mean, Covariance::from_standard_deviations(sd)))
     }
 
-    fn answers<F: Filter<f64, N> + Copy, const A: usize, const N: usize>(
+    fn answers<F: Filter<f64, N> + Clone + Send + 'static, const A: usize, const N: usize>(
         &self,
         course: &mut ThresholdCourse<'_, A, N>,
-        start: &F,
+        past: &mut FilterPast,
+        start: F,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let course = (course, self.samples.data.interval_s);
-        answers(&self.filter.basics, start, course, &self.filter.states(), self.progress)
+        let course = (course, &self.samples.data.samples);
+        answers((&self.filter.basics, past), || Ok(start), course, &self.filter.states(), self.progress)
     }
 }

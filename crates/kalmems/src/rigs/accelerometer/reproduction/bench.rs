@@ -7,7 +7,7 @@ use super::super::settings::{Hardware, Settings};
 use super::super::simulation::closed_loop;
 use super::{failed, published::noise};
 use crate::config::Experiment;
-use crate::estimate::{Silent, Trajectory};
+use crate::estimate::{Past, Samples, Silent, Trajectory};
 use crate::reproduce::ReproduceError;
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{PiController, RebalanceLoop};
@@ -126,7 +126,9 @@ impl Bench {
             acceleration: Some(&record.acceleration),
             interval_s: record.interval_s,
         };
-        segment::estimate(&settings, &data, &Silent).ok()?.into_iter().next()
+        let samples = Samples::whole(record.time_s.len(), record.interval_s);
+        let found = segment::estimate(&settings, &data, &samples, &mut Past::default(), &Silent);
+        found.ok()?.into_iter().next()
     }
 }
 

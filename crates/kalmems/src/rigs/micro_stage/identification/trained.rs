@@ -2,7 +2,7 @@
 
 use super::gaps::GapFit;
 use crate::config::Experiment;
-use crate::estimate::{EstimateError, Progress};
+use crate::estimate::{self, EstimateError, Past, Progress};
 use crate::fit::Derived;
 use crate::identify::{AffineFit, IdentifyError, fit_affine};
 use crate::rigs::micro_stage::records::Records;
@@ -47,13 +47,14 @@ pub fn correction(
         let samples = Samples {
             place: &read.place,
             time_s: &record.time_s,
-            interval_s: read.interval_s,
+            taken: estimate::Samples::whole(record.time_s.len(), read.interval_s),
             drive: &drive,
             drive_sine: record.drive,
             electrodes: &on.electrodes,
             signals: found.signals_without_drive(record, &on.electrodes),
         };
-        let trajectories = segment::estimate(&settings, &samples, progress).map_err(as_identify_error)?;
+        let trajectories = segment::estimate(&settings, &samples, &mut Past::default(), progress)
+            .map_err(as_identify_error)?;
         let Some(state) = trajectories.first().and_then(|trajectory| trajectory.state("rate")) else {
             continue;
         };

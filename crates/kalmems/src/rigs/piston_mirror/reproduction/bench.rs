@@ -6,7 +6,7 @@ use super::super::segment;
 use super::super::settings::{Motion, Settings};
 use super::published::{circuit, results};
 use crate::config::Experiment;
-use crate::estimate::{Progress, Trajectory};
+use crate::estimate::{Past, Progress, Samples, Trajectory};
 use crate::reproduce::ReproduceError;
 use crate::simulate::WhiteNoise;
 use std::f64::consts::TAU;
@@ -128,8 +128,9 @@ impl Run {
                 mean[2] = PHASE;
             }
         }
+        let place = ("the simulated recording", &Samples::whole(time_s.len(), interval_s));
         let (trajectories, _) =
-            segment::estimate(&settings, &data, "the simulated recording", progress).ok()?;
+            segment::estimate(&settings, &data, place, &mut Past::default(), progress).ok()?;
         let judged = trajectories.into_iter().filter_map(|trajectory| {
             let scored = trajectory.scored(SKIP_S);
             let estimated = &trajectory.state("position")?.mean;

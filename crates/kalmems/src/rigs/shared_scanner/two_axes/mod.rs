@@ -21,7 +21,7 @@ pub use band_plan::{Band, BandPlan, Conflict, Line, Place, PlannedDrive};
 pub use filters::{FilterSettings, STATES, Start};
 pub use hardware::Hardware;
 pub use rig::TwoAxesRig;
-pub use segment::{TwoAxisEstimate, estimate};
+pub use segment::{estimate, first_tones};
 pub use settings::Settings;
 pub use start::{BatchStart, StartError, line_share};
 pub use tones::DriveTones;

@@ -2,17 +2,19 @@
 
 use super::hardware::second_axis;
 use super::outlook::outlook;
-use super::segment::{TwoAxisEstimate, estimate};
+use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
 use super::settings::Settings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, Device, Experiment};
-use crate::estimate::{Axis, EstimateError, Progress, SegmentEstimate};
+use crate::estimate::driven::DrivenSegment;
+use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording};
-use crate::rigs::Rig;
-use crate::rigs::shared_scanner::{columns, estimate_driven, wanted};
+use crate::recording::Layout;
+use crate::rigs::shared_scanner::{STARTING_CYCLES, around_driven, columns, wanted};
+use crate::rigs::{Estimator, Rig};
 use crate::simulate::{SimulateError, Simulation};
+use crate::units::kind;
 
 /// The rig.
 pub struct TwoAxesRig;
@@ -42,20 +44,15 @@ impl Rig for TwoAxesRig {
         &ANGLES
     }
 
-    fn estimate(
+    fn estimator<'a>(
         &self,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         index: usize,
-        recording: &Recording,
-        progress: &dyn Progress,
-    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
-        estimate_driven((experiment, index), recording, settings.skip_s, |place, data| {
-            let TwoAxisEstimate { drive, trajectories } = estimate(&settings, place, data, progress)?;
-            let [x, y] = drive.motions();
-            let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
-            Ok(((axis(0, x), vec![axis(1, y)]), trajectories))
-        })
+        let columns = columns(experiment, index)?;
+        Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -82,5 +79,40 @@ impl Rig for TwoAxesRig {
             Some(first)
         };
         estimate.trajectories.iter().map(errors).collect()
+    }
+}
+
+/// Estimates recordings of a scanner with two axes.
+struct TwoAxesEstimator<'a> {
+    settings: Settings,
+    /// Those of drive and signal.
+    columns: [&'a str; 2],
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for TwoAxesEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let slowest_hz = resonances_hz(&self.settings).into_iter().fold(f64::INFINITY, f64::min);
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz).max(WINDOW_S);
+        around_driven(interval_s, started_s, smooths)
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let past = &mut self.past;
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        let data = &DrivenSegment::of(&segment, drive_column, past)?;
+        let drive = first_tones(settings, data, past, &segment.place)?;
+        let [x, y] = drive.motions();
+        segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
+        let trajectories = estimate(settings, (&segment.place, &drive), data, past, self.progress)?;
+        let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
+        Ok(segment.estimated_under(drive_column, (axis(0, x), vec![axis(1, y)]), trajectories))
     }
 }

@@ -6,59 +6,70 @@ use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
 use crate::estimate::driven::{Augmentation, DrivenSegment, Plant};
-use crate::estimate::{EstimateError, Progress, Trajectory, judge_lock};
-use crate::rigs::shared_scanner::segment::{Follower, orient};
+use crate::estimate::{EstimateError, FilterPast, Past, Progress, Trajectory};
+use crate::rigs::shared_scanner::segment::Follower;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::dynamics::TwoAxisDriveGain;
 use kalmems_models::readout::TwoAxisComb;
 use std::f64::consts::TAU;
 
-/// What the filters say of one segment.
-#[derive(Clone, Debug)]
-pub struct TwoAxisEstimate {
-    /// The drives of x and y.
-    pub drive: DriveTones,
-    /// One per answer, with the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
-    pub trajectories: Vec<Trajectory>,
+/// The drives of x and y as the samples that were there first show them.
+pub fn first_tones(
+    settings: &Settings,
+    data: &DrivenSegment,
+    past: &mut Past,
+    place: &str,
+) -> Result<DriveTones, EstimateError> {
+    let tones = match past.rig.take::<DriveTones>() {
+        Some(tones) => tones,
+        None => Box::new(
+            DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
+                .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?,
+        ),
+    };
+    let found = *tones;
+    past.rig.put(tones);
+    Ok(found)
 }
 
-/// Runs the wanted filters over both axes of a segment, which `place` names in messages.
+/// Runs the wanted filters over both axes of the new samples of a segment, which `place` names in messages.
+///
+/// Trajectories have the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
 pub fn estimate(
     settings: &Settings,
-    place: &str,
+    (place, drive): (&str, &DriveTones),
     data: &DrivenSegment,
+    past: &mut Past,
     progress: &dyn Progress,
-) -> Result<TwoAxisEstimate, EstimateError> {
-    let drive = DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
-        .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?;
+) -> Result<Vec<Trajectory>, EstimateError> {
     let motions = drive.motions();
-    let slowest_hz = motions.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
-    data.require_cycles(place, settings.skip_s, slowest_hz)?;
     let start_s = data.scored_from(settings.skip_s);
     let mut trajectories = Vec::new();
-    for filter in &settings.filters {
-        let mut found = Task { settings, filter, data, drive: &drive, place, progress }.one()?;
-        for trajectory in &mut found {
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let past = past.filter(index);
+        let mut found = Task { settings, filter, data, drive, place, progress }.one(past)?;
+        for (answer, trajectory) in found.iter_mut().enumerate() {
+            let past = past.answer(answer);
             for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
                 if let Some(positive) = *positive {
-                    orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
+                    past.orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
                 }
             }
-            trajectory.lock = judge_lock(trajectory, data.signal, &motions, start_s);
+            trajectory.lock = past.judge.judge(trajectory, &motions, start_s, data.samples.ends);
         }
         trajectories.append(&mut found);
     }
-    Ok(TwoAxisEstimate { drive, trajectories })
+    Ok(trajectories)
 }
 
 /// The free resonances of x and y.
-fn resonances_hz(settings: &Settings) -> [f64; 2] {
+pub fn resonances_hz(settings: &Settings) -> [f64; 2] {
     let scanner = &settings.hardware.scanner;
     [scanner.x, scanner.y].map(|axis| axis.resonator.natural_rate() / TAU)
 }
 
 /// How much of the signal a start from it takes in, in s.
-const WINDOW_S: f64 = 2e-3;
+pub const WINDOW_S: f64 = 2e-3;
 
 /// One filter over one segment.
 struct Task<'a> {
@@ -72,33 +83,40 @@ struct Task<'a> {
 
 impl Task<'_> {
     /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
-    fn one(&self) -> Result<Vec<Trajectory>, EstimateError> {
+    fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         match self.filter.basics.tracked.len() {
-            0 => self.run::<_, 4>(&both(&self.settings.hardware, self.filter)),
-            1 => self.with::<1, 5>(),
-            2 => self.with::<2, 6>(),
-            3 => self.with::<3, 7>(),
-            4 => self.with::<4, 8>(),
-            5 => self.with::<5, 9>(),
-            6 => self.with::<6, 10>(),
-            _ => self.with::<7, 11>(),
+            0 => self.run::<_, 4>(&both(&self.settings.hardware, self.filter), past),
+            1 => self.with::<1, 5>(past),
+            2 => self.with::<2, 6>(past),
+            3 => self.with::<3, 7>(past),
+            4 => self.with::<4, 8>(past),
+            5 => self.with::<5, 9>(past),
+            6 => self.with::<6, 10>(past),
+            _ => self.with::<7, 11>(past),
         }
     }
 
     /// With `A` parameters as states.
-    fn with<const A: usize, const N: usize>(&self) -> Result<Vec<Trajectory>, EstimateError>
+    fn with<const A: usize, const N: usize>(
+        &self,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError>
     where
         Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>: Plant<N>,
     {
         let plant = both_with::<A>(&self.settings.hardware, self.filter);
-        self.run::<_, N>(&plant.map_err(|why| self.filter.basics.no_model(why))?)
+        self.run::<_, N>(&plant.map_err(|why| self.filter.basics.no_model(why))?, past)
     }
 
-    fn run<P: Plant<N>, const N: usize>(&self, plant: &P) -> Result<Vec<Trajectory>, EstimateError> {
+    fn run<P: Plant<N>, const N: usize>(
+        &self,
+        plant: &P,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
         let follower = Follower { filter, data: self.data, noise_variance, progress: self.progress };
-        follower.run(plant, &filter.states(&STATES), self.start()?)
+        follower.run(plant, &filter.states(&STATES), past, || self.start())
     }
 
     /// Mean and covariance at the first sample.

@@ -8,7 +8,7 @@ use super::super::settings::Settings;
 use super::failed;
 use crate::config::{ConfigError, Experiment, Timing};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Motion, Progress, Trajectory};
+use crate::estimate::{Motion, Past, Progress, Trajectory};
 use crate::reproduce::ReproduceError;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
@@ -237,7 +237,7 @@ pub fn follow(
     start_near(&mut settings.filters, decay.states[0], seed);
     let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
     let samples = Samples { data: &data, drive_slope: &off, crossings, motion };
-    segment::estimate(&settings, samples, progress).ok()
+    segment::estimate(&settings, samples, &mut Past::default(), progress).ok()
 }
 
 /// All filters start from the same state, as far from the true one as they believe to be.

@@ -1,0 +1,216 @@
+//! What an experiment file says about samples that arrive while they are estimated.
+
+use super::kinds::{Frequency, Time};
+use super::quantity::Quantity;
+use super::sign::Positive;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::num::NonZeroU32;
+
+/// Samples that arrive while they are estimated, and what is wanted of the estimates.
+///
+/// The device and its filters are those of the experiment; clock and channels are those of its first recording that would
+/// be estimated, whose file need not be there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stream {
+    /// Samples per second, about: how many belong to the settling time before the first estimate.
+    pub rate: Quantity<Frequency, Positive>,
+    /// How the samples come: exactly one table, `[stream.input.text]` or `[stream.input.frames]`.
+    pub input: StreamFormat,
+    /// For how many later samples one that is missing is waited for, so that late ones find their place; 32 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1_000_000))]
+    pub wait: Option<u32>,
+    /// One estimate is given of so many samples; each if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every: Option<NonZeroU32>,
+    /// Over how long the mean NIS is watched; 100 samples if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alarm_over: Option<Quantity<Time, Positive>>,
+}
+
+/// How samples come.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum StreamFormat {
+    /// Lines of numbers separated by commas. Empty lines, comments that begin with `#` and a line of the columns' names are
+    /// passed over.
+    Text {
+        /// The columns by their names with units, such as `["time_s", "drive_V", "cap_V"]`.
+        columns: Vec<String>,
+    },
+    /// Frames of numbers in binary, little-endian, one after the other.
+    Frames {
+        /// The bytes that each frame begins with, in hexadecimal, such as `"a55a"`.
+        sync: Sync,
+        /// What follows them: types and names, such as `["u16 sequence", "f64 time_s", "f32 drive_V", "f32 cap_V"]`. By a
+        /// field with the name `sequence`, which counts the frames, one that is lost is told from a pause.
+        fields: Vec<Field>,
+    },
+}
+
+/// The bytes that a frame begins with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Sync(pub(crate) Vec<u8>);
+
+impl TryFrom<String> for Sync {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let digits = text.as_bytes();
+        let bytes = digits.chunks(2).map(|pair| {
+            let pair = std::str::from_utf8(pair).ok().filter(|pair| pair.len() == 2)?;
+            u8::from_str_radix(pair, 16).ok()
+        });
+        match bytes.collect::<Option<Vec<u8>>>() {
+            Some(bytes) if (1..=16).contains(&bytes.len()) && !text.contains('+') => Ok(Self(bytes)),
+            _ => Err(format!("`{text}` is not 1 to 16 bytes in hexadecimal; expected such as `a55a`")),
+        }
+    }
+}
+
+impl From<Sync> for String {
+    fn from(sync: Sync) -> Self {
+        sync.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl JsonSchema for Sync {
+    fn schema_name() -> Cow<'static, str> {
+        "Sync".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "pattern": "^([0-9a-fA-F]{2}){1,16}$", "examples": ["a55a"] })
+    }
+}
+
+/// A number in a frame.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Field {
+    /// How it is written.
+    pub kind: FieldType,
+    /// The name of its column, or `sequence`.
+    pub name: String,
+}
+
+/// The name of the field that counts frames.
+const SEQUENCE: &str = "sequence";
+
+impl Field {
+    /// Whether it counts the frames.
+    pub fn is_sequence(&self) -> bool {
+        self.name == SEQUENCE
+    }
+}
+
+/// How a number is written in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FieldType {
+    /// 8 bits with a sign.
+    I8,
+    /// 8 bits.
+    U8,
+    /// 16 bits with a sign.
+    I16,
+    /// 16 bits.
+    U16,
+    /// 32 bits with a sign.
+    I32,
+    /// 32 bits.
+    U32,
+    /// 64 bits with a sign.
+    I64,
+    /// 64 bits.
+    U64,
+    /// IEEE 754, single.
+    F32,
+    /// IEEE 754, double.
+    F64,
+}
+
+/// All of them by their names.
+const TYPES: [(&str, FieldType, usize); 10] = [
+    ("i8", FieldType::I8, 1),
+    ("u8", FieldType::U8, 1),
+    ("i16", FieldType::I16, 2),
+    ("u16", FieldType::U16, 2),
+    ("i32", FieldType::I32, 4),
+    ("u32", FieldType::U32, 4),
+    ("i64", FieldType::I64, 8),
+    ("u64", FieldType::U64, 8),
+    ("f32", FieldType::F32, 4),
+    ("f64", FieldType::F64, 8),
+];
+
+impl FieldType {
+    /// How many bytes it takes.
+    pub fn bytes(self) -> usize {
+        TYPES.iter().find(|(_, kind, _)| *kind == self).map_or(0, |(_, _, bytes)| *bytes)
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        TYPES.iter().find(|(_, kind, _)| *kind == self).map_or("", |(name, ..)| name)
+    }
+
+    /// Whether it is a whole number that is never negative.
+    fn counts(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32 | Self::U64)
+    }
+}
+
+impl TryFrom<String> for Field {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let mut words = text.split_whitespace();
+        let kind = words.next().and_then(|word| TYPES.iter().find(|(name, ..)| *name == word));
+        let (Some((_, kind, _)), Some(name), None) = (kind, words.next(), words.next()) else {
+            let names: Vec<&str> = TYPES.iter().map(|(name, ..)| *name).collect();
+            return Err(format!(
+                "`{text}` is not a type and a name; expected such as `f32 cap_V`, the type one of {}",
+                names.join(", ")
+            ));
+        };
+        let field = Self { kind: *kind, name: name.to_owned() };
+        if field.is_sequence() && !kind.counts() {
+            return Err(format!(
+                "`{text}`: a sequence counts; expected `u8`, `u16`, `u32` or `u64` as its type"
+            ));
+        }
+        Ok(field)
+    }
+}
+
+impl From<Field> for String {
+    fn from(field: Field) -> Self {
+        format!("{} {}", field.kind.name(), field.name)
+    }
+}
+
+impl JsonSchema for Field {
+    fn schema_name() -> Cow<'static, str> {
+        "Field".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": "string",
+            "pattern": r"^\s*([iu](8|16|32|64)|f(32|64))\s+\S+\s*$",
+            "examples": ["f32 cap_V"],
+        })
+    }
+}

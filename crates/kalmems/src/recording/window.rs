@@ -1,0 +1,49 @@
+//! Recordings of one segment that grow at one end and shrink at the other.
+
+use super::Recording;
+use super::segment::Times;
+
+impl Recording {
+    /// Puts the rows of a later stretch of the same segment behind.
+    pub(crate) fn extend(&mut self, later: &Self) {
+        for (column, more) in self.columns.iter_mut().zip(&later.columns) {
+            column.values.extend_from_slice(&more.values);
+        }
+        let (Some(segment), Some(more)) = (self.segments.first_mut(), later.segments.first()) else { return };
+        match (&mut segment.time.times, &more.time.times) {
+            (Times::Column(times), Times::Column(more)) => times.extend_from_slice(more),
+            (Times::Rate { len, .. }, Times::Rate { len: more, .. }) => *len += more,
+            // The clock is that of the experiment, for all stretches the same.
+            _ => {}
+        }
+        segment.time.uniform &= more.time.uniform;
+        segment.rows.end += more.rows.len();
+        self.rows += later.rows;
+    }
+
+    /// Lets go of the rows before this time in s.
+    pub(crate) fn forget_before(&mut self, time_s: f64) {
+        let Some(segment) = self.segments.first_mut() else { return };
+        let rows = segment.time.len();
+        let at = |row: usize| segment.time.at(row);
+        let (mut gone, mut end) = (0, rows);
+        while gone < end {
+            let middle = gone.midpoint(end);
+            if at(middle) < time_s { gone = middle + 1 } else { end = middle }
+        }
+        match &mut segment.time.times {
+            Times::Column(times) => {
+                times.drain(..gone);
+            }
+            Times::Rate { first, len, .. } => {
+                *first += gone;
+                *len -= gone;
+            }
+        }
+        for column in &mut self.columns {
+            column.values.drain(..gone.min(column.values.len()));
+        }
+        segment.rows = 0..rows - gone;
+        self.rows = rows - gone;
+    }
+}

@@ -1,0 +1,226 @@
+//! The results of an estimate that comes in parts, written as they come.
+
+use super::figures::{course, figures};
+use super::files::{record_of_run, write_header, write_rows};
+use super::metrics::{segment, texts};
+use super::page::page_with;
+use super::{Metrics, Output, RUN_FILE, RecordingMetrics, RunInfo, SegmentMetrics, WriteError, WriteOptions};
+use crate::config::Experiment;
+use crate::recording::Source;
+use crate::report::Figure;
+use crate::rigs;
+use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+/// Segments of which there are pictures.
+const PICTURED: usize = 16;
+
+/// The results of an estimate on the way.
+///
+/// They are those of [`write_estimate`](super::write_estimate), but that the pictures show the last part of each segment, and
+/// how the filters fared from part to part.
+pub struct LongEstimate<'a> {
+    output: Output,
+    experiment: &'a Experiment,
+    input_id: String,
+    recordings: Vec<RecordingMetrics>,
+    drawn: Vec<Vec<Vec<Figure>>>,
+    /// The files of trajectories.
+    files: BTreeMap<String, BufWriter<File>>,
+    /// Figures of the parts of the present segment.
+    parts: Vec<PartFigures>,
+    began_s: f64,
+    options: WriteOptions,
+    stop: &'a dyn Fn() -> bool,
+}
+
+/// How the filters fared in a part.
+#[derive(Clone, Debug)]
+pub(super) struct PartFigures {
+    /// The middle of the part in s.
+    pub(super) time_s: f64,
+    /// Of each filter its name, the mean NIS, and the root mean square error of the angle in degrees.
+    pub(super) filters: Vec<(String, Option<f64>, Option<f64>)>,
+}
+
+impl<'a> LongEstimate<'a> {
+    /// Begins a result at `target`; where `stop` says so, the work ends and nothing is left of it.
+    pub fn begin(
+        experiment: &'a Experiment,
+        target: &Path,
+        options: WriteOptions,
+        stop: &'a dyn Fn() -> bool,
+    ) -> Result<Self, WriteError> {
+        let input_id = input_id(experiment);
+        Ok(Self {
+            output: Output::prepare(target, &input_id, options.force)?,
+            experiment,
+            input_id,
+            recordings: Vec::new(),
+            drawn: Vec::new(),
+            files: BTreeMap::new(),
+            parts: Vec::new(),
+            began_s: f64::NAN,
+            options,
+            stop,
+        })
+    }
+
+    /// Takes what came of the next part.
+    pub fn part(&mut self, part: &PartOutcome) -> Result<(), WriteError> {
+        if (self.stop)() {
+            return Err(WriteError::Interrupted);
+        }
+        while self.recordings.len() <= part.index {
+            let (name, file) = (part.outcome.name.clone(), part.outcome.recording.source().file.clone());
+            let reference = part.outcome.reference.as_ref().map(|r| r.recording().source().file.clone());
+            self.recordings.push(RecordingMetrics {
+                name,
+                file,
+                diagnosis: Vec::new(),
+                reference,
+                reference_diagnosis: Vec::new(),
+                segments: Vec::new(),
+            });
+            self.drawn.push(Vec::new());
+        }
+        let Some(outcome) = part.outcome.segments.first() else { return Ok(()) };
+        let (figures, time) = (segment(outcome), &outcome.estimate.segment.time);
+        let last_s = time.at(time.len().saturating_sub(1));
+        if part.begins {
+            self.began_s = time.start_s();
+            self.parts.clear();
+        }
+        self.parts.push(PartFigures::of(&figures, time.start_s().midpoint(last_s)));
+        let segments = &mut self.recordings[part.index].segments;
+        match segments.last_mut() {
+            Some(own) if !part.begins => {
+                own.pool(figures);
+                own.duration_s = last_s - self.began_s;
+            }
+            _ => segments.push(figures),
+        }
+        if self.options.trajectories {
+            self.trajectories(part, outcome)?;
+        }
+        if part.ends {
+            self.draw(part, outcome)?;
+            for (name, mut file) in std::mem::take(&mut self.files) {
+                file.flush().map_err(|e| self.output.error(&name, e))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The recording's name where there are several, the segment's where it has one.
+    fn prefix(&self, part: &PartOutcome, label: &str) -> String {
+        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+        let several = self.experiment.recordings.len() > 1;
+        let named = [(several, part.outcome.name.as_str()), (!label.is_empty(), label)];
+        let named = named.iter().filter(|(wanted, _)| *wanted);
+        named.flat_map(|(_, name)| name.chars().map(safe).chain(['_'])).collect()
+    }
+
+    fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
+        let estimate = &outcome.estimate;
+        let column = part.outcome.recording.column(&estimate.signal_column).ok();
+        let unit = column.and_then(|column| column.header.unit);
+        let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
+        let prefix = self.prefix(part, &estimate.segment.label);
+        for trajectory in &estimate.trajectories {
+            let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
+            if !self.files.contains_key(&name) {
+                let mut file = self.output.create(&name)?;
+                write_header(trajectory, &unit, &mut file).map_err(|e| self.output.error(&name, e))?;
+                self.files.insert(name.clone(), file);
+            }
+            let Some(file) = self.files.get_mut(&name) else { continue };
+            let whole = write_rows(trajectory, file, self.stop);
+            if !whole.map_err(|e| self.output.error(&name, e))? {
+                return Err(WriteError::Interrupted);
+            }
+        }
+        Ok(())
+    }
+
+    /// The pictures of a segment that has ended.
+    fn draw(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
+        let drawn: usize = self.drawn.iter().map(Vec::len).sum();
+        if drawn >= PICTURED {
+            return Ok(());
+        }
+        let prefix = self.prefix(part, &outcome.estimate.segment.label);
+        let mut all = Vec::new();
+        if self.parts.len() > 1 {
+            all.push(course(&self.parts, &prefix));
+        }
+        all.extend(figures(&part.outcome, outcome, &prefix));
+        for figure in &all {
+            self.output
+                .write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+            let png = figure.to_png()?;
+            self.output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        }
+        self.drawn[part.index].push(all);
+        Ok(())
+    }
+
+    /// Writes what belongs to the whole and puts the result in its place; the figures.
+    pub fn finish(mut self, whole: &[WholeRecording], info: RunInfo) -> Result<Metrics, WriteError> {
+        for (own, whole) in self.recordings.iter_mut().zip(whole) {
+            own.diagnosis = texts(&whole.diagnosis);
+            own.reference_diagnosis =
+                whole.reference.as_ref().map_or_else(Vec::new, |(_, found)| texts(found));
+        }
+        let rig = rigs::of(self.experiment).map_err(|e| WriteError::Experiment(Box::new(e)))?;
+        let metrics = Metrics {
+            experiment: self.experiment.name.to_string(),
+            rig: rig.name(),
+            values: rig.values(),
+            recordings: std::mem::take(&mut self.recordings),
+        };
+        self.output.write("metrics.json", |w| {
+            serde_json::to_writer_pretty(&mut *w, &metrics)?;
+            writeln!(w)
+        })?;
+        let html = page_with((self.experiment, rig.name()), &metrics, &self.drawn)?;
+        self.output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+        let references = whole.iter().map(|whole| whole.reference.as_ref().map(|(source, _)| source));
+        let sources = whole.iter().map(|whole| Some(&whole.source)).zip(references);
+        let sources: Vec<&Source> = sources.flat_map(|(own, reference)| [own, reference]).flatten().collect();
+        let input = (self.input_id.clone(), sources);
+        self.output.write(RUN_FILE, |w| {
+            w.write_all(record_of_run(self.experiment, &metrics, input, info)?.as_bytes())
+        })?;
+        self.output.commit()?;
+        Ok(metrics)
+    }
+}
+
+impl PartFigures {
+    fn of(segment: &SegmentMetrics, time_s: f64) -> Self {
+        let filters = segment.estimators.iter().map(|e| {
+            let nis = e.consistency.as_ref().map(|c| c.mean_nis);
+            (e.name.clone(), nis, e.errors.as_ref().map(|e| e.angle.rmse_deg))
+        });
+        Self { time_s, filters: filters.collect() }
+    }
+}
+
+/// What tells one input from another before it is read: the experiment's name, and length and time of its files.
+fn input_id(experiment: &Experiment) -> String {
+    let of = |recording: &crate::config::Recording| {
+        let path = experiment.resolve(&recording.file);
+        let known = fs::metadata(&path).ok().filter(fs::Metadata::is_file);
+        let changed = known.as_ref().and_then(|known| known.modified().ok());
+        let changed_s = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok()).map_or(0, |t| t.as_secs());
+        let length = known.map_or(0, |known| known.len());
+        format!("{} {length} {changed_s}", recording.file.display())
+    };
+    let files: Vec<String> = experiment.recordings.iter().map(of).collect();
+    format!("{}: {}", experiment.name, files.join(", "))
+}

@@ -1,0 +1,288 @@
+//! Samples from bytes, as text or as frames.
+
+use crate::config::{Field, FieldType, StreamFormat};
+use kalmems_formats::{Cells, Fault, Shift};
+
+/// One sample as it came.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Its number, where the frames count.
+    pub sequence: Option<u64>,
+    /// Its numbers, in the order of the columns; NaN where there is none.
+    pub numbers: Vec<f64>,
+}
+
+/// What was in the bytes beside samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Damage {
+    /// Lines that are no samples, but for a header and comments.
+    pub lines: u64,
+    /// Bytes between frames that belong to none.
+    pub bytes: u64,
+}
+
+/// The longest line that is looked at; a longer one is damaged.
+const LONGEST: usize = 1 << 16;
+
+/// Takes bytes as they come and gives the samples in them.
+pub struct Decoder {
+    format: Format,
+    /// What is not decoded yet.
+    rest: Vec<u8>,
+    damage: Damage,
+}
+
+enum Format {
+    /// Lines with numbers separated by commas, so many of them.
+    Text {
+        columns: Vec<String>,
+        cells: Cells,
+        powers: Vec<i32>,
+        in_a_long_line: bool,
+    },
+    Frames {
+        sync: Vec<u8>,
+        fields: Vec<Field>,
+        shifts: Vec<Shift>,
+        length: usize,
+    },
+}
+
+impl Decoder {
+    /// For the format of an experiment file. The numbers of each column are multiplied by ten to its power, rounded once.
+    pub fn new(format: &StreamFormat, powers: &[i32]) -> Self {
+        let format = match format {
+            StreamFormat::Text { columns } => Format::Text {
+                columns: columns.clone(),
+                cells: Cells::default(),
+                powers: powers.to_vec(),
+                in_a_long_line: false,
+            },
+            StreamFormat::Frames { sync, fields } => Format::Frames {
+                sync: sync.0.clone(),
+                fields: fields.clone(),
+                shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
+                length: sync.0.len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
+            },
+        };
+        Self { format, rest: Vec::new(), damage: Damage::default() }
+    }
+
+    /// What was in the bytes beside samples.
+    pub const fn damage(&self) -> Damage {
+        self.damage
+    }
+
+    /// Takes bytes; each sample that they complete goes to `each`.
+    pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(Sample)) {
+        self.rest.extend_from_slice(bytes);
+        let done = match &mut self.format {
+            Format::Text { columns, cells, powers, in_a_long_line } => {
+                let mut numbers = |line: &[u8]| numbers(line, cells, powers);
+                lines(&self.rest, columns, in_a_long_line, &mut self.damage, &mut numbers, each)
+            }
+            Format::Frames { sync, fields, shifts, length } => {
+                frames(&self.rest, (sync, fields, *length), shifts, &mut self.damage, each)
+            }
+        };
+        self.rest.drain(..done);
+    }
+
+    /// What is left at the end of the input: a last line without an end is a sample, half a frame is none.
+    pub fn finish(&mut self, each: &mut impl FnMut(Sample)) {
+        if let Format::Text { .. } = self.format {
+            if !self.rest.is_empty() {
+                self.take(b"\n", each);
+            }
+        } else {
+            self.damage.bytes += self.rest.len() as u64;
+            self.rest.clear();
+        }
+    }
+}
+
+/// The samples of whole lines; how many bytes they take up.
+fn lines(
+    bytes: &[u8],
+    columns: &[String],
+    in_a_long_line: &mut bool,
+    damage: &mut Damage,
+    numbers: &mut impl FnMut(&[u8]) -> Option<Vec<f64>>,
+    each: &mut impl FnMut(Sample),
+) -> usize {
+    let mut from = 0;
+    while let Some(end) = bytes[from..].iter().position(|byte| *byte == b'\n') {
+        let line = bytes[from..from + end].trim_ascii();
+        from += end + 1;
+        if std::mem::take(in_a_long_line) {
+            continue;
+        }
+        if line.is_empty() || line.starts_with(b"#") || is_header(line, columns) {
+            continue;
+        }
+        match numbers(line) {
+            Some(numbers) => each(Sample { sequence: None, numbers }),
+            None => damage.lines += 1,
+        }
+    }
+    if bytes.len() - from > LONGEST {
+        damage.lines += u64::from(!*in_a_long_line);
+        *in_a_long_line = true;
+        return bytes.len();
+    }
+    from
+}
+
+/// Whether a line is the names of the columns.
+fn is_header(line: &[u8], columns: &[String]) -> bool {
+    let mut names = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
+    columns.iter().all(|column| names.next() == Some(column.as_bytes())) && names.next().is_none()
+}
+
+/// As many numbers as there are powers, an empty cell being none; `None` where there are fewer or more, or something else.
+fn numbers(line: &[u8], cells: &mut Cells, powers: &[i32]) -> Option<Vec<f64>> {
+    let mut texts = line.split(|byte| *byte == b',');
+    let mut number = |power: &i32| match cells.read(texts.next()?, b'.', *power) {
+        Ok(number) => Some(number),
+        Err(Fault::Missing | Fault::Nan(_) | Fault::Infinite(_)) => Some(f64::NAN),
+        Err(_) => None,
+    };
+    let numbers: Vec<f64> = powers.iter().map(&mut number).collect::<Option<_>>()?;
+    texts.next().is_none().then_some(numbers)
+}
+
+/// The samples of whole frames; how many bytes they take up.
+fn frames(
+    bytes: &[u8],
+    (sync, fields, length): (&[u8], &[Field], usize),
+    shifts: &mut [Shift],
+    damage: &mut Damage,
+    each: &mut impl FnMut(Sample),
+) -> usize {
+    let mut from = 0;
+    while let Some(frame) = bytes.get(from..from + length) {
+        if !frame.starts_with(sync) {
+            damage.bytes += 1;
+            from += 1;
+            continue;
+        }
+        let mut sample = Sample { sequence: None, numbers: Vec::with_capacity(fields.len()) };
+        let (mut at, mut shifts) = (sync.len(), shifts.iter_mut());
+        for field in fields {
+            let raw = &frame[at..at + field.kind.bytes()];
+            at += raw.len();
+            if field.is_sequence() {
+                sample.sequence = Some(field.kind.integer(raw));
+            } else {
+                let number = field.kind.number(raw);
+                sample.numbers.push(shifts.next().map_or(number, |shift| shift.float(number)));
+            }
+        }
+        each(sample);
+        from += length;
+    }
+    from
+}
+
+impl FieldType {
+    /// A number of this type, little-endian; not a number where there are not enough bytes.
+    fn number(self, raw: &[u8]) -> f64 {
+        fn of<const N: usize>(raw: &[u8]) -> [u8; N] {
+            raw.try_into().unwrap_or([0; N])
+        }
+        match self {
+            Self::I8 => f64::from(i8::from_le_bytes(of(raw))),
+            Self::U8 => f64::from(u8::from_le_bytes(of(raw))),
+            Self::I16 => f64::from(i16::from_le_bytes(of(raw))),
+            Self::U16 => f64::from(u16::from_le_bytes(of(raw))),
+            Self::I32 => f64::from(i32::from_le_bytes(of(raw))),
+            Self::U32 => f64::from(u32::from_le_bytes(of(raw))),
+            Self::I64 => i64::from_le_bytes(of(raw)) as f64,
+            Self::U64 => u64::from_le_bytes(of(raw)) as f64,
+            Self::F32 => f64::from(f32::from_le_bytes(of(raw))),
+            Self::F64 => f64::from_le_bytes(of(raw)),
+        }
+    }
+
+    /// A whole number of this type.
+    fn integer(self, raw: &[u8]) -> u64 {
+        raw.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
+    }
+}
+
+impl StreamFormat {
+    /// The names of the columns of numbers, in their order.
+    pub fn columns(&self) -> Vec<String> {
+        match self {
+            Self::Text { columns } => columns.clone(),
+            Self::Frames { fields, .. } => {
+                fields.iter().filter(|f| !f.is_sequence()).map(|f| f.name.clone()).collect()
+            }
+        }
+    }
+
+    /// How many numbers the sequence of the frames has before it begins again, where they count.
+    pub fn sequence_bits(&self) -> Option<u32> {
+        let Self::Frames { fields, .. } = self else { return None };
+        fields.iter().find(|field| field.is_sequence()).map(|field| 8 * field.kind.bytes() as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(format: &StreamFormat, bytes: &[u8], piece: usize) -> (Vec<Sample>, Damage) {
+        let mut decoder = Decoder::new(format, &[0, -3]);
+        let mut samples = Vec::new();
+        for piece in bytes.chunks(piece) {
+            decoder.take(piece, &mut |sample| samples.push(sample));
+        }
+        decoder.finish(&mut |sample| samples.push(sample));
+        (samples, decoder.damage())
+    }
+
+    #[test]
+    fn lines_come_in_any_pieces() {
+        let format = StreamFormat::Text { columns: vec!["time_s".to_owned(), "cap_mV".to_owned()] };
+        let text = b"# a comment\ntime_s,cap_mV\n0,1.5\r\n\n1e-6, 2.5\nnonsense\n1,2,3\n2e-6,\n3e-6,5.71";
+        for piece in [1, 2, 7, 1000] {
+            let (samples, damage) = decoded(&format, text, piece);
+            let numbers: Vec<f64> = samples.iter().flat_map(|s| s.numbers.clone()).collect();
+            assert_eq!(numbers.len(), 8);
+            assert_eq!(numbers[..5], [0.0, 1.5e-3, 1e-6, 2.5e-3, 2e-6]);
+            assert!(numbers[5].is_nan() && numbers[7] == 5.71e-3);
+            assert_eq!(damage, Damage { lines: 2, bytes: 0 });
+        }
+        // A line without end takes no memory without end, and what follows is read.
+        let mut long = vec![b'1'; 3 * LONGEST];
+        long.extend_from_slice(b"\n4,5\n");
+        let (samples, damage) = decoded(&format, &long, 999);
+        assert!(samples.len() == 1 && damage.lines == 1, "{} {damage:?}", samples.len());
+    }
+
+    #[test]
+    fn frames_are_found_behind_whatever_stands_before_them() {
+        let fields =
+            ["u16 sequence", "f64 time_s", "f32 cap_mV"].map(|f| Field::try_from(f.to_owned()).unwrap());
+        let sync = crate::config::Sync::try_from("a55a".to_owned()).unwrap();
+        let format = StreamFormat::Frames { sync, fields: fields.to_vec() };
+        let frame = |k: u16| {
+            let mut bytes = vec![0xa5, 0x5a];
+            bytes.extend_from_slice(&k.to_le_bytes());
+            bytes.extend_from_slice(&(f64::from(k) * 1e-6).to_le_bytes());
+            bytes.extend_from_slice(&(f32::from(k) + 0.5).to_le_bytes());
+            bytes
+        };
+        let bytes = [&b"noise\xa5"[..], &frame(1), &frame(2), b"?", &frame(65535), &frame(3)[..9]].concat();
+        for piece in [1, 5, 1000] {
+            let (samples, damage) = decoded(&format, &bytes, piece);
+            let found: Vec<u64> = samples.iter().filter_map(|s| s.sequence).collect();
+            assert_eq!(found, [1, 2, 65535]);
+            assert_eq!(samples[1].numbers, [2e-6, 2.5e-3]);
+            assert_eq!(damage, Damage { lines: 0, bytes: 7 + 9 });
+        }
+        assert_eq!(format.columns(), ["time_s", "cap_mV"]);
+        assert_eq!(format.sequence_bits(), Some(16));
+    }
+}

@@ -1,0 +1,212 @@
+//! What happens in a trajectory that goes on.
+
+use crate::estimate::{LockEvent, Trajectory};
+use crate::signal::hermite;
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// An angle passed zero.
+    ZeroPhase {
+        /// The angle, by its name among the states.
+        of: &'static str,
+        /// When, in s: the zero of the cubic by both angles and rates.
+        time_s: f64,
+        /// The standard deviation of that, in s: the angle's over the rate.
+        sd_s: f64,
+        /// Whether it rises.
+        rising: bool,
+    },
+    /// The filter lost the motion, or changed the branch.
+    Lock(LockEvent),
+    /// The mean NIS has become larger than chance makes it in a filter that is right once in 10⁹ times.
+    Alarm {
+        /// When the samples that it is the mean of ended, in s.
+        time_s: f64,
+        /// The mean.
+        mean_nis: f64,
+    },
+    /// It lies in its 95 % interval, or below it, again.
+    AlarmOver {
+        /// When the samples that it is the mean of ended, in s.
+        time_s: f64,
+        /// The mean.
+        mean_nis: f64,
+    },
+    /// The filter stopped; nothing comes after this.
+    Stopped {
+        /// When, in s.
+        time_s: f64,
+        /// Why.
+        why: String,
+    },
+}
+
+impl Event {
+    /// When, in s.
+    pub fn time_s(&self) -> f64 {
+        match self {
+            Self::ZeroPhase { time_s, .. }
+            | Self::Alarm { time_s, .. }
+            | Self::AlarmOver { time_s, .. }
+            | Self::Stopped { time_s, .. } => *time_s,
+            Self::Lock(event) => event.time_s(),
+        }
+    }
+}
+
+/// The share of alarms in a filter that is right.
+const BY_CHANCE: f64 = 1e-9;
+
+/// Watches one trajectory.
+pub struct Watch {
+    /// The last sample of each angle: time, angle and rate.
+    last: Vec<Option<[f64; 3]>>,
+    alarm: Alarm,
+    stopped: bool,
+}
+
+/// Watches the mean NIS over so many updates.
+struct Alarm {
+    over: usize,
+    /// Above the first it is raised, below the second it is over.
+    bounds: [f64; 2],
+    count: usize,
+    sum: f64,
+    raised: bool,
+}
+
+impl Watch {
+    /// Over so many updates the NIS is watched.
+    pub fn new(over: usize) -> Self {
+        let over = over.max(1);
+        let bounds = ChiSquared::new(over as f64).map_or([f64::INFINITY; 2], |chi| {
+            [1.0 - BY_CHANCE, 0.975].map(|p| chi.inverse_cdf(p) / over as f64)
+        });
+        let alarm = Alarm { over, bounds, count: 0, sum: 0.0, raised: false };
+        Self { last: Vec::new(), alarm, stopped: false }
+    }
+
+    /// What happened in the next samples of a trajectory, in the order of time; from `from_s` on, when it has settled.
+    pub fn look(&mut self, trajectory: &Trajectory, angles: &[[&'static str; 2]], from_s: f64) -> Vec<Event> {
+        let mut events: Vec<Event> = trajectory.lock.events.iter().copied().map(Event::Lock).collect();
+        self.last.resize(angles.len(), None);
+        for ([of, rate], last) in angles.iter().zip(&mut self.last) {
+            let (Some(angle), Some(rate)) = (trajectory.state(of), trajectory.state(rate)) else { continue };
+            for (k, time_s) in trajectory.time_s.iter().enumerate() {
+                let now = [*time_s, angle.mean[k], rate.mean[k]];
+                if let Some(before) = last.replace(now)
+                    && *time_s >= from_s
+                    && (before[1] < 0.0) != (now[1] < 0.0)
+                    && let Some((time_s, slope)) = zero(before, now)
+                {
+                    let sd_s = angle.sd.get(k).map_or(f64::NAN, |sd| sd / slope.abs());
+                    events.push(Event::ZeroPhase { of, time_s, sd_s, rising: now[1] >= 0.0 });
+                }
+            }
+        }
+        for (time_s, nis) in trajectory.time_s.iter().zip(&trajectory.nis) {
+            if *time_s >= from_s && nis.is_finite() {
+                events.extend(self.alarm.take(*time_s, *nis));
+            }
+        }
+        if let Some(failure) = trajectory.failure
+            && !self.stopped
+        {
+            self.stopped = true;
+            events.push(Event::Stopped { time_s: failure.time_s, why: failure.why.to_string() });
+        }
+        events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+        events
+    }
+}
+
+impl Alarm {
+    fn take(&mut self, time_s: f64, nis: f64) -> Option<Event> {
+        self.sum += nis;
+        self.count += 1;
+        if self.count < self.over {
+            return None;
+        }
+        let mean_nis = self.sum / self.count as f64;
+        (self.count, self.sum) = (0, 0.0);
+        let [raise, over] = self.bounds;
+        if !self.raised && mean_nis > raise {
+            self.raised = true;
+            return Some(Event::Alarm { time_s, mean_nis });
+        }
+        if self.raised && mean_nis < over {
+            self.raised = false;
+            return Some(Event::AlarmOver { time_s, mean_nis });
+        }
+        None
+    }
+}
+
+/// When the cubic through two samples (time, angle, rate) of different signs passes zero, and how fast.
+fn zero(before: [f64; 3], now: [f64; 3]) -> Option<(f64, f64)> {
+    let h = now[0] - before[0];
+    let at = |share: f64| hermite((before[1], before[2]), (now[1], now[2]), h, share);
+    // The angle changes its sign in between.
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..52 {
+        let middle = f64::midpoint(low, high);
+        if (at(middle) < 0.0) == (before[1] < 0.0) { low = middle } else { high = middle }
+    }
+    let slope = before[2] + (now[2] - before[2]) * low;
+    (h > 0.0 && slope.is_finite()).then(|| (before[0] + low * h, slope))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::TrajectoryKind;
+    use crate::units::kind;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn zeros_and_alarms_are_told_once_whatever_the_pieces() {
+        let (hz, h) = (15_675.0, 1e-6);
+        let time: Vec<f64> = (0..5000).map(|k| f64::from(k) * h).collect();
+        let states = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
+        let samples = (&time[..], &time[..], &(0..time.len()));
+        let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &states);
+        for (k, t) in time.iter().enumerate() {
+            let (s, c) = (TAU * hz * t + 0.3).sin_cos();
+            trajectory.states[0].mean[k] = 0.15 * s;
+            trajectory.states[1].mean[k] = 0.15 * TAU * hz * c;
+            trajectory.states[0].sd[k] = 1e-4;
+            trajectory.nis[k] = if (2000..3000).contains(&k) { 4.0 } else { 1.0 };
+        }
+        let mut whole = None;
+        for length in [5000, 1, 33] {
+            let (mut watch, mut rest, mut events) = (Watch::new(100), trajectory.clone(), Vec::new());
+            while !rest.time_s.is_empty() {
+                let part = rest.take_front(length);
+                events.extend(watch.look(&part, &[["angle", "rate"]], 0.0));
+            }
+            events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+            let zeros: Vec<(f64, f64)> = (events.iter())
+                .filter_map(|e| match e {
+                    Event::ZeroPhase { time_s, sd_s, rising: true, .. } => Some((*time_s, *sd_s)),
+                    _ => None,
+                })
+                .collect();
+            assert_eq!(zeros.len(), 78);
+            for (i, (time_s, sd_s)) in zeros.iter().enumerate() {
+                let truth = (f64::from(u32::try_from(i).unwrap()) + 1.0 - 0.3 / TAU) / hz;
+                assert!((time_s - truth).abs() < 1e-10, "{i}: {time_s} {truth}");
+                assert!((sd_s * 0.15 * TAU * hz / 1e-4 - 1.0).abs() < 0.01);
+            }
+            let alarms: Vec<f64> = (events.iter())
+                .filter(|e| matches!(e, Event::Alarm { .. } | Event::AlarmOver { .. }))
+                .map(Event::time_s)
+                .collect();
+            assert_eq!(alarms, [2099e-6, 3099e-6]);
+            assert_eq!(*whole.get_or_insert(events.clone()), events);
+        }
+    }
+}

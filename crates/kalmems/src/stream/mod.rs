@@ -1,0 +1,296 @@
+//! Estimation while samples arrive.
+//!
+//! The samples go the way of a recording: they are a table whose rows arrive, are read by the same pass, and the same
+//! estimators take them stretch by stretch. So the estimate of a sample is that of [`workflow::estimate`](crate::workflow::estimate)
+//! over the same samples, to the last bit.
+
+mod decode;
+mod events;
+mod latency;
+mod order;
+mod output;
+mod state;
+mod table;
+
+pub use decode::{Damage, Decoder, Sample};
+pub use events::{Event, Watch};
+pub use latency::Histogram;
+pub use order::{Order, OrderCounts};
+pub use output::{Outputs, SYNC};
+pub use table::WayCounts;
+
+use crate::config::{ConfigError, Experiment, Fault, Key, Stream};
+use crate::estimate::{Around, EstimateError, Part, Past, Silent, Trajectory};
+use crate::recording::{self, Clock, Finding, ReadError, Stretches};
+use crate::rigs::{self, Estimator, Rig};
+use latency::Arrivals;
+use output::Writer;
+use serde::Serialize;
+use state::{Keeper, State};
+use std::io::{self, Read};
+use std::ops::ControlFlow;
+use std::path::Path;
+use table::{LiveTable, SharedCounts};
+
+/// New samples that are taken at once at most.
+const MOST: usize = 4096;
+
+/// For how many later samples one that is missing is waited for, where the experiment does not say it.
+const WAIT: u32 = 32;
+
+/// Samples that are kept to go on from.
+const KEPT: usize = 8;
+
+/// Over how many samples the mean NIS is watched, where the experiment does not say it.
+const WATCHED: usize = 100;
+
+/// Why a stream cannot be estimated, or ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The samples cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// They cannot be estimated.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// What was estimated cannot be written.
+    #[error("the estimates cannot be written: {0}")]
+    Output(#[from] io::Error),
+    /// The state cannot be written, or another run cannot go on from it.
+    #[error("the state in `{path}`: {why}; to begin anew, remove it or name another file")]
+    State {
+        /// The file.
+        path: String,
+        /// Why.
+        why: String,
+    },
+    /// The rig looks at whole recordings.
+    #[error(
+        "the filters of `{rig}` look at whole recordings; record the samples and use `kalmems estimate`, or leave out what \
+         needs all of them"
+    )]
+    NotLive {
+        /// The rig.
+        rig: &'static str,
+    },
+}
+
+/// What came of a stream.
+#[derive(Clone, Debug, Serialize)]
+pub struct StreamSummary {
+    /// What was received, and what the way has made of it.
+    pub received: WayCounts,
+    /// What was found in the samples.
+    pub diagnosis: Vec<Finding>,
+    /// Samples that were estimated.
+    pub estimated: u64,
+    /// Events, by what happened.
+    pub events: u64,
+    /// How long each sample took from its arrival to its estimate.
+    #[serde(skip)]
+    pub latency: Histogram,
+}
+
+/// Estimates the samples of an input until it ends, or until `stop` says so.
+///
+/// Where `state` names a file, what is needed to go on is kept there, and a run that finds it goes on from it: samples that it
+/// acknowledged are passed over, so that the sender may send them again.
+pub fn stream(
+    experiment: &Experiment,
+    input: Box<dyn Read + Send>,
+    outputs: Outputs,
+    state: Option<&Path>,
+    stop: &dyn Fn() -> bool,
+) -> Result<StreamSummary, StreamError> {
+    let described = experiment.stream.as_ref().ok_or_else(|| {
+        let remedy =
+            "add a table `[stream]` with `rate` and `[stream.input.text]` or `[stream.input.frames]`";
+        experiment.error("stream", Fault::MissingKey { remedy: remedy.to_owned() })
+    })?;
+    let rig = rigs::of(experiment)?;
+    let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
+    let mut estimator = rig.estimator(experiment, index, &Silent)?;
+    let rate_hz = described.rate.si();
+    let around = estimator.around(1.0 / rate_hz);
+    // To smooth over the whole there must be an end.
+    if around == Around::WHOLE || around.smooths {
+        return Err(StreamError::NotLive { rig: rig.name() });
+    }
+    let layout = rig.layout(experiment, index)?;
+    let (arrivals, counts) = (Arrivals::default(), SharedCounts::default());
+    let text = experiment.to_toml().unwrap_or_default();
+    let left = state.map(|path| State::read(path, &text)).transpose()?.flatten();
+    let mut table = live_table(experiment, described, &layout, input, (arrivals.clone(), counts.clone()))?;
+    let again = left.as_ref().map_or(0, State::kept);
+    if let Some(left) = &left {
+        *estimator.past() = Past::resumed(left.past());
+        table.go_on(left);
+    }
+    let stretch = recording::Around {
+        rows: MOST,
+        first: if left.is_some() { again + 1 } else { around.head },
+        before: around.before,
+        after: around.after.max(1),
+    };
+    let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, stretch)?;
+    let mut live = Live {
+        rig,
+        skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
+        over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
+        watches: Vec::new(),
+        writer: Writer::new(outputs, described.every.map_or(1, |every| u64::from(every.get()))),
+        again: again as u64,
+        estimated: 0,
+        events: 0,
+        start_s: left.as_ref().map_or(f64::NAN, |_| estimator.past().start_s),
+        keeper: state.map(|path| keeper(path, text, &layout)).transpose()?,
+        latency: Histogram::default(),
+        arrivals,
+    };
+    let mut go_on = |_: u64, _: u64| if stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    loop {
+        let stretch = match stretches.next(&mut go_on) {
+            // Stopped: what has been read is all there is.
+            Err(ReadError::Interrupted { .. }) => {
+                stretches.cut_off();
+                stretches.next(&mut |_, _| ControlFlow::Continue(()))?
+            }
+            next => next?,
+        };
+        let Some(stretch) = stretch else { break };
+        let Some(segment) = stretch.recording.segments().first() else { continue };
+        // What another run took already is there to be interpolated through.
+        let known = if stretch.begins { again } else { 0 };
+        let part = Part {
+            recording: &stretch.recording,
+            segment,
+            fresh: (stretch.fresh.start + known).min(stretch.fresh.end)..stretch.fresh.end,
+            begins: stretch.begins && left.is_none(),
+            ends: stretch.ends,
+        };
+        if part.fresh.is_empty() {
+            continue;
+        }
+        let estimate = estimator.take(&part)?;
+        live.take(&estimate.trajectories, &part)?;
+        live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
+        stretches.reuse(stretch);
+        if stop() {
+            stretches.cut_off();
+        }
+    }
+    live.writer.flush()?;
+    let (_, diagnosis) = stretches.finish();
+    let Live { estimated, events, latency, .. } = live;
+    Ok(StreamSummary { received: counts.now(), diagnosis, estimated, events, latency })
+}
+
+/// The samples as a table.
+fn live_table(
+    experiment: &Experiment,
+    described: &Stream,
+    layout: &recording::Layout,
+    input: Box<dyn Read + Send>,
+    shared: (Arrivals, SharedCounts),
+) -> Result<LiveTable, StreamError> {
+    let columns = described.input.columns();
+    let time = match &layout.clock {
+        Clock::Column(name) => {
+            let place = columns.iter().position(|column| column == name);
+            if place.is_none() {
+                let why =
+                    format!("the recording's clock is the column `{name}`, which the stream does not have");
+                return Err(experiment.error(Key::from("stream.input"), Fault::Value { why }).into());
+            }
+            place
+        }
+        Clock::Rate { .. } => None,
+    };
+    let wait = described.wait.unwrap_or(WAIT) as usize;
+    let interval_s = 1.0 / described.rate.si();
+    Ok(LiveTable::new(input, &described.input, (wait, time, interval_s), shared))
+}
+
+/// What keeps the state. Samples without a time could not be told from those that were taken already.
+fn keeper(path: &Path, experiment: String, layout: &recording::Layout) -> Result<Keeper, StreamError> {
+    let (Clock::Column(time), Some(columns)) = (&layout.clock, &layout.columns) else {
+        let why =
+            "samples without a column of times cannot be told from those that were taken before".to_owned();
+        return Err(StreamError::State { path: path.display().to_string(), why });
+    };
+    let columns = std::iter::once(time).chain(columns).cloned().collect();
+    Ok(Keeper::new(path.to_owned(), experiment, columns))
+}
+
+/// How many samples last this long.
+fn watched(over_s: f64, rate_hz: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
+    let samples = (over_s * rate_hz).round().max(1.0) as usize;
+    samples
+}
+
+/// What is kept while samples arrive.
+struct Live {
+    rig: &'static dyn Rig,
+    skip_s: f64,
+    over: usize,
+    /// One per answer.
+    watches: Vec<Watch>,
+    writer: Writer,
+    /// Samples of another run that this one begins with.
+    again: u64,
+    estimated: u64,
+    events: u64,
+    start_s: f64,
+    keeper: Option<Keeper>,
+    latency: Histogram,
+    arrivals: Arrivals,
+}
+
+impl Live {
+    /// Keeps what another run needs, and says what it need not be sent again.
+    fn keep(
+        &mut self,
+        trajectories: &[Trajectory],
+        part: &Part,
+        estimator: &mut dyn Estimator,
+    ) -> Result<(), StreamError> {
+        let Some(keeper) = &mut self.keeper else { return Ok(()) };
+        let end = part.fresh.end;
+        let last = || {
+            let rows = end.saturating_sub(KEPT)..end;
+            let columns = part.recording.columns();
+            let sample = |k: usize| {
+                let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
+                std::iter::once(part.segment.time.at(k)).chain(numbers).map(f64::to_bits).collect()
+            };
+            (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
+        };
+        if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
+            self.writer.acknowledged(acknowledged_s)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, trajectories: &[Trajectory], part: &Part) -> Result<(), StreamError> {
+        if part.begins {
+            self.start_s = part.segment.time.start_s();
+        }
+        let from_s = self.start_s + self.skip_s;
+        self.writer.estimates(trajectories)?;
+        self.watches.resize_with(trajectories.len(), || Watch::new(self.over));
+        for (trajectory, watch) in trajectories.iter().zip(&mut self.watches) {
+            let events = watch.look(trajectory, self.rig.angles(), from_s);
+            self.events += events.len() as u64;
+            self.writer.events(&trajectory.key, &events)?;
+        }
+        self.writer.flush()?;
+        let before = self.again + self.estimated;
+        self.estimated += part.fresh.len() as u64;
+        self.arrivals.done(self.again + self.estimated, &mut self.latency, before);
+        Ok(())
+    }
+}

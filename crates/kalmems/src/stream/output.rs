@@ -1,0 +1,131 @@
+//! The estimates of a stream, as lines and as frames.
+
+use super::Event;
+use crate::estimate::Trajectory;
+use std::io::{self, Write};
+
+/// What each frame begins with.
+pub const SYNC: [u8; 4] = *b"kmEs";
+
+/// Where estimates and events go.
+#[derive(Default)]
+pub struct Outputs {
+    /// Lines: estimates, events, and comments that name the columns.
+    pub lines: Option<Box<dyn Write>>,
+    /// Frames of estimates in binary.
+    pub frames: Option<Box<dyn Write>>,
+}
+
+/// Writes the estimates of all answers at the wanted rate.
+pub(super) struct Writer {
+    outputs: Outputs,
+    every: u64,
+    /// Samples of each answer so far.
+    samples: Vec<u64>,
+    named: bool,
+    line: Vec<u8>,
+}
+
+impl Writer {
+    pub(super) fn new(outputs: Outputs, every: u64) -> Self {
+        Self { outputs, every: every.max(1), samples: Vec::new(), named: false, line: Vec::new() }
+    }
+
+    /// Writes the next samples of all answers.
+    ///
+    /// A line is the answer's key, the time, and mean and standard deviation of each state in SI, separated by commas; a
+    /// cell is empty where there is no number. A frame is [`SYNC`], the answer's place (u16), the number of values (u16), and
+    /// these values as f64, little-endian: the time, and mean and standard deviation of each state.
+    pub(super) fn estimates(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
+        if !self.named {
+            self.named = true;
+            self.names(trajectories)?;
+        }
+        self.samples.resize(trajectories.len(), 0);
+        for (place, trajectory) in trajectories.iter().enumerate() {
+            for k in 0..trajectory.time_s.len() {
+                let wanted = self.samples[place].is_multiple_of(self.every);
+                self.samples[place] += 1;
+                if wanted {
+                    self.one(place, trajectory, k)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn one(&mut self, place: usize, trajectory: &Trajectory, k: usize) -> io::Result<()> {
+        let of_state = |mean: &[f64], sd: &[f64]| {
+            let of = |values: &[f64]| values.get(k).copied().unwrap_or(f64::NAN);
+            [of(mean), of(sd)]
+        };
+        let values = || trajectory.states.iter().flat_map(|state| of_state(&state.mean, &state.sd));
+        if let Some(lines) = &mut self.outputs.lines {
+            self.line.clear();
+            write!(self.line, "{},{}", trajectory.key, trajectory.time_s[k])?;
+            for value in values() {
+                if value.is_finite() {
+                    write!(self.line, ",{value:e}")?;
+                } else {
+                    write!(self.line, ",")?;
+                }
+            }
+            self.line.push(b'\n');
+            lines.write_all(&self.line)?;
+        }
+        if let Some(frames) = &mut self.outputs.frames {
+            self.line.clear();
+            let count = 1 + 2 * trajectory.states.len();
+            self.line.extend_from_slice(&SYNC);
+            self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
+            self.line.extend_from_slice(&u16::try_from(count).unwrap_or(u16::MAX).to_le_bytes());
+            for value in std::iter::once(trajectory.time_s[k]).chain(values()) {
+                self.line.extend_from_slice(&value.to_le_bytes());
+            }
+            frames.write_all(&self.line)?;
+        }
+        Ok(())
+    }
+
+    /// Says what the columns are, answer by answer.
+    fn names(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
+        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
+        for trajectory in trajectories {
+            write!(lines, "# {},time_s", trajectory.key)?;
+            for state in &trajectory.states {
+                write!(lines, ",{}_{},{}_sd_{}", state.name, state.unit, state.name, state.unit)?;
+            }
+            writeln!(lines)?;
+        }
+        writeln!(lines, "# event,what happened, as JSON")
+    }
+
+    /// Writes what happened in an answer: a line `event,{…}`.
+    pub(super) fn events(&mut self, key: &str, events: &[Event]) -> io::Result<()> {
+        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
+        for event in events {
+            let mut value = serde_json::to_value(event)?;
+            if let Some(object) = value.as_object_mut() {
+                object.insert("estimator".to_owned(), key.into());
+            }
+            writeln!(lines, "event,{value}")?;
+        }
+        Ok(())
+    }
+
+    /// Says that samples up to a time in s need not be sent again: a line `acknowledged,time`.
+    pub(super) fn acknowledged(&mut self, time_s: f64) -> io::Result<()> {
+        if let Some(lines) = &mut self.outputs.lines {
+            writeln!(lines, "acknowledged,{time_s}")?;
+        }
+        self.flush()
+    }
+
+    /// Hands on what waits in memory.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        for output in [&mut self.outputs.lines, &mut self.outputs.frames].into_iter().flatten() {
+            output.flush()?;
+        }
+        Ok(())
+    }
+}

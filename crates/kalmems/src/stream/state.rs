@@ -1,0 +1,134 @@
+//! What a stream keeps, so that another run can go on from it.
+
+use super::StreamError;
+use super::decode::Sample;
+use crate::estimate::{PastState, Trajectory};
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// How often the state is written.
+const EVERY: Duration = Duration::from_millis(100);
+
+/// What is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct State {
+    /// The experiment as it was understood; another one cannot go on from it.
+    experiment: String,
+    /// The time of the last sample whose every answer was given, by its bits: samples up to it need not be sent again.
+    acknowledged_s: f64,
+    acknowledged: u64,
+    past: PastState,
+    /// The columns that are read.
+    columns: Vec<String>,
+    /// The last samples, the numbers of these columns by their bits; the newest last.
+    samples: Vec<Vec<u64>>,
+}
+
+impl State {
+    /// The time of the last sample whose every answer was given, in s.
+    pub(super) fn acknowledged_s(&self) -> f64 {
+        f64::from_bits(self.acknowledged)
+    }
+
+    pub(super) const fn past(&self) -> &PastState {
+        &self.past
+    }
+
+    /// The last samples, which the drive is interpolated through, as samples with these columns.
+    pub(super) fn samples(&self, columns: &[String]) -> Vec<Sample> {
+        let place = |name: &String| self.columns.iter().position(|own| own == name);
+        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
+        let of = |bits: &Vec<u64>| {
+            let number = |place: &Option<usize>| {
+                place.and_then(|place| bits.get(place).copied()).map_or(f64::NAN, f64::from_bits)
+            };
+            Sample { sequence: None, numbers: places.iter().map(number).collect() }
+        };
+        self.samples.iter().map(of).collect()
+    }
+
+    /// How many samples are kept.
+    pub(super) fn kept(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Reads what an earlier run of the same experiment left; `None` where there is none.
+    pub(super) fn read(path: &Path, experiment: &str) -> Result<Option<Self>, StreamError> {
+        let wrong = |why: String| StreamError::State { path: path.display().to_string(), why };
+        let text = match fs::read_to_string(path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            text => text.map_err(|e| wrong(e.to_string()))?,
+        };
+        let state: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        if state.experiment != experiment {
+            return Err(wrong("it was left by another experiment".to_owned()));
+        }
+        Ok(Some(state))
+    }
+
+    fn write(&self, path: &Path) -> std::io::Result<()> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
+        serde_json::to_writer(&mut file, self)?;
+        file.flush()?;
+        file.as_file().sync_data()?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    }
+}
+
+/// Writes the state now and then.
+pub(super) struct Keeper {
+    path: PathBuf,
+    experiment: String,
+    columns: Vec<String>,
+    /// States that wait until every answer of their samples is given.
+    waiting: Vec<State>,
+    /// Until when each answer is given, in s.
+    given_s: Vec<f64>,
+    written: Instant,
+}
+
+impl Keeper {
+    /// Writes to this file; samples have these columns.
+    pub(super) fn new(path: PathBuf, experiment: String, columns: Vec<String>) -> Self {
+        Self { path, experiment, columns, waiting: Vec::new(), given_s: Vec::new(), written: Instant::now() }
+    }
+
+    /// Hears that the answers of some samples were given: the last of these at `time_s`. Writes the state where it is time;
+    /// the time that is acknowledged then.
+    pub(super) fn given(
+        &mut self,
+        trajectories: &[Trajectory],
+        last: impl FnOnce() -> (f64, PastState, Vec<Vec<u64>>),
+        ends: bool,
+    ) -> Result<Option<f64>, StreamError> {
+        self.given_s.resize(trajectories.len(), f64::NEG_INFINITY);
+        for (given_s, trajectory) in self.given_s.iter_mut().zip(trajectories) {
+            *given_s = trajectory.time_s.last().copied().unwrap_or(*given_s);
+        }
+        // One waits at a time: the oldest that is not yet given for good, and the newest at the end.
+        if self.waiting.is_empty() || ends {
+            let (time_s, past, samples) = last();
+            let experiment = self.experiment.clone();
+            let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
+            let acknowledged_s = time_s;
+            self.waiting.push(State { experiment, acknowledged_s, acknowledged, past, columns, samples });
+        }
+        let until_s = self.given_s.iter().copied().fold(f64::INFINITY, f64::min);
+        if !(ends || self.written.elapsed() >= EVERY) {
+            return Ok(None);
+        }
+        let given = self.waiting.iter().rposition(|state| state.acknowledged_s() <= until_s);
+        let Some(state) = given.map(|given| self.waiting.swap_remove(given)) else { return Ok(None) };
+        self.waiting.clear();
+        self.written = Instant::now();
+        let written = state.write(&self.path);
+        written
+            .map_err(|e| StreamError::State { path: self.path.display().to_string(), why: e.to_string() })?;
+        Ok(Some(state.acknowledged_s()))
+    }
+}
