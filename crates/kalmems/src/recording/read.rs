@@ -21,7 +21,6 @@ pub(super) struct Reading {
     pub(super) pass: Pass,
     blocks: Blocks,
     source: Source,
-    pub(super) recognised: String,
 }
 
 impl Reading {
@@ -48,7 +47,7 @@ impl Reading {
         let file = || path.display().to_string();
         let description = table.description();
         let names: Vec<String> = description.columns.iter().map(|column| column.name.clone()).collect();
-        let recognised = format!("{}: {}", description.format, description.recognised);
+        let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
         let mut findings = Findings::default();
         let plan = Plan::of(&names, line, request, &mut findings)
@@ -59,8 +58,7 @@ impl Reading {
         Ok(Self {
             pass: Pass::new(plan, findings, request.clock, head),
             blocks,
-            source: Source { file: name, sha256: String::new(), bytes: 0 },
-            recognised,
+            source: Source { file: name, sha256: String::new(), bytes: 0, format },
         })
     }
 
@@ -93,5 +91,5 @@ impl Reading {
 pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result<Recording, ReadError> {
     let mut reading = Reading::open(path, request, usize::MAX)?;
     while reading.step(progress)? {}
-    Ok(reading.pass.finish(reading.source, reading.recognised))
+    Ok(reading.pass.finish(reading.source))
 }

@@ -4,7 +4,7 @@ use super::read::{Progress, Reading};
 use super::request::{Request, Wanted};
 use super::segment::Times;
 use super::{Finding, Layout, ReadError, Recording, Source};
-use kalmems_formats::{Hints, Table};
+use kalmems_formats::Table;
 use std::ops::Range;
 use std::path::Path;
 
@@ -51,7 +51,7 @@ pub struct Stretch {
 /// ```no_run
 /// use kalmems::recording::{Around, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None };
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default() };
 /// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
@@ -79,18 +79,24 @@ pub struct Stretches {
 impl Stretches {
     /// Opens a file. Columns that are not there are an error of the first stretch.
     pub fn open(path: &Path, layout: &Layout, around: Around) -> Result<Self, ReadError> {
-        let hints = Hints::default();
         let request = Request {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
-            hints: &hints,
+            hints: &layout.hints,
         };
-        Self::with_request(path, &request, around)
+        let reading = Reading::open(path, &request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, false))
     }
 
-    pub(crate) fn with_request(path: &Path, request: &Request, around: Around) -> Result<Self, ReadError> {
-        let reading = Reading::open(path, request, around.first.max(1))?;
+    /// Of a table of the file at `path`.
+    pub(crate) fn of_table(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        around: Around,
+    ) -> Result<Self, ReadError> {
+        let reading = Reading::of(table, path, request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, false))
     }
 
@@ -105,7 +111,7 @@ impl Stretches {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
-            hints: &Hints::default(),
+            hints: &layout.hints,
         };
         let reading = Reading::of(table, path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, true))
@@ -127,7 +133,7 @@ impl Stretches {
 
     /// What was recognised of the format.
     pub fn recognised(&self) -> &str {
-        &self.reading.recognised
+        &self.reading.source().format
     }
 
     /// The next stretch; `None` after the last. `progress` is called now and then with the bytes read and the bytes in all
@@ -211,9 +217,8 @@ impl Stretches {
         let (start, end) = self.reading.pass.segment(self.segment)?;
         let first = rows.start.saturating_sub(self.around.before).max(start);
         let last = rows.end.saturating_add(self.around.after).min(end.unwrap_or(self.rows()));
-        let Reading { pass, recognised, .. } = &self.reading;
-        let recording =
-            pass.part(self.segment, first..last, self.reading.source(), recognised, &mut self.spare)?;
+        let source = self.reading.source();
+        let recording = self.reading.pass.part(self.segment, first..last, source, &mut self.spare)?;
         let begins = rows.start == start;
         self.next = rows.end;
         self.segment += usize::from(ends);
