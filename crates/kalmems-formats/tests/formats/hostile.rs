@@ -261,7 +261,7 @@ fn packed_arrays_that_claim_too_much_are_refused() {
     let mut claim = array(6, "cap_V", &element(9, &1.5_f64.to_le_bytes()));
     claim[4..8].copy_from_slice(&(u32::MAX - 8).to_le_bytes());
     packer.compress_vec(&claim, &mut packed, flate2::FlushCompress::Finish).unwrap();
-    refused(&mat(&element(15, &packed)), &Hints::default(), "the end of what is packed");
+    refused(&mat(&element(15, &packed)), &Hints::default(), "what a variable claims to unpack to is 4294967287");
 }
 
 fn tdms(objects: &[u8], raw: &[u8]) -> Vec<u8> {
