@@ -156,7 +156,7 @@ fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, Forma
         (Content::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
             found: format!("named as {} and begins as {begins}", promised.name()),
             expected: format!(
-                "the two to agree: rename the file, or write `format = \"{}\"` if it is that",
+                "the two to agree: rename the file, or write `format = {{ kind = \"{}\" }}` if it is that",
                 format.name()
             ),
         }),
@@ -164,7 +164,7 @@ fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, Forma
         (Content::Text, Some(promised)) => Err(FormatError::NotRecognised {
             found: format!("named as {} and begins as text: {}", promised.name(), excerpt(&beginning)),
             expected: format!(
-                "what {} begins with; if it is text with a row a line, write `format = \"csv\"`",
+                "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
                 promised.name()
             ),
         }),

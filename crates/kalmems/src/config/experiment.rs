@@ -1,5 +1,6 @@
 //! The whole file.
 
+use super::format::FileFormat;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
@@ -10,6 +11,7 @@ use super::{
 };
 use crate::recording::{self, Layout};
 use crate::units::Kind;
+use kalmems_formats::Hints;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -296,12 +298,15 @@ impl Experiment {
 impl Recording {
     /// How to read these columns of its file.
     pub fn layout(&self, columns: &[&str]) -> Layout {
-        layout(&self.clock, self.segments.as_ref(), columns)
+        let hints = self.format.as_ref().map(FileFormat::hints).unwrap_or_default();
+        Layout { hints, ..layout(&self.clock, self.segments.as_ref(), columns) }
     }
 
     /// How to read these columns of its reference's file.
     pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> Layout {
-        layout(reference.clock(self), reference.segments(self), columns)
+        let format = self.format.as_ref().filter(|_| reference.is_in_recording());
+        let hints = format.map(FileFormat::hints).unwrap_or_default();
+        Layout { hints, ..layout(reference.clock(self), reference.segments(self), columns) }
     }
 }
 
@@ -317,5 +322,6 @@ pub(super) fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str
         },
         segment_column: segments.map(|segments| segments.column.clone()),
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
+        hints: Hints::default(),
     }
 }

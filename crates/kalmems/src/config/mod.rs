@@ -19,6 +19,7 @@ mod error;
 mod estimate;
 mod experiment;
 mod filter;
+mod format;
 mod gyroscope;
 mod hybrid;
 mod identify;
@@ -43,6 +44,7 @@ pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub(crate) use gyroscope::is_per_record;
 pub use gyroscope::{
     Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,

@@ -1,6 +1,7 @@
 //! What an experiment file says about its recordings.
 
 use super::Name;
+use super::format::FileFormat;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
@@ -25,6 +26,9 @@ pub struct Recording {
     /// The file with the samples, relative to the folder of the experiment file.
     #[schemars(example = &"recording.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// Where one file holds several records: the column that tells them apart. Time may restart with each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segments: Option<Segments>,
@@ -198,6 +202,11 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// Whether it is in the recording's own file.
+    pub const fn is_in_recording(&self) -> bool {
+        self.file.is_none()
+    }
+
     /// A file of its own with these columns, sampled as the recording.
     pub fn of(file: PathBuf, channels: Channels) -> Self {
         Self { file: Some(file), segments: None, clock: None, channels, delay: None }

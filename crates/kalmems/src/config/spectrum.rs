@@ -9,6 +9,7 @@ use super::source::Source;
 use super::{Clock, ConfigError, Fault, Key, Name};
 use crate::applications::spectrum::Apodisation;
 use crate::recording::Layout;
+use kalmems_formats::Hints;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -483,6 +484,7 @@ impl Interferogram {
                 clock: crate::recording::Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
                 segment_column: None,
                 columns: Some(self.columns.clone()),
+                hints: Hints::default(),
             },
         }
     }

@@ -3,7 +3,10 @@
 //! The time column and the column that tells records apart are recognised by rule, and the inspection says by
 //! which. A file that cannot be used as a recording is inspected all the same, as far as its columns can be told.
 
+mod channel;
 mod envelope;
+mod longest;
+mod pipe;
 mod plot;
 mod quantity;
 mod spectrum;
@@ -17,10 +20,11 @@ pub use envelope::{Envelope, EnvelopePoint, envelope};
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
-use crate::recording::read;
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Clock, Column, Finding, ReadError, Recording, Segment, Source};
+use crate::recording::{Around, Clock, Finding, ReadError, Source, Stretch, Stretches};
+use channel::ChannelDraft;
 use kalmems_formats::Hints;
+use longest::Kept;
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -48,9 +52,15 @@ pub struct Inspection {
     pub frequency_unit: &'static str,
     /// All that was found, what would keep the file from being used first.
     pub diagnosis: Vec<Finding>,
+    /// The longest segment, the first of several, and its interval.
     #[serde(skip)]
-    recording: Recording,
+    longest: Option<(usize, Kept, Option<f64>)>,
 }
+
+/// Rows of a stretch where there are few columns, and the numbers that it holds at most: a segment that fits in it is
+/// looked at as a whole, a longer one in stretches.
+const ROWS: usize = 1 << 18;
+const NUMBERS: usize = 1 << 20;
 
 /// How many cycles a close-up shows.
 pub const CYCLES: f64 = 6.0;
@@ -110,13 +120,17 @@ pub fn inspect(path: &Path) -> Result<Inspection, ReadError> {
 
 /// Inspects a file and calls `progress` now and then with the bytes read and the bytes in all; as it is read twice,
 /// these are twice its length. Where `progress` breaks, the inspection ends with [`ReadError::Interrupted`].
+///
+/// The memory does not grow with the file. A segment of more than 2^18 rows (fewer where there are more than four columns) is
+/// looked at in stretches of as many: its spectrum is the mean over them, and a plot of all is drawn from at least 4096
+/// pieces. A pipe is read once; what its columns are is told from its beginning.
 pub fn inspect_with(
     path: &Path,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Inspection, ReadError> {
     let hints = Hints::default();
-    let table = kalmems_formats::open(path, &hints).map_err(|source| ReadError::of_format(path, source))?;
-    let survey = survey::survey(table, path, &mut |done, total| progress(done, total.saturating_mul(2)))?;
+    let (survey, table) =
+        pipe::survey(path, &hints, &mut |done, total| progress(done, total.saturating_mul(2)))?;
     let clock = match &survey.time {
         Some(name) => Clock::Column(name.clone()),
         // A row is a sample.
@@ -128,112 +142,133 @@ pub fn inspect_with(
         columns: Wanted::AllBut(&survey.text),
         hints: &hints,
     };
-    let recording = read::read(path, &request, &mut |done, total| {
+    let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
+    let around = Around { rows, first: rows, before: 1, after: 0 };
+    let mut stretches = Stretches::of_table(table, path, &request, around)?;
+    let mut draft = Draft { timed: survey.time.is_some(), rows, ..Draft::default() };
+    while let Some(stretch) = stretches.next_of_any(false, &mut |done, total| {
         progress(total.saturating_add(done), total.saturating_mul(2))
-    })?;
-    if recording.rows() == 0 {
-        return Err(ReadError::Unusable {
-            file: path.display().to_string(),
-            findings: recording.diagnosis().to_vec(),
-        });
+    })? {
+        draft.take(&stretch);
+        stretches.reuse(stretch);
+    }
+    let rows = stretches.rows();
+    let (source, diagnosis) = stretches.finish();
+    if rows == 0 {
+        return Err(ReadError::Unusable { file: path.display().to_string(), findings: diagnosis });
     }
     let timed = survey.time.is_some();
+    let mut recognised = vec![format!("{}.", source.format)];
+    recognised.extend(survey.sentences);
     Ok(Inspection {
-        source: recording.source().clone(),
-        rows: recording.rows(),
-        recognised: survey.sentences,
+        source,
+        rows,
+        recognised,
         time: survey.time,
         segment_column: survey.segment,
-        segments: recording.segments().iter().map(|segment| summary(segment, timed)).collect(),
-        channels: recording.columns().iter().map(|column| channel(column, &recording)).collect(),
+        segments: draft.segments,
+        channels: draft.channels.into_iter().map(ChannelDraft::finish).collect(),
         window: WINDOW,
         frequency_unit: if timed { "Hz" } else { "1/sample" },
-        diagnosis: recording.diagnosis().to_vec(),
-        recording,
+        diagnosis,
+        longest: draft.longest,
     })
 }
 
-fn summary(segment: &Segment, timed: bool) -> SegmentSummary {
-    let time = &segment.time;
-    let finite = |value: f64| Some(value).filter(|v| timed && v.is_finite());
-    SegmentSummary {
-        label: segment.label.clone(),
-        rows: segment.rows.len(),
-        start_s: finite(time.start_s()),
-        duration_s: finite(time.at(time.len().saturating_sub(1)) - time.start_s()),
-        rate_hz: time.interval_s().map(f64::recip).and_then(finite),
-        uniform: time.is_uniform(),
-    }
+/// An inspection that goes on.
+#[derive(Default)]
+struct Draft {
+    timed: bool,
+    /// Rows of a stretch.
+    rows: usize,
+    segments: Vec<SegmentSummary>,
+    channels: Vec<ChannelDraft>,
+    present: Option<Kept>,
+    longest: Option<(usize, Kept, Option<f64>)>,
 }
 
-fn channel(column: &Column, recording: &Recording) -> Channel {
-    let found = lines(column, recording);
-    Channel {
-        column: column.header.column.clone(),
-        unit: column.header.unit_text.clone(),
-        si_unit: quantity::si_unit(&column.header),
-        statistics: Statistics::of(&column.values),
-        no_spectrum: found.as_ref().err().map(|reason| (*reason).to_owned()),
-        spectrum: found.ok(),
+impl Draft {
+    fn take(&mut self, stretch: &Stretch) {
+        let Some(segment) = stretch.recording.segments().first() else { return };
+        let time = &segment.time;
+        let finite = |value: f64| Some(value).filter(|v| self.timed && v.is_finite());
+        if stretch.begins {
+            self.segments.push(SegmentSummary {
+                label: segment.label.clone(),
+                rows: 0,
+                start_s: finite(time.at(stretch.fresh.start)),
+                duration_s: None,
+                rate_hz: time.interval_s().map(f64::recip).and_then(finite),
+                uniform: true,
+            });
+            self.present = Some(Kept::begin(stretch));
+        } else if let Some(present) = &mut self.present {
+            present.add(stretch, self.rows);
+        }
+        let Some(summary) = self.segments.last_mut() else { return };
+        summary.rows += stretch.fresh.len();
+        summary.uniform &= time.is_uniform();
+        if stretch.ends {
+            let last = time.at(stretch.fresh.end.saturating_sub(1));
+            summary.duration_s = summary.start_s.and_then(|start| finite(last - start));
+        }
+        let columns = stretch.recording.columns();
+        if self.channels.is_empty() {
+            self.channels = columns.iter().map(ChannelDraft::new).collect();
+        }
+        for (channel, column) in self.channels.iter_mut().zip(columns) {
+            channel.take(stretch, column, summary);
+        }
+        if stretch.ends
+            && let Some(present) = self.present.take()
+            && self.longest.as_ref().is_none_or(|(_, longest, _)| present.rows() > longest.rows())
+        {
+            self.longest = Some((self.segments.len() - 1, present, time.interval_s()));
+        }
     }
-}
-
-/// The spectrum of the longest segment that can have one, or why there is none.
-fn lines(column: &Column, recording: &Recording) -> Result<Spectrum, &'static str> {
-    let mut uniform: Vec<&Segment> = recording.segments().iter().filter(|s| s.time.is_uniform()).collect();
-    // Stable, so that the first of several of the same length is taken.
-    uniform.sort_by_key(|segment| std::cmp::Reverse(segment.rows.len()));
-    if uniform.is_empty() {
-        return Err("no segment has a uniform time");
-    }
-    let complete = |segment: &&&Segment| column.of(segment).iter().all(|v| v.is_finite());
-    let Some(segment) = uniform.iter().find(complete) else {
-        return Err("values are missing in every uniform segment");
-    };
-    let rate = segment.time.interval_s().map_or(f64::NAN, f64::recip);
-    spectrum::spectrum(column.of(segment), rate, &segment.label).ok_or("the segments are too short")
 }
 
 impl Inspection {
-    /// The recording as it was read, findings of any severity included.
-    pub const fn recording(&self) -> &Recording {
-        &self.recording
-    }
-
     /// The segment with the most rows, the first of several.
-    pub fn longest_segment(&self) -> Option<&Segment> {
-        self.recording.segments().iter().rev().max_by_key(|segment| segment.rows.len())
+    pub fn longest_segment(&self) -> Option<&SegmentSummary> {
+        self.segments.get(self.longest.as_ref()?.0)
     }
 
-    /// The rows of a segment with the last [`CYCLES`] cycles of its slowest main line, where it holds so many more
+    /// The rows of the longest segment with the last [`CYCLES`] cycles of its slowest main line, where it holds so many more
     /// that they cannot be told apart in a plot of all.
-    pub fn close_up(&self, segment: &Segment) -> Option<Range<usize>> {
+    pub fn close_up(&self) -> Option<Range<usize>> {
+        let (_, kept, interval) = self.longest.as_ref()?;
         let main = |channel: &Channel| channel.spectrum.as_ref()?.lines.first().map(|line| line.frequency);
         let slowest = self.channels.iter().filter_map(main).fold(f64::INFINITY, f64::min);
-        let interval = if self.time.is_some() { segment.time.interval_s()? } else { 1.0 };
+        let interval = if self.time.is_some() { (*interval)? } else { 1.0 };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows, saturating
         let rows = (CYCLES / (slowest * interval)).ceil() as usize;
-        let all = segment.rows.len();
-        (rows >= 8 && rows.saturating_mul(5) <= all).then(|| all - rows..all)
+        let all = kept.rows();
+        (rows >= 8 && rows.saturating_mul(5) <= all && rows <= kept.tail()).then(|| all - rows..all)
     }
 
-    /// Some rows of a channel over a segment in at most `points` points from which no extreme value is missing.
-    pub fn series(
-        &self,
-        column: &str,
-        segment: &Segment,
-        rows: Range<usize>,
-        points: usize,
-    ) -> Result<Series, ReadError> {
+    /// A channel over the longest segment, or over its [`close_up`](Self::close_up), in at most `points` points from which no
+    /// extreme value is missing. `None` where there is no such channel.
+    pub fn series(&self, column: &str, rows: Range<usize>, points: usize) -> Option<Series> {
+        let (_, kept, _) = self.longest.as_ref()?;
         let start = rows.start;
-        let values = self.recording.column(column)?.of(segment).get(rows).unwrap_or_default();
-        let Envelope { points, missing } = envelope(values, points);
-        Ok(Series {
-            start: points.iter().map(|point| segment.time.at(start + point.first)).collect(),
+        let Envelope { points, missing } = self.envelope(column, rows, points)?;
+        Some(Series {
+            start: points.iter().map(|point| kept.time(start + point.first)).collect(),
             minimum: points.iter().map(|point| point.minimum).collect(),
             maximum: points.iter().map(|point| point.maximum).collect(),
             missing,
         })
+    }
+
+    fn envelope(&self, column: &str, rows: Range<usize>, points: usize) -> Option<Envelope> {
+        let channel = self.channels.iter().position(|channel| channel.column == column)?;
+        Some(self.longest.as_ref()?.1.envelope(channel, rows, points))
+    }
+
+    /// The time of a row of the longest segment.
+    fn time_of(&self, row: usize) -> f64 {
+        self.longest.as_ref().map_or(f64::NAN, |(_, kept, _)| kept.time(row))
     }
 
     /// The inspection as text for a terminal, with a small plot of each channel.

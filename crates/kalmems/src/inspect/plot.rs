@@ -1,19 +1,19 @@
 //! A small plot for the terminal, in braille dots: each character is two dots wide and four high.
 
-use super::{Envelope, envelope};
+use super::Envelope;
 
-/// The lines of a plot of `values`, `width` characters wide and `height` high, without axes. Each column of dots
+/// The lines of a plot of the envelope of `length` values in `2·width` points, `width` characters wide and `height` high, without axes. Each column of dots
 /// covers what its rows cover, from their lowest to their highest value; what is NaN leaves a gap.
-pub(super) fn plot(values: &[f64], width: usize, height: usize) -> Vec<String> {
+pub(super) fn plot(envelope: &Envelope, length: usize, width: usize, height: usize) -> Vec<String> {
     let (columns, rows) = (2 * width, 4 * height);
-    let Envelope { points, .. } = envelope(values, columns);
+    let points = &envelope.points;
     let low = points.iter().map(|p| p.minimum).fold(f64::INFINITY, f64::min);
     let high = points.iter().map(|p| p.maximum).fold(f64::NEG_INFINITY, f64::max);
     let mut cells = vec![vec![0_u8; width]; height];
     let mut before: Option<(usize, usize, usize)> = None;
-    for point in &points {
+    for point in points {
         // The inverse of the rounding by which the stretches begin.
-        let column = point.first.saturating_mul(columns).div_ceil(values.len());
+        let column = point.first.saturating_mul(columns).div_ceil(length);
         let (mut bottom, mut top) =
             (level(point.minimum, low, high, rows), level(point.maximum, low, high, rows));
         // A steep stretch is drawn up to its neighbour's, so that the eye sees one line.
@@ -61,6 +61,11 @@ fn braille(bits: char) -> char {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inspect::envelope;
+
+    fn plot(values: &[f64], width: usize, height: usize) -> Vec<String> {
+        super::plot(&envelope(values, 2 * width), values.len(), width, height)
+    }
 
     #[test]
     fn a_ramp_goes_up() {

@@ -49,7 +49,7 @@ pub struct Line {
 pub struct Spectrum {
     /// The label of the segment.
     pub segment: String,
-    /// The distance between two bins: one cycle over the whole segment.
+    /// The distance between two bins: one cycle over the whole segment, or over a stretch of it where it is long.
     pub resolution: f64,
     /// The median amplitude of all bins, in SI.
     pub floor: f64,
@@ -60,14 +60,45 @@ pub struct Spectrum {
 /// The spectrum of evenly spaced numbers, `rate` of them per unit of time; `None` where they are too few or not
 /// finite.
 pub(super) fn spectrum(values: &[f64], rate: f64, segment: &str) -> Option<Spectrum> {
-    let bins = magnitudes(values)?;
-    let length = values.len() as f64;
-    let floor = median(&bins)?;
+    of_bins(&magnitudes(values)?, values.len(), rate, segment)
+}
+
+/// The mean power of stretches of one length that follow each other, for segments too long for one transform
+/// (P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, without overlap).
+#[derive(Default)]
+pub(super) struct Periodogram {
+    power: Vec<f64>,
+    stretches: usize,
+    length: usize,
+}
+
+impl Periodogram {
+    /// Adds a stretch; one of another length than the first, or with what is no number, is left out.
+    pub(super) fn add(&mut self, values: &[f64]) {
+        if self.stretches > 0 && values.len() != self.length {
+            return;
+        }
+        let Some(bins) = magnitudes(values) else { return };
+        self.length = values.len();
+        self.power.resize(bins.len(), 0.0);
+        self.power.iter_mut().zip(bins).for_each(|(power, bin)| *power += bin * bin);
+        self.stretches += 1;
+    }
+
+    pub(super) fn spectrum(&self, rate: f64, segment: &str) -> Option<Spectrum> {
+        let bins: Vec<f64> = self.power.iter().map(|power| (power / self.stretches as f64).sqrt()).collect();
+        of_bins(&bins, self.length, rate, segment)
+    }
+}
+
+fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<Spectrum> {
+    let length = length as f64;
+    let floor = median(bins)?;
     let strongest = bins.iter().skip(FIRST_BIN).copied().fold(0.0, f64::max);
     let least = (ABOVE_FLOOR * floor).max(BELOW_STRONGEST * strongest);
     let last = bins.len().saturating_sub(FIRST_BIN);
     let mut lines: Vec<Line> = (FIRST_BIN..last)
-        .filter(|bin| is_peak(&bins, *bin, least))
+        .filter(|bin| is_peak(bins, *bin, least))
         .filter_map(|bin| {
             let [before, here, after] = *bins.get(bin - 1..=bin + 1)? else { return None };
             let offset = offset(before, after);
@@ -215,6 +246,19 @@ mod tests {
         let squares = TERMS[0].powi(2) + TERMS[1..].iter().map(|t| t * t / 2.0).sum::<f64>();
         let expected = 4_f64.ln().sqrt() * (squares / 2.0 / count as f64).sqrt() * 2.0 / TERMS[0];
         approx::assert_relative_eq!(found.floor, expected, max_relative = 0.03);
+    }
+
+    /// In stretches the lines are where they are in the whole, and the floor of noise is steadier.
+    #[test]
+    fn stretches_have_the_lines_of_the_whole() {
+        let values = tones(200_000, &[(20_000.3, 1.0)], 0.1, 3);
+        let mut mean = Periodogram::default();
+        values.chunks(20_000).for_each(|part| mean.add(part));
+        let (whole, mean) = (spectrum(&values, 1.0, "").unwrap(), mean.spectrum(1.0, "").unwrap());
+        assert_eq!((whole.lines.len(), mean.lines.len()), (1, 1));
+        assert!((mean.lines[0].frequency - whole.lines[0].frequency).abs() < 0.02 * mean.resolution);
+        assert!((mean.lines[0].amplitude - 1.0).abs() < 0.01, "{mean:?}");
+        assert_eq!(mean.resolution, 1.0 / 20_000.0);
     }
 
     #[test]

@@ -65,7 +65,7 @@ fn a_file_that_is_no_recording_is_inspected_all_the_same() {
 
 #[test]
 fn what_has_no_rows_is_an_error() {
-    for text in ["", "time_s,cap_V\n", "1,2\n3,4\n", "time_s;cap_V\n0;1\n"] {
+    for text in ["", "time_s,cap_V\n", "1,2\n3,4\n"] {
         assert!(matches!(inspected(text), Err(ReadError::Unusable { .. })), "{text:?}");
     }
 }
@@ -106,7 +106,7 @@ fn what_is_recognised() {
 fn a_series_for_a_figure() {
     let inspection = inspected("time_ms,x_mV\n0,1\n1,5\n2,\n3,2\n").unwrap();
     let segment = inspection.longest_segment().unwrap();
-    let series = inspection.series("x_mV", segment, 0..segment.rows.len(), 2).unwrap();
+    let series = inspection.series("x_mV", 0..segment.rows, 2).unwrap();
     let expected = Series {
         start: vec![0.0, 0.002],
         minimum: vec![0.001, 0.002],
@@ -114,7 +114,7 @@ fn a_series_for_a_figure() {
         missing: 1,
     };
     assert_eq!(series, expected);
-    assert!(inspection.series("y_V", segment, 0..segment.rows.len(), 2).is_err());
+    assert!(inspection.series("y_V", 0..segment.rows, 2).is_none());
 }
 
 #[test]

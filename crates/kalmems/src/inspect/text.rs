@@ -1,9 +1,9 @@
 //! An inspection as text for a terminal.
 
 use super::plot::plot;
-use super::quantity::{quantity, si_unit};
-use super::{Inspection, WINDOW};
-use crate::recording::{Column, Segment, Severity};
+use super::quantity::quantity;
+use super::{Channel, Inspection, WINDOW};
+use crate::recording::Severity;
 use std::fmt::Write as _;
 use std::ops::Range;
 
@@ -127,22 +127,15 @@ fn diagnosis(text: &mut String, inspection: &Inspection) {
 /// The whole of the longest segment, lower where a close-up of its cycles follows.
 fn plots(text: &mut String, inspection: &Inspection) {
     let Some(segment) = inspection.longest_segment() else { return };
-    let whole = 0..segment.rows.len();
-    let close_up = inspection.close_up(segment);
-    for column in inspection.recording.columns() {
-        let name = &column.header.column;
+    let whole = 0..segment.rows;
+    let close_up = inspection.close_up();
+    for channel in &inspection.channels {
         let of = if segment.label.is_empty() { String::new() } else { format!(" of `{}`", segment.label) };
-        let title = format!("{name}{of}");
+        let title = format!("{}{of}", channel.column);
         let height = if close_up.is_some() { HEIGHT / 2 } else { HEIGHT };
-        one_plot(text, inspection, (segment, column), (&whole, height), &title);
+        one_plot(text, inspection, channel, (&whole, height), &title);
         if let Some(rows) = &close_up {
-            one_plot(
-                text,
-                inspection,
-                (segment, column),
-                (rows, HEIGHT),
-                &format!("{title}, its last cycles"),
-            );
+            one_plot(text, inspection, channel, (rows, HEIGHT), &format!("{title}, its last cycles"));
         }
     }
 }
@@ -150,21 +143,22 @@ fn plots(text: &mut String, inspection: &Inspection) {
 fn one_plot(
     text: &mut String,
     inspection: &Inspection,
-    (segment, column): (&Segment, &Column),
+    channel: &Channel,
     (rows, height): (&Range<usize>, usize),
     title: &str,
 ) {
-    let values = column.of(segment).get(rows.clone()).unwrap_or_default();
-    let numbers = || values.iter().copied().filter(|v| v.is_finite());
-    let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else { return };
-    let unit = si_unit(&column.header);
-    let (low_label, high_label) = (quantity(low, &unit), quantity(high, &unit));
+    let width = WIDTH - LABEL - 1;
+    let Some(envelope) = inspection.envelope(&channel.column, rows.clone(), 2 * width) else { return };
+    let low = envelope.points.iter().map(|point| point.minimum).reduce(f64::min);
+    let high = envelope.points.iter().map(|point| point.maximum).reduce(f64::max);
+    let (Some(low), Some(high)) = (low, high) else { return };
+    let (low_label, high_label) = (quantity(low, &channel.si_unit), quantity(high, &channel.si_unit));
     if low >= high {
         let _ = writeln!(text, "\n{title} is always {low_label}.");
         return;
     }
     let _ = writeln!(text, "\n{title}");
-    for (row, line) in plot(values, WIDTH - LABEL - 1, height).iter().enumerate() {
+    for (row, line) in plot(&envelope, rows.len(), width, height).iter().enumerate() {
         let label = match row {
             0 => high_label.as_str(),
             r if r + 1 == height => low_label.as_str(),
@@ -172,16 +166,16 @@ fn one_plot(
         };
         let _ = writeln!(text, "{label:>LABEL$} {line}");
     }
-    let (start, end) = time_labels(inspection, segment, rows);
-    let space = (WIDTH - LABEL - 1).saturating_sub(start.chars().count());
+    let (start, end) = time_labels(inspection, rows);
+    let space = width.saturating_sub(start.chars().count());
     let _ = writeln!(text, "{:LABEL$} {start}{end:>space$}", "");
 }
 
-/// Where a plot of some rows of a segment begins and ends.
-fn time_labels(inspection: &Inspection, segment: &Segment, rows: &Range<usize>) -> (String, String) {
+/// Where a plot of some rows of the longest segment begins and ends.
+fn time_labels(inspection: &Inspection, rows: &Range<usize>) -> (String, String) {
     let last = rows.end.saturating_sub(1);
     if inspection.time.is_some() {
-        (quantity(segment.time.at(rows.start), "s"), quantity(segment.time.at(last), "s"))
+        (quantity(inspection.time_of(rows.start), "s"), quantity(inspection.time_of(last), "s"))
     } else {
         (format!("sample {}", rows.start), format!("sample {last}"))
     }

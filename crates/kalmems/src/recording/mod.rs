@@ -12,6 +12,7 @@
 //!     clock: Clock::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
+//!     hints: kalmems_formats::Hints::default(),
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
@@ -64,6 +65,8 @@ pub struct Layout {
     /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
     /// labels of the segments, whatever their names end with.
     pub columns: Option<Vec<String>>,
+    /// How the file is written, where that cannot be told from it.
+    pub hints: Hints,
 }
 
 /// Where the times of the rows come from.
@@ -89,6 +92,8 @@ pub struct Source {
     pub sha256: String,
     /// Its length.
     pub bytes: u64,
+    /// Its format and what was recognised of it, in a sentence.
+    pub format: String,
 }
 
 /// A channel of a recording.
@@ -111,7 +116,6 @@ impl Column {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     source: Source,
-    recognised: String,
     columns: Vec<Column>,
     segments: Vec<Segment>,
     diagnosis: Vec<Finding>,
@@ -135,7 +139,7 @@ impl Recording {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
-            hints: &Hints::default(),
+            hints: &layout.hints,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }
@@ -155,7 +159,7 @@ impl Recording {
 
     /// What was recognised of the file's format, in a sentence.
     pub fn recognised(&self) -> &str {
-        &self.recognised
+        &self.source.format
     }
 
     /// The number of rows.

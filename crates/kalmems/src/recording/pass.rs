@@ -284,7 +284,6 @@ impl Pass {
         segment: usize,
         rows: Range<usize>,
         source: &Source,
-        recognised: &str,
         spare: &mut Vec<Vec<f64>>,
     ) -> Option<Recording> {
         let draft = self.drafts.get(segment)?;
@@ -309,7 +308,6 @@ impl Pass {
         let columns = self.plan.targets.iter();
         Some(Recording {
             source: source.clone(),
-            recognised: recognised.to_owned(),
             columns: columns.map(|t| Column { header: t.header.clone(), values: copy(&t.values) }).collect(),
             segments: vec![Segment { label: draft.label.clone(), rows: 0..rows.len(), time }],
             diagnosis: Vec::new(),
@@ -323,7 +321,7 @@ impl Pass {
     }
 
     /// The whole recording, of which no row was let go of.
-    pub(super) fn finish(mut self, source: Source, recognised: String) -> Recording {
+    pub(super) fn finish(mut self, source: Source) -> Recording {
         self.end();
         let rows = self.rows();
         let mut segments = Vec::with_capacity(self.drafts.len());
@@ -347,7 +345,6 @@ impl Pass {
         let columns = self.plan.targets.into_iter();
         Recording {
             source,
-            recognised,
             columns: columns.map(|t| Column { header: t.header, values: t.values }).collect(),
             diagnosis: self.findings.list(&self.plan.names, &self.labels),
             segments,

@@ -6,7 +6,7 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::Request;
 use super::{Clock, ReadError, Recording, Source};
-use kalmems_formats::Digest;
+use kalmems_formats::{Digest, Table};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -21,7 +21,6 @@ pub(super) struct Reading {
     pub(super) pass: Pass,
     blocks: Blocks,
     source: Source,
-    pub(super) recognised: String,
 }
 
 impl Reading {
@@ -35,9 +34,20 @@ impl Reading {
         }
         let table = kalmems_formats::open(path, request.hints)
             .map_err(|source| ReadError::of_format(path, source))?;
+        Self::of_table(table, path, request, head)
+    }
+
+    /// Begins to read a table of the file at `path`.
+    pub(super) fn of_table(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        head: usize,
+    ) -> Result<Self, ReadError> {
+        let file = || path.display().to_string();
         let description = table.description();
         let names: Vec<String> = description.columns.iter().map(|column| column.name.clone()).collect();
-        let recognised = format!("{}: {}", description.format, description.recognised);
+        let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
         let mut findings = Findings::default();
         let plan = Plan::of(&names, line, request, &mut findings)
@@ -48,8 +58,7 @@ impl Reading {
         Ok(Self {
             pass: Pass::new(plan, findings, request.clock, head),
             blocks,
-            source: Source { file: name, sha256: String::new(), bytes: 0 },
-            recognised,
+            source: Source { file: name, sha256: String::new(), bytes: 0, format },
         })
     }
 
@@ -82,5 +91,5 @@ impl Reading {
 pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result<Recording, ReadError> {
     let mut reading = Reading::open(path, request, usize::MAX)?;
     while reading.step(progress)? {}
-    Ok(reading.pass.finish(reading.source, reading.recognised))
+    Ok(reading.pass.finish(reading.source))
 }

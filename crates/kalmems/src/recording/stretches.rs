@@ -4,7 +4,7 @@ use super::read::{Progress, Reading};
 use super::request::{Request, Wanted};
 use super::segment::Times;
 use super::{Finding, Layout, ReadError, Recording, Source};
-use kalmems_formats::Hints;
+use kalmems_formats::Table;
 use std::ops::Range;
 use std::path::Path;
 
@@ -19,6 +19,12 @@ pub struct Around {
     pub before: usize,
     /// Rows after the new ones that are given in advance, as far as the segment has them.
     pub after: usize,
+}
+
+impl Around {
+    fn sensible(self) -> Self {
+        Self { rows: self.rows.max(1), first: self.first.max(1), ..self }
+    }
 }
 
 /// A stretch of one segment, with some of the rows around it.
@@ -51,7 +57,7 @@ pub struct Stretch {
 /// ```no_run
 /// use kalmems::recording::{Around, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None };
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default() };
 /// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
@@ -77,32 +83,35 @@ pub struct Stretches {
 impl Stretches {
     /// Opens a file. Columns that are not there are an error of the first stretch.
     pub fn open(path: &Path, layout: &Layout, around: Around) -> Result<Self, ReadError> {
-        let hints = Hints::default();
         let request = Request {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
-            hints: &hints,
+            hints: &layout.hints,
         };
-        Self::with_request(path, &request, around)
+        let around = around.sensible();
+        Ok(Self::of(Reading::open(path, &request, around.first)?, path, around))
     }
 
-    pub(crate) fn with_request(path: &Path, request: &Request, around: Around) -> Result<Self, ReadError> {
-        let around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
-        Ok(Self {
-            reading: Reading::open(path, request, around.first)?,
-            around,
-            file: path.display().to_string(),
-            segment: 0,
-            next: 0,
-            ended: false,
-            spare: Vec::new(),
-        })
+    /// Those of a table of the file at `path`.
+    pub(crate) fn of_table(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        around: Around,
+    ) -> Result<Self, ReadError> {
+        let around = around.sensible();
+        Ok(Self::of(Reading::of_table(table, path, request, around.first)?, path, around))
+    }
+
+    fn of(reading: Reading, path: &Path, around: Around) -> Self {
+        let file = path.display().to_string();
+        Self { reading, around, file, segment: 0, next: 0, ended: false, spare: Vec::new() }
     }
 
     /// What was recognised of the format.
     pub fn recognised(&self) -> &str {
-        &self.reading.recognised
+        &self.reading.source().format
     }
 
     /// The next stretch; `None` after the last. `progress` is called now and then with the bytes read and the bytes in all
@@ -181,9 +190,8 @@ impl Stretches {
         let (start, end) = self.reading.pass.segment(self.segment)?;
         let first = rows.start.saturating_sub(self.around.before).max(start);
         let last = rows.end.saturating_add(self.around.after).min(end.unwrap_or(self.rows()));
-        let Reading { pass, recognised, .. } = &self.reading;
-        let recording =
-            pass.part(self.segment, first..last, self.reading.source(), recognised, &mut self.spare)?;
+        let source = self.reading.source();
+        let recording = self.reading.pass.part(self.segment, first..last, source, &mut self.spare)?;
         let begins = rows.start == start;
         self.next = rows.end;
         self.segment += usize::from(ends);

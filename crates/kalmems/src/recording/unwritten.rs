@@ -5,7 +5,7 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::{Request, Wanted};
 use super::{Layout, ReadError, Recording, Source};
-use kalmems_formats::{Block, CellFault, Fault, Hints, Shift};
+use kalmems_formats::{Block, CellFault, Fault, Shift};
 
 /// Rows that would be a file's: what comes of them is what [`Recording::read`] would make of that file, diagnosis and
 /// rounding included, but for the file's digest and length.
@@ -16,6 +16,7 @@ use kalmems_formats::{Block, CellFault, Fault, Hints, Shift};
 ///     clock: Clock::Column("time_s".to_owned()),
 ///     segment_column: None,
 ///     columns: Some(vec!["cap_V".to_owned()]),
+///     hints: kalmems_formats::Hints::default(),
 /// };
 /// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
 /// for k in 0..100 {
@@ -45,7 +46,7 @@ impl UnwrittenRecording {
             clock: &layout.clock,
             segment_column: None,
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
-            hints: &Hints::default(),
+            hints: &layout.hints,
         };
         let mut findings = Findings::default();
         let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
@@ -93,7 +94,12 @@ impl UnwrittenRecording {
     /// The recording.
     pub fn finish(mut self) -> Result<Recording, ReadError> {
         self.flush();
-        let source = Source { file: self.name.clone(), sha256: String::new(), bytes: 0 };
-        self.pass.finish(source, "computed".to_owned()).usable(&self.name)
+        let source = Source {
+            file: self.name.clone(),
+            sha256: String::new(),
+            bytes: 0,
+            format: "computed".to_owned(),
+        };
+        self.pass.finish(source).usable(&self.name)
     }
 }

@@ -23,12 +23,12 @@ pub enum DrawError {
 pub fn inspection_figure(inspection: &Inspection) -> Figure {
     let mut figure = Figure::new("inspection", inspection.source.file.clone(), "");
     let Some(segment) = inspection.longest_segment() else { return figure };
-    let whole = 0..segment.rows.len();
-    for (rows, what) in [(Some(whole), ""), (inspection.close_up(segment), "the last cycles")] {
+    let whole = 0..segment.rows;
+    for (rows, what) in [(Some(whole), ""), (inspection.close_up(), "the last cycles")] {
         let Some(rows) = rows else { continue };
         let mut first = true;
         for channel in &inspection.channels {
-            let Ok(series) = inspection.series(&channel.column, segment, rows.clone(), COLUMNS) else {
+            let Some(series) = inspection.series(&channel.column, rows.clone(), COLUMNS) else {
                 continue;
             };
             let panel = panel(channel, &series, inspection.time.is_some(), if first { what } else { "" });

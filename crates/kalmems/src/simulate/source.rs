@@ -83,7 +83,12 @@ fn read(
             recording::Clock::Rate { rate_hz: rate.si(), start_s: start.as_ref().map_or(0.0, Quantity::si) }
         }
     };
-    let layout = Layout { clock, segment_column: None, columns: Some(vec![recorded.column.clone()]) };
+    let layout = Layout {
+        clock,
+        segment_column: None,
+        columns: Some(vec![recorded.column.clone()]),
+        hints: kalmems_formats::Hints::default(),
+    };
     let recording = Recording::read(&experiment.resolve(&recorded.file), &layout)?;
     let column = recording.column_of(&recorded.column, &kind::VOLTAGE)?;
     let refuse = |why: String| {

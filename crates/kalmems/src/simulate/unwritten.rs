@@ -92,6 +92,7 @@ pub(crate) fn described(experiment: &Experiment, simulation: &dyn Simulation) ->
             name: None,
             role: simulation.role(),
             file: RECORDING.into(),
+            format: None,
             segments: None,
             clock: Clock::Column { column: TIME.to_owned() },
             channels,

@@ -7,6 +7,7 @@ use crate::config::{Fault, Key, PathTrajectory, ReferenceSpectrum, SpectrumFile}
 use crate::estimate::Progress;
 use crate::recording::{Clock, Finding, Layout, Recording, Source};
 use crate::units::{Header, kind};
+use kalmems_formats::Hints;
 use std::path::Path;
 
 /// What is read, and what was found in it.
@@ -46,6 +47,7 @@ impl Input<'_> {
             clock: Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
             segment_column: None,
             columns: Some(vec![of.wavenumber.clone(), of.column.clone()]),
+            hints: Hints::default(),
         };
         let recording = self.read("reference.spectrum", &of.file, layout)?;
         // A name's ending that is an inverse unit alone is no unit of a recording.
