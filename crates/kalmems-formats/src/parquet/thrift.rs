@@ -108,6 +108,6 @@ mod tests {
         assert_eq!(struct_length(&[0x19, 0xf5, 0xff, 0xff, 0xff, 0xff, 7, 0]), None);
         assert_eq!(struct_length(&[0x19, 0x21, 0, 0, 0]), None);
         assert_eq!(struct_length(&[0x18, 0xff, 0xff, 0xff, 0xff, 7, 0]), None);
-        assert_eq!(struct_length(&[0x1c; 1 << 16]), None);
+        assert_eq!(struct_length(&vec![0x1c; 1 << 16]), None);
     }
 }
