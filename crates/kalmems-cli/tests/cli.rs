@@ -340,6 +340,45 @@ fn inspect_says_what_a_file_holds() {
     assert!(text(&output.stderr).contains("nowhere.csv"));
 }
 
+/// 300 MB that are never in a file, and that never fit the memory that may be used.
+#[test]
+#[ignore = "slow"]
+#[cfg(target_os = "linux")]
+fn slow_a_long_pipe_is_inspected_in_bounded_memory() {
+    use std::io::Write as _;
+    let mut child = kalmems()
+        .args(["inspect", "/dev/stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    pipe.write_all(b"time_s,drive_V,cap_V\n").unwrap();
+    let mut written = 0;
+    let mut rows = 0_u32;
+    while written < 300_000_000 {
+        let mut text = String::new();
+        for k in rows..rows + 10_000 {
+            let time = f64::from(k) * 1e-6;
+            let drive = 90.0 * (f64::from(k) * 0.19).sin();
+            text += &format!("{time},{drive},{}\n", drive * drive / 4096.0);
+        }
+        rows += 10_000;
+        written += text.len();
+        pipe.write_all(text.as_bytes()).unwrap();
+    }
+    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
+    drop(pipe);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(text(&output.stdout).contains(&format!("{rows} rows")), "{}", text(&output.stdout));
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+    let kilobytes: u64 = peak.trim().trim_end_matches(" kB").parse().unwrap();
+    println!("peak of {kilobytes} kB");
+    assert!(kilobytes <= 100_000, "{peak}");
+}
+
 #[test]
 fn inspect_says_what_a_device_will_do() {
     let folder = tempfile::tempdir().unwrap();

@@ -29,6 +29,7 @@ struct Power {
 /// 10^q for q from −[`LARGEST`] to [`LARGEST`].
 static POWERS: [Power; 2 * LARGEST + 1] = powers();
 
+#[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // small counts
 const fn powers() -> [Power; 2 * LARGEST + 1] {
     let mut table = [Power { mantissa: 1 << 127, exponent: -127 }; 2 * LARGEST + 1];
     let mut five: u128 = 1;
@@ -155,6 +156,7 @@ fn leading_zeros(text: &[u8], point: u8) -> usize {
 
 /// w·10^q, rounded to nearest, ties to even; `None` where that is not sure or q is beyond the table.
 #[inline]
+#[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // small counts, and 53 bits
 fn scaled(w: u64, q: i32) -> Option<f64> {
     if w <= 1 << 53 {
         let exact = |q: i32| EXACT.get(usize::try_from(q).ok()?).copied();
@@ -185,7 +187,6 @@ fn scaled(w: u64, q: i32) -> Option<f64> {
     if rest == half || rest == half - 1 {
         return None;
     }
-    #[allow(clippy::cast_possible_truncation)] // 53 bits
     let kept = (product >> cut) as u64 + u64::from(rest > half);
     // kept·2^(cut + exponent of m + 64 − zeros), of ordinary size, as q is small; both factors are exact.
     let exponent = cut as i32 + power.exponent + 64 - zeros as i32;

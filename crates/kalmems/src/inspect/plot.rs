@@ -60,7 +60,6 @@ fn braille(bits: char) -> char {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::inspect::envelope;
 
     fn plot(values: &[f64], width: usize, height: usize) -> Vec<String> {

@@ -16,8 +16,9 @@ pub(super) struct TimeCheck {
     /// Rows of the head.
     head: usize,
     rows: usize,
-    /// The usual interval, once it is known: `Some(None)` where no row of the head follows another in time.
-    median: Option<Option<f64>>,
+    /// Whether the head is read; then the usual interval, none where no row of the head follows another in time.
+    settled: bool,
+    median: Option<f64>,
     ordered: bool,
     gaps: Found,
     missing: f64,
@@ -31,6 +32,7 @@ impl TimeCheck {
         Self {
             head,
             rows: 0,
+            settled: false,
             median: None,
             ordered: true,
             gaps: Found::default(),
@@ -43,12 +45,12 @@ impl TimeCheck {
 
     /// Whether the times so far are still needed from the first on.
     pub(super) const fn is_waiting(&self) -> bool {
-        self.median.is_none()
+        !self.settled
     }
 
     /// The usual interval, as far as it is known.
-    pub(super) fn interval_s(&self) -> Option<f64> {
-        self.median.flatten()
+    pub(super) const fn interval_s(&self) -> Option<f64> {
+        self.median
     }
 
     /// Takes the last `fresh` of `times`, which are the segment's times up to now: all while the head is read, at least the
@@ -90,7 +92,8 @@ impl TimeCheck {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
         let mut positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
-        self.median = Some(median(&mut positive));
+        self.settled = true;
+        self.median = median(&mut positive);
         self.judge(times, 0, 0, place);
     }
 
@@ -99,7 +102,7 @@ impl TimeCheck {
         let Some(median) = self.interval_s() else { return };
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
-            if !(interval > 0.0) || is_usual(before, after, median) {
+            if !is_off(before, after, median) {
                 continue;
             }
             let whole = (interval / median).round();
@@ -149,18 +152,17 @@ impl TimeCheck {
 
 /// Whether all of some times follow each other by the usual interval.
 pub(super) fn are_uniform(times: &[f64], median: Option<f64>) -> bool {
-    let usual = |median| {
-        steps(times, 0).all(|(_, (before, after))| after > before && is_usual(before, after, median))
-    };
+    let usual =
+        |median| steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median));
     times.len() > 1 && median.is_some_and(usual)
 }
 
-/// Whether an interval is the median, within the tolerance.
-fn is_usual(before: f64, after: f64, median: f64) -> bool {
+/// Whether an interval is one, and not the median within the tolerance.
+fn is_off(before: f64, after: f64, median: f64) -> bool {
     // The times themselves are rounded; far from zero that is more than a part of the interval.
     let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
-    // True for times that are no numbers as well.
-    !((after - before - median).abs() > TIME_TOLERANCE * median + rounding)
+    // False for times that are no numbers as well.
+    after > before && (after - before - median).abs() > TIME_TOLERANCE * median + rounding
 }
 
 /// Times and those before them, from the one after `first` on, with their places.
