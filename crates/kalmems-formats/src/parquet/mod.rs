@@ -14,6 +14,7 @@ use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
@@ -178,6 +179,19 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let count =
             count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
         rows = rows.saturating_add(count);
+        // The library takes these for granted.
+        let sound = |chunk: &ColumnChunkMetaData| {
+            let start = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+            let start = u64::try_from(start.min(chunk.data_page_offset()));
+            let (length, values) =
+                (u64::try_from(chunk.compressed_size()), u64::try_from(chunk.num_values()));
+            matches!((start, length, values), (Ok(start), Ok(length), Ok(_))
+                if start.checked_add(length).is_some_and(|end| end <= file_bytes))
+        };
+        let columns = metadata.file_metadata().schema_descr().num_columns();
+        if group.num_columns() != columns || !group.columns().iter().all(sound) {
+            return Err(damaged("the metadata", "columns that are not in the file".to_owned()));
+        }
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
     let schema = metadata.file_metadata().schema_descr();

@@ -375,4 +375,6 @@ fn a_change_without_values_counts() {
 fn metadata_that_claim_too_much_are_refused() {
     let hints = Hints { format: Some(Format::Parquet), ..Hints::default() };
     refused(&std::fs::read(fixture("claims.parquet")).unwrap(), &hints, "damaged Parquet");
+    // A column at a place below zero.
+    refused(&std::fs::read(fixture("offsets.parquet")).unwrap(), &hints, "columns that are not in the file");
 }
