@@ -1,5 +1,6 @@
 //! How fast tables are read, and how much memory that takes: `cargo run --release -p kalmems-formats --example speed --
-//! FILE …`. All columns of numbers are read; `tests/fixtures/large.py` writes large files of every format.
+//! [POWER] FILE …`. All columns of numbers are read, times 10^POWER if one is given before the file;
+//! `tests/fixtures/large.py` writes large files of every format.
 
 use kalmems_formats::{Block, Hints, Wanted, open};
 use std::path::Path;
@@ -10,7 +11,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "{:<24} {:>9} {:>12} {:>8} {:>9} {:>12} {:>9}",
         "file", "MB", "numbers", "s", "MB/s", "numbers/µs", "peak MB"
     );
+    let mut power = 0;
     for argument in std::env::args().skip(1) {
+        if let Ok(given) = argument.parse() {
+            power = given;
+            continue;
+        }
         let path = Path::new(&argument);
         // Arrays without names have these three.
         let names = ["time_s", "drive_V", "cap_V"].map(str::to_owned).to_vec();
@@ -20,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut table = open(path, &hints)?;
         let mut wanted = Vec::new();
         for column in 0..table.description().columns.len() {
-            wanted.push(Wanted::Number { column, power: 0 });
+            wanted.push(Wanted::Number { column, power });
             if table.want(&wanted).is_err() {
                 wanted.pop();
             }

@@ -1,5 +1,6 @@
 //! Numbers times a power of ten, rounded once.
 
+use crate::csv::number::quick;
 use std::io::Write as _;
 
 /// Shifts the decimal point of numbers. What stands for a binary number is the shortest decimal number that reads
@@ -22,6 +23,12 @@ impl Shift {
             return number;
         }
         let text = self.shortest.format_finite(number);
+        // As the reader of text does, and as it does, only where the rounding is sure.
+        if let Some((shifted, end)) = quick(text.as_bytes(), 0, b'.', self.power)
+            && end == text.len()
+        {
+            return shifted;
+        }
         self.text.clear();
         let (digits, exponent) = match text.split_once('e') {
             Some((digits, exponent)) => (digits, exponent.parse::<i32>().unwrap_or(0)),

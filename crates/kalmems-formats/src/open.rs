@@ -109,6 +109,20 @@ pub fn open_reader(
 }
 
 fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let table = open_as(format, source, hints)?;
+    // Names that a reader had no use for.
+    let known = |name: &&String| table.description().columns.iter().any(|column| column.name == **name);
+    if let Some(name) = hints.columns.iter().flatten().find(|name| !known(name)) {
+        return Err(FormatError::Unsupported {
+            format: table.description().format,
+            what: format!("a name `{name}` for a file with names of its own"),
+            remedy: "leave `columns` out".to_owned(),
+        });
+    }
+    Ok(table)
+}
+
+fn open_as(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     match format {
         #[cfg(feature = "npy")]
         Format::Npy => crate::npy::open_npy(source, hints),

@@ -76,6 +76,12 @@ impl Inflate {
 }
 
 impl Stream {
+    /// Bytes of the whole stretch in the file.
+    #[cfg(feature = "mat")]
+    pub(crate) fn packed(&self) -> u64 {
+        self.stretch.end - self.stretch.start
+    }
+
     /// Unpacked bytes before the next.
     pub(crate) fn position(&self) -> u64 {
         self.position

@@ -4,7 +4,7 @@ mod cell;
 mod dialect;
 mod hints;
 mod input;
-mod number;
+pub(crate) mod number;
 mod split;
 mod table;
 

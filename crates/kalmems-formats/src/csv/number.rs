@@ -63,7 +63,7 @@ const fn powers() -> [Power; 2 * LARGEST + 1] {
 /// Reads a number that begins at `start` and is written with `point`, times 10^`power`; the number and where it ends.
 /// `None` is no verdict: the slow way decides.
 #[inline]
-pub(super) fn quick(text: &[u8], start: usize, point: u8, power: i32) -> Option<(f64, usize)> {
+pub(crate) fn quick(text: &[u8], start: usize, point: u8, power: i32) -> Option<(f64, usize)> {
     let mut place = start;
     let sign = *text.get(place)?;
     let negative = sign == b'-';

@@ -317,7 +317,9 @@ impl Parts {
         let names = names(&found, columns, hints)?;
         self.recognised = format!("`{path}` of {rows} rows and {columns} columns");
         let units = found.attributes.get("units").or_else(|| found.attributes.get("unit"));
-        let units = units.and_then(AttrValue::as_strings).filter(|units| units.len() == names.len());
+        let units = units
+            .and_then(AttrValue::as_strings)
+            .filter(|units| units.len() == names.len() && hints.columns.is_none());
         let lane = self.lanes.len();
         for (number, name) in names.iter().enumerate() {
             let name = with_unit(name, units.map_or("", |units| units[number].as_str()));

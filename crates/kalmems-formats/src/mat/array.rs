@@ -101,6 +101,9 @@ impl Elements {
         if tag.kind != MATRIX || tag.within.is_some() {
             return Err(self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)"));
         }
+        if depth == DEPTH {
+            limits::plausible_unpacked(FORMAT, "a variable", tag.bytes, self.stream.packed())?;
+        }
         let end = self.stream.position() + tag.bytes;
         if tag.bytes == 0 {
             return Ok(Variable { name: String::new(), value: Value::Other("empty") });
@@ -109,6 +112,8 @@ impl Elements {
         budget.arrays -= 1;
         let variable = self.body(budget, depth)?;
         match end.checked_sub(self.stream.position()) {
+            // What a variable holds is unpacked when it is read.
+            Some(_) if depth == DEPTH => {}
             Some(rest) => self.stream.skip(rest)?,
             None => {
                 return Err(self
@@ -147,7 +152,7 @@ impl Elements {
             2 if count == 1 && depth > 0 => Value::Fields(self.fields(budget, depth)?),
             2 => other("an array of structs, or one within many others"),
             4 => self.characters(budget, rows, columns)?,
-            6..=15 => self.numbers(rows, columns, count)?,
+            6..=15 => self.numbers(rows, columns, count, depth)?,
             3 => other("an object"),
             5 => other("a sparse matrix"),
             16 => other("a function"),
@@ -156,7 +161,7 @@ impl Elements {
         Ok(Variable { name, value })
     }
 
-    fn numbers(&mut self, rows: u64, columns: u64, count: u64) -> Result<Value, FormatError> {
+    fn numbers(&mut self, rows: u64, columns: u64, count: u64, depth: usize) -> Result<Value, FormatError> {
         let tag = self.tag()?;
         let (kind, bytes) = match tag.kind {
             1 => (Kind::Signed, 1),
@@ -182,7 +187,7 @@ impl Elements {
         }
         // A single number may be within the tag.
         let place = if tag.within.is_some() { self.stream.position() - 4 } else { self.stream.position() };
-        if tag.within.is_none() {
+        if tag.within.is_none() && depth < DEPTH {
             self.stream.skip(tag.bytes)?;
         }
         Ok(Value::Numbers { place, element, rows, columns })

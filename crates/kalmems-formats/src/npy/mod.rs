@@ -225,7 +225,7 @@ impl Array {
             None => {
                 return Err(unsupported(
                     format!("an array of {rows} rows and {columns} columns without names"),
-                    "write their names, such as `columns = [\"time_s\", \"cap_V\"]`",
+                    "write their names, such as `format = { kind = \"npy\", columns = [\"time_s\", \"cap_V\"] }`",
                 ));
             }
         };

@@ -261,7 +261,11 @@ fn packed_arrays_that_claim_too_much_are_refused() {
     let mut claim = array(6, "cap_V", &element(9, &1.5_f64.to_le_bytes()));
     claim[4..8].copy_from_slice(&(u32::MAX - 8).to_le_bytes());
     packer.compress_vec(&claim, &mut packed, flate2::FlushCompress::Finish).unwrap();
-    refused(&mat(&element(15, &packed)), &Hints::default(), "the end of what is packed");
+    refused(
+        &mat(&element(15, &packed)),
+        &Hints::default(),
+        "what a variable claims to unpack to is 4294967287",
+    );
 }
 
 fn tdms(objects: &[u8], raw: &[u8]) -> Vec<u8> {
@@ -364,4 +368,13 @@ fn a_change_without_values_counts() {
     let (columns, error) = drain(&bytes, &Hints::default()).unwrap();
     assert!(error.is_none());
     assert_eq!(columns[0].1, [0.0_f64, 1.0, 0.0].map(f64::to_bits));
+}
+
+/// Metadata with a list of two thousand million flags, which the fuzzer found; passing over it would take minutes.
+#[test]
+fn metadata_that_claim_too_much_are_refused() {
+    let hints = Hints { format: Some(Format::Parquet), ..Hints::default() };
+    refused(&std::fs::read(fixture("claims.parquet")).unwrap(), &hints, "damaged Parquet");
+    // A column at a place below zero.
+    refused(&std::fs::read(fixture("offsets.parquet")).unwrap(), &hints, "columns that are not in the file");
 }

@@ -295,7 +295,11 @@ fn refusal(result: Result<Box<dyn Table>, FormatError>) -> String {
 #[test]
 fn what_is_ambiguous_is_refused_with_what_to_write() {
     for (name, hints, words) in [
-        ("plain.npy", Hints::default(), "write their names, such as `columns = [\"time_s\", \"cap_V\"]`"),
+        (
+            "plain.npy",
+            Hints::default(),
+            "write their names, such as `format = { kind = \"npy\", columns = [\"time_s\", \"cap_V\"] }`",
+        ),
         ("plain.npy", named(&["time_s", "cap_V"]), "3 columns with 2 names"),
         ("several.h5", Hints::default(), "write `group` as one of `/a`, `/b`"),
         ("newest.h5", Hints::default(), "laid out by version 5 of the format"),
@@ -305,6 +309,7 @@ fn what_is_ambiguous_is_refused_with_what_to_write() {
         ("matrix.mat", Hints::default(), "3 columns with 0 names"),
         ("matrix73.mat", group("/run"), "3 columns with 0 names"),
         ("segments.tdms", group("stage"), "write one of `rig`"),
+        ("segments.tdms", named(&["cap_V", "left_V"]), "a name `left_V` for a file with names of its own"),
         ("i16.wav", named(&["left_1"]), "2 channels with 1 names"),
     ] {
         let found = refusal(open(&fixture(name), &hints));
@@ -318,7 +323,8 @@ fn names_and_contents_that_contradict_are_refused() {
     let read = |name: &str, called: &str| open_reader(bytes(name), called, &Hints::default());
     let found = refusal(read("fields.npy", "run.csv"));
     assert!(
-        found.contains("named as csv and begins as NPY") && found.contains("write `format = \"npy\"`"),
+        found.contains("named as csv and begins as NPY")
+            && found.contains("write `format = { kind = \"npy\" }`"),
         "{found}"
     );
     let found = refusal(read("reference.csv", "run.parquet"));

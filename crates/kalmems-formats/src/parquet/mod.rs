@@ -1,5 +1,7 @@
 //! Apache Parquet: columns that hold one value a row.
 
+mod thrift;
+
 use crate::decimal::Shift;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::records::{push_label, refuse_infinities};
@@ -12,6 +14,7 @@ use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
@@ -22,6 +25,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const FORMAT: &str = "Parquet";
 /// Bytes that a page may unpack to. Writers make pages of one.
 const PAGE_BYTES: u64 = 16 << 20;
+/// Bytes of the header of a page, and of one with long texts.
+const HEADER: usize = 1024;
+const LONG_HEADER: usize = 1 << 20;
 /// Groups of rows.
 const GROUPS: usize = 1 << 16;
 
@@ -58,8 +64,17 @@ impl ChunkReader for Pages {
 
     fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
         if self.pages.load(Ordering::Relaxed) {
-            let mut head = [0; 24];
-            self.source.read_some(start, &mut head).map_err(|e| ParquetError::External(Box::new(e)))?;
+            let external = |error: FormatError| ParquetError::External(Box::new(error));
+            let mut head = vec![0; HEADER];
+            let mut count = self.source.read_some(start, &mut head).map_err(external)?;
+            if thrift::struct_length(&head[..count]).is_none() && count == HEADER {
+                // Texts in its statistics may be long.
+                head.resize(LONG_HEADER, 0);
+                count = self.source.read_some(start, &mut head).map_err(external)?;
+            }
+            if thrift::struct_length(&head[..count]).is_none() {
+                return Err(ParquetError::General(format!("no header of a page at byte {start}")));
+            }
             match page_bytes(&head) {
                 Some((unpacked, packed)) if unpacked.max(packed) <= PAGE_BYTES => {}
                 Some((unpacked, packed)) => {
@@ -140,6 +155,18 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
     }
     let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]);
     limits::at_most(FORMAT, "the length of the metadata", u64::from(length), limits::HEADER_BYTES)?;
+    let end = file_bytes - 8;
+    let metadata =
+        end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, length as usize));
+    let metadata = metadata.transpose()?.unwrap_or_default();
+    if thrift::struct_length(&metadata).is_none() {
+        return Err(damaged(
+            "the metadata",
+            "metadata that end too early, have lists of more than 65536 elements or of another kind"
+                .to_owned(),
+        ));
+    }
+    drop(metadata);
     let pages = Pages { source: Arc::clone(&source), pages: Arc::new(AtomicBool::new(false)) };
     let file = SerializedFileReader::new(pages.clone()).map_err(|error| failed("the metadata", error))?;
     pages.pages.store(true, Ordering::Relaxed);
@@ -152,6 +179,19 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let count =
             count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
         rows = rows.saturating_add(count);
+        // The library takes these for granted.
+        let sound = |chunk: &ColumnChunkMetaData| {
+            let start = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+            let start = u64::try_from(start.min(chunk.data_page_offset()));
+            let (length, values) =
+                (u64::try_from(chunk.compressed_size()), u64::try_from(chunk.num_values()));
+            matches!((start, length, values), (Ok(start), Ok(length), Ok(_))
+                if start.checked_add(length).is_some_and(|end| end <= file_bytes))
+        };
+        let columns = metadata.file_metadata().schema_descr().num_columns();
+        if group.num_columns() != columns || !group.columns().iter().all(sound) {
+            return Err(damaged("the metadata", "columns that are not in the file".to_owned()));
+        }
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
     let schema = metadata.file_metadata().schema_descr();
