@@ -143,7 +143,7 @@ impl Kept {
                     own.maximum = own.maximum.max(maximum);
                 }
                 None => {
-                    result.points.push(EnvelopePoint { first: point * self.rows / points, minimum, maximum })
+                    result.points.push(EnvelopePoint { first: point * self.rows / points, minimum, maximum });
                 }
             }
             last = Some(point);

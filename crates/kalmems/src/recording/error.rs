@@ -26,7 +26,7 @@ pub enum ReadError {
         /// The path as given.
         file: String,
         /// What is wrong with it.
-        source: FormatError,
+        source: Box<FormatError>,
     },
     /// The rate of a clock without a time column is no rate.
     #[error(
@@ -88,7 +88,7 @@ impl ReadError {
         let file = path.display().to_string();
         match source {
             FormatError::Io(source) => Self::Io { file, source },
-            source => Self::Format { file, source },
+            source => Self::Format { file, source: Box::new(source) },
         }
     }
 }

@@ -44,7 +44,7 @@ pub const SATURATION_CREEP: f64 = 24.0;
 pub(super) struct Rails {
     /// Its position in the header.
     column: usize,
-    rails: Option<[Rail; 2]>,
+    sides: Option<[Rail; 2]>,
     /// The line of the first row.
     first_line: usize,
     numbers: usize,
@@ -87,7 +87,7 @@ impl Rails {
     pub(super) fn new(column: usize) -> Self {
         Self {
             column,
-            rails: None,
+            sides: None,
             first_line: 0,
             numbers: 0,
             segment: SegmentExtremes::default(),
@@ -115,7 +115,7 @@ impl Rails {
         self.numbers = self.numbers.saturating_add(numbers().count());
         let (lowest, highest) = self.segment.extremes.unwrap_or((low, high));
         self.segment.extremes = Some((lowest.min(low), highest.max(high)));
-        let [bottom, top] = self.rails.get_or_insert_with(|| [Rail::new(low), Rail::new(high)]);
+        let [bottom, top] = self.sides.get_or_insert_with(|| [Rail::new(low), Rail::new(high)]);
         if low < bottom.level {
             *bottom = Rail::below_all(low, bottom.level);
         }
@@ -130,21 +130,21 @@ impl Rails {
     }
 
     fn meet(&mut self, part: &Part, lines: &Lines) {
-        for rail in self.rails.iter_mut().flatten() {
+        for rail in self.sides.iter_mut().flatten() {
             rail.take(part, lines);
         }
     }
 
     /// The rows before one are about to be let go of.
     pub(super) fn forget(&mut self, part: &Part) {
-        for rail in self.rails.iter_mut().flatten() {
+        for rail in self.sides.iter_mut().flatten() {
             rail.freeze(part);
         }
     }
 
     /// The end of a segment, with its last part.
     pub(super) fn end_segment(&mut self, part: &Part) {
-        for rail in self.rails.iter_mut().flatten() {
+        for rail in self.sides.iter_mut().flatten() {
             rail.end_segment(part);
         }
         let segment = std::mem::take(&mut self.segment);
@@ -159,7 +159,7 @@ impl Rails {
     /// The end of the recording.
     pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
         let place = |segment, line| Place { column: Some(self.column), segment, line };
-        let Some([low, high]) = self.rails else { return };
+        let Some([low, high]) = self.sides else { return };
         if low.level.to_bits() == high.level.to_bits() {
             if self.numbers > 1 {
                 findings.add(Kind::Constant, place(None, self.first_line), || {
