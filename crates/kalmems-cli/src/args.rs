@@ -98,6 +98,7 @@ pub struct GyroArguments {
 }
 
 #[derive(Args)]
+#[allow(clippy::struct_excessive_bools)] // each is a flag of its own
 pub struct EstimateArguments {
     /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
     pub experiment: PathBuf,

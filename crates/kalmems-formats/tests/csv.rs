@@ -45,6 +45,7 @@ fn names(table: &dyn Table) -> Vec<&str> {
 }
 
 #[test]
+#[allow(clippy::too_many_lines)] // a list
 fn dialects_of_instruments() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/csv");
     let expected: &[(&str, &str, &str, &[&[f64]])] = &[
@@ -102,13 +103,13 @@ fn dialects_of_instruments() {
             "picoscope.csv",
             "separated by commas, units in line 2",
             "Time_ms Channel_A_V Channel_B_mV",
-            &[&[-0.00512, 0.1234568, -3.21], &[-0.00508, 0.124, f64::NAN]],
+            &[&[-0.00512, 0.123_456_8, -3.21], &[-0.00508, 0.124, f64::NAN]],
         ),
         (
             "picoscope_decimal_comma.csv",
             "separated by semicolons, decimal commas, units in line 2",
             "Zeit_us Kanal_A_V Kanal_B_mV",
-            &[&[-5.12, 0.1234568, -3.21], &[-5.08, 0.124, -3.22]],
+            &[&[-5.12, 0.123_456_8, -3.21], &[-5.08, 0.124, -3.22]],
         ),
         (
             "rohde_schwarz.csv",
@@ -121,19 +122,19 @@ fn dialects_of_instruments() {
             "written by LabVIEW, separated by tabs, names in line 23, units in the header, `time_s` from 0.5 on in \
              steps of 0.001, as the header says",
             "time_s Voltage_V Current_A",
-            &[&[0.5, 0.012451, 1.5e-3], &[0.501, 0.0125, 1.6e-3], &[0.502, 0.012451, 1.5e-3]],
+            &[&[0.5, 0.012_451, 1.5e-3], &[0.501, 0.0125, 1.6e-3], &[0.502, 0.012_451, 1.5e-3]],
         ),
         (
             "labview_one_x.lvm",
             "written by LabVIEW, separated by tabs, names in line 23, units in the header",
             "time_s Voltage_V Current_A",
-            &[&[0.0, 0.012451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
+            &[&[0.0, 0.012_451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
         ),
         (
             "labview_decimal_comma.lvm",
             "written by LabVIEW, separated by tabs, decimal commas, names in line 23, units in the header",
             "time_s Voltage_V Current_A",
-            &[&[0.0, 0.012451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
+            &[&[0.0, 0.012_451, 1.5e-3], &[0.001, 0.0125, 1.6e-3]],
         ),
         (
             "semicolons.csv",

@@ -70,6 +70,7 @@ fn truth(chance: &mut Chance) -> (Vec<[f64; 2]>, f64) {
     let step = process(FINE_S, DENSITY);
     let push = step.noise().covariance().get(1, 1).sqrt();
     let mut x = [0.14, 0.0];
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
     let count = |seconds: f64| (seconds / FINE_S).round() as usize;
     let (before, after) = (count(SETTLING_S), count(SPAN_S[0] + SPAN_S[1]));
     let mut kept = Vec::with_capacity(after + 1);
@@ -105,7 +106,9 @@ impl Sampling {
     }
 
     fn scored_from(self) -> usize {
-        (SPAN_S[0] / self.interval_s()).round() as usize
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
+        let samples = (SPAN_S[0] / self.interval_s()).round() as usize;
+        samples
     }
 }
 

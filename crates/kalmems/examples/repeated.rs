@@ -13,19 +13,15 @@ fn main() -> ExitCode {
         eprintln!("usage: repeated RECORDING.csv ROWS_TO_REPEAT ROWS_IN_ALL");
         return ExitCode::from(2);
     };
-    match (last.parse(), rows.parse()) {
-        (Ok(last), Ok(rows)) => match write(file, last, rows) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(e) => {
-                eprintln!("error: {e}");
-                ExitCode::FAILURE
-            }
-        },
-        _ => {
-            eprintln!("error: numbers of rows are expected");
-            ExitCode::from(2)
-        }
+    let (Ok(last), Ok(rows)) = (last.parse(), rows.parse()) else {
+        eprintln!("error: numbers of rows are expected");
+        return ExitCode::from(2);
+    };
+    if let Err(e) = write(file, last, rows) {
+        eprintln!("error: {e}");
+        return ExitCode::FAILURE;
     }
+    ExitCode::SUCCESS
 }
 
 /// The first column is the time in s, in steps of a whole number of nanoseconds.

@@ -2,7 +2,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{Progress, Silent};
-use kalmems::recording::{Clock, Layout, Recording};
+use kalmems::recording::{Clock, Hints, Layout, Recording};
 use kalmems::results::{RunInfo, write_simulation};
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;
@@ -277,7 +277,7 @@ fn what_is_not_written_is_read_as_if_it_were() {
         clock: Clock::Column("time_s".to_owned()),
         segment_column: None,
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
-        hints: Default::default(),
+        hints: Hints::default(),
     };
     for (file, layout, ours) in [
         ("recording.csv", layout(&["cap_V", "drive_V"]), Unwritten::recorded as fn(&_, &_) -> _),

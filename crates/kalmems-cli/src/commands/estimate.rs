@@ -55,7 +55,7 @@ fn at_once(
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
-    let outcome = workflow::estimate(experiment, &bar).map_err(of_work)?;
+    let outcome = workflow::estimate(experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
     let metrics = Metrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };
@@ -78,14 +78,14 @@ fn in_parts(
     let bar = Bar::default();
     let whole = workflow::estimate_in_parts(experiment, &bar, &mut |part| results.part(&part));
     let whole = whole.map_err(|e| match e {
-        PartsError::Work(error) => of_work(error),
+        PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),
     })?;
     drop(bar);
     results.finish(&whole, RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
 }
 
-fn of_work(error: WorkflowError) -> Ending {
+fn of_work(error: &WorkflowError) -> Ending {
     if error.is_interruption() { Ending::Interrupted } else { Ending::Wrong(error.to_string()) }
 }
 

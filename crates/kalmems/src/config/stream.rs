@@ -74,7 +74,10 @@ impl TryFrom<String> for Sync {
 
 impl From<Sync> for String {
     fn from(sync: Sync) -> Self {
-        sync.0.iter().map(|byte| format!("{byte:02x}")).collect()
+        const DIGITS: [char; 16] =
+            ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'a', 'b', 'c', 'd', 'e', 'f'];
+        let digits = |byte: &u8| [byte >> 4, byte & 15].map(|digit| DIGITS[usize::from(digit)]);
+        sync.0.iter().flat_map(digits).collect()
     }
 }
 
@@ -155,6 +158,11 @@ impl FieldType {
     /// How many bytes it takes.
     pub fn bytes(self) -> usize {
         TYPES.iter().find(|(_, kind, _)| *kind == self).map_or(0, |(_, _, bytes)| *bytes)
+    }
+
+    /// How many bits it takes.
+    pub fn bits(self) -> u32 {
+        u32::try_from(8 * self.bytes()).unwrap_or(u32::MAX)
     }
 
     /// Its name.

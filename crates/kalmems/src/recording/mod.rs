@@ -11,7 +11,7 @@
 //!     clock: Clock::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
-//!     hints: kalmems_formats::Hints::default(),
+//!     hints: kalmems::recording::Hints::default(),
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
@@ -49,7 +49,7 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-use kalmems_formats::Hints;
+pub use kalmems_formats::Hints;
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;

@@ -312,9 +312,12 @@ fn a_signal_that_settles_is_not_saturated() {
 #[derive(Debug, PartialEq)]
 struct Whole {
     columns: Vec<Vec<u64>>,
-    segments: Vec<(String, Range<usize>, Vec<u64>, Option<f64>)>,
+    segments: Vec<Piece>,
     findings: String,
 }
+
+/// Label, rows, times and usual interval of a segment.
+type Piece = (String, Range<usize>, Vec<u64>, Option<f64>);
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()

@@ -1,7 +1,7 @@
 //! The pictures of an estimate.
 
 use super::Verdict;
-use super::long::PartFigures;
+use super::long::{FilterFigures, PartFigures};
 use super::metrics::{angles_of, verdict, words_with};
 use super::summary::shown as shown_unit;
 use crate::estimate::{Trajectory, TrajectoryKind};
@@ -305,7 +305,7 @@ pub(super) fn course(parts: &[PartFigures], prefix: &str) -> Figure {
                    show the last part.";
     let names: Vec<&String> =
         parts.first().map_or_else(Vec::new, |p| p.filters.iter().map(|f| &f.0).collect());
-    let panel = |label: &str, unit: &str, of: fn(&(String, Option<f64>, Option<f64>)) -> Option<f64>| {
+    let panel = |label: &str, unit: &str, of: fn(&FilterFigures) -> Option<f64>| {
         let mut panel = Panel::new(time_axis(), Axis::new(label, unit).log());
         let mut any = false;
         for (i, name) in names.iter().enumerate() {

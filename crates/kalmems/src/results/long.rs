@@ -43,9 +43,12 @@ pub struct LongEstimate<'a> {
 pub(super) struct PartFigures {
     /// The middle of the part in s.
     pub(super) time_s: f64,
-    /// Of each filter its name, the mean NIS, and the root mean square error of the angle in degrees.
-    pub(super) filters: Vec<(String, Option<f64>, Option<f64>)>,
+    /// Those of each filter.
+    pub(super) filters: Vec<FilterFigures>,
 }
+
+/// The name of a filter, its mean NIS, and the root mean square error of the angle in degrees.
+pub(super) type FilterFigures = (String, Option<f64>, Option<f64>);
 
 impl<'a> LongEstimate<'a> {
     /// Begins a result at `target`; where `stop` says so, the work ends and nothing is left of it.

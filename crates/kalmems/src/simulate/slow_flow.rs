@@ -335,7 +335,7 @@ mod tests {
         let fold = motion.fold.unwrap();
         assert!(fold.phase < -0.15 && fold.phase > -0.3, "{fold:?}");
         let hz: Vec<f64> =
-            (0..).map(|k| motion.drive_hz - f64::from(k)).take_while(|hz| *hz > 31_215.0).collect();
+            (0..1000).map(|k| motion.drive_hz - f64::from(k)).take_while(|hz| *hz > 31_215.0).collect();
         let settings = super::super::SweepSettings {
             offset: 90.0,
             amplitude: motion.voltage,

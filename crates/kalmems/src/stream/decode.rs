@@ -172,7 +172,8 @@ fn frames(
             let raw = &frame[at..at + field.kind.bytes()];
             at += raw.len();
             if field.is_sequence() {
-                sample.sequence = Some(field.kind.integer(raw));
+                sample.sequence =
+                    Some(raw.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte)));
             } else {
                 let number = field.kind.number(raw);
                 sample.numbers.push(shifts.next().map_or(number, |shift| shift.float(number)));
@@ -203,11 +204,6 @@ impl FieldType {
             Self::F64 => f64::from_le_bytes(of(raw)),
         }
     }
-
-    /// A whole number of this type.
-    fn integer(self, raw: &[u8]) -> u64 {
-        raw.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
-    }
 }
 
 impl StreamFormat {
@@ -224,7 +220,7 @@ impl StreamFormat {
     /// How many numbers the sequence of the frames has before it begins again, where they count.
     pub fn sequence_bits(&self) -> Option<u32> {
         let Self::Frames { fields, .. } = self else { return None };
-        fields.iter().find(|field| field.is_sequence()).map(|field| 8 * field.kind.bytes() as u32)
+        fields.iter().find(|field| field.is_sequence()).map(|field| field.kind.bits())
     }
 }
 

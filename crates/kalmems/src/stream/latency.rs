@@ -115,7 +115,7 @@ mod tests {
             let found = histogram.quantile(share).unwrap().as_secs_f64() * 1e6;
             assert!(found >= microseconds * 0.999 && found <= microseconds * 1.2, "{share}: {found}");
         }
-        assert_eq!(histogram.quantile(1.0), Some(Duration::from_micros(1000)));
+        assert_eq!(histogram.quantile(1.0), Some(Duration::from_millis(1)));
         assert_eq!(histogram.filled().map(|(_, count)| count).sum::<u64>(), 1000);
         assert_eq!(Histogram::default().quantile(0.5), None);
     }

@@ -83,11 +83,8 @@ impl Order {
         if self.passed.is_some_and(|passed| !is_after(place, passed)) {
             // Behind what was passed on: again, or too late.
             let again = self.passed.is_some_and(|passed| is_same(place, passed));
-            if again {
-                self.counts.duplicated += 1
-            } else {
-                self.counts.too_late += 1
-            }
+            let count = if again { &mut self.counts.duplicated } else { &mut self.counts.too_late };
+            *count += 1;
             return;
         }
         let at = self.held.partition_point(|(other, _)| is_after(place, *other));
@@ -136,9 +133,8 @@ impl Order {
     /// Where a sample stands, counted on where the number begins again.
     fn place(&self, sample: &Sample) -> Option<Place> {
         if let (Some(number), Some(bits)) = (sample.sequence, self.bits) {
-            let before = match self.newest.or(self.passed) {
-                Some(Place::Number(before)) => before,
-                _ => return Some(Place::Number(number)),
+            let Some(Place::Number(before)) = self.newest.or(self.passed) else {
+                return Some(Place::Number(number));
             };
             if bits >= 64 {
                 return Some(Place::Number(number));

@@ -46,6 +46,7 @@ impl SharedCounts {
 /// A table whose rows are the samples of an input in order; a block holds what has arrived.
 pub struct LiveTable {
     input: Box<dyn Read + Send>,
+    piece: Box<[u8]>,
     description: Description,
     format: StreamFormat,
     decoder: Decoder,
@@ -82,6 +83,7 @@ impl LiveTable {
         };
         Self {
             input,
+            piece: vec![0; PIECE].into_boxed_slice(),
             description: Description {
                 format: "stream",
                 recognised: format!("{what}, as the experiment says"),
@@ -114,8 +116,7 @@ impl LiveTable {
 
     /// Waits for bytes, and takes them.
     fn receive(&mut self) -> Result<(), FormatError> {
-        let mut piece = [0; PIECE];
-        let count = match self.input.read(&mut piece) {
+        let count = match self.input.read(&mut self.piece) {
             Ok(count) => count,
             Err(e) if e.kind() == ErrorKind::Interrupted => return Ok(()),
             // A connection that breaks is an end of the input like others.
@@ -137,7 +138,7 @@ impl LiveTable {
             order.finish(&mut |sample| ready.push_back(sample));
             self.ended = true;
         } else {
-            self.decoder.take(&piece[..count], &mut each);
+            self.decoder.take(&self.piece[..count], &mut each);
             self.bytes += count as u64;
         }
         self.counts.tell(self.order.counts(), self.decoder.damage(), self.passed_over);

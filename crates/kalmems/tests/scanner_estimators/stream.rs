@@ -18,18 +18,18 @@ struct Pieces {
     bytes: Vec<u8>,
     at: usize,
     chance: Pcg64,
-    longest: usize,
+    longest: u64,
 }
 
 impl Pieces {
-    fn of(bytes: Vec<u8>, longest: usize) -> Box<Self> {
-        Box::new(Self { bytes, at: 0, chance: Pcg64::new(1, 2), longest })
+    fn of(bytes: Vec<u8>, longest: u64) -> Self {
+        Self { bytes, at: 0, chance: Pcg64::new(1, 2), longest }
     }
 }
 
 impl Read for Pieces {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let length = 1 + (self.chance.next_u64() % self.longest as u64) as usize;
+        let length = 1 + usize::try_from(self.chance.next_u64() % self.longest).unwrap();
         let count = length.min(buffer.len()).min(self.bytes.len() - self.at);
         buffer[..count].copy_from_slice(&self.bytes[self.at..self.at + count]);
         self.at += count;
@@ -96,7 +96,7 @@ fn a_stream_says_what_an_estimate_says_sample_by_sample() {
     let whole = &rig.estimate(&experiment, 0, &recording, &Silent).unwrap()[0].trajectories;
     let bytes = std::fs::read(&path).unwrap();
     for longest in [60, 100_000] {
-        let (answers, events, summary) = run(&experiment, Pieces::of(bytes.clone(), longest));
+        let (answers, events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
         assert_eq!(answers.len(), 2);
         for trajectory in whole {
             let lines = &answers[&trajectory.key];
@@ -126,8 +126,9 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
     ]);
     let text = std::fs::read_to_string(example("recording.csv")).unwrap();
     let mut chance = Pcg64::new(5, 5);
-    let mut one_in = |count: u64| chance.next_u64() % count == 0;
-    let (mut frames, mut held): (Vec<Vec<u8>>, Vec<(usize, Vec<u8>)>) = (Vec::new(), Vec::new());
+    let mut one_in = |count: u64| chance.next_u64().is_multiple_of(count);
+    let mut frames: Vec<Vec<u8>> = Vec::new();
+    let mut held: Vec<(usize, Vec<u8>)> = Vec::new();
     let (mut dropped, mut duplicated, mut late) = (0, 0, 0);
     for (k, line) in text.lines().skip(1).enumerate() {
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
@@ -154,7 +155,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
         held = waiting;
         frames.extend(ready.into_iter().map(|(_, frame): (usize, Vec<u8>)| frame));
     }
-    let (answers, _, summary) = run(&experiment, Pieces::of(frames.concat(), 300));
+    let (answers, _, summary) = run(&experiment, Box::new(Pieces::of(frames.concat(), 300)));
     let order = summary.received.order;
     assert_eq!((order.dropped, order.duplicated, order.late, order.too_late), (dropped, duplicated, late, 0));
     assert!(dropped > 1100 && duplicated > 180 && late > 180);
@@ -189,7 +190,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
 #[test]
 fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     let said = |changes: &[(&str, &str)], words: &[&str]| {
-        let input = Pieces::of(Vec::new(), 10);
+        let input = Box::new(Pieces::of(Vec::new(), 10));
         let error =
             stream(&experiment(changes), input, Outputs::default(), None, &|| false).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
@@ -202,7 +203,7 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
 }
 
 /// Gives bytes slowly, and breaks at a place.
-struct Broken(Box<Pieces>, usize);
+struct Broken(Pieces, usize);
 
 impl Read for Broken {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
@@ -232,7 +233,7 @@ fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
         let numbers = lines.map(|rest| rest.split(',').map(|c| c.parse().unwrap_or(f64::NAN)).collect());
         numbers.map(|n: Vec<f64>| (n[0].to_bits(), [n[1], n[2]])).collect()
     };
-    let (whole, _) = lines_of(Pieces::of(bytes.clone(), 1000), None);
+    let (whole, _) = lines_of(Box::new(Pieces::of(bytes.clone(), 1000)), None);
     let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
     let (first, ended) = lines_of(Box::new(broken), Some(&state));
     assert!(ended.unwrap_err().to_string().contains("the cable was pulled"));
@@ -240,7 +241,7 @@ fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
     let acknowledged: f64 = acknowledged.expect("nothing was acknowledged").parse().unwrap();
     assert!(acknowledged > 9e-3, "{acknowledged}");
     // The sender sends all of it again; what was acknowledged is passed over.
-    let (second, ended) = lines_of(Pieces::of(bytes, 1000), Some(&state));
+    let (second, ended) = lines_of(Box::new(Pieces::of(bytes, 1000)), Some(&state));
     let passed_over = ended.unwrap().received.passed_over;
     for key in ["ekf", "ekf_lagged"] {
         let [whole, first, second] = [&whole, &first, &second].map(|text| of(text, key));
@@ -253,10 +254,11 @@ fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
             assert!((found[1] / sd - 1.0).abs() < 1e-6);
         }
         assert!(second.keys().all(|time| f64::from_bits(*time) > acknowledged));
-        assert_eq!(passed_over as usize + second.len(), 24_001);
+        assert_eq!(passed_over + second.len() as u64, 24_001);
     }
     // Another experiment does not go on from it.
     let other = self::experiment(&[]);
-    let ended = stream(&other, Pieces::of(Vec::new(), 1), Outputs::default(), Some(&state), &|| false);
+    let ended =
+        stream(&other, Box::new(Pieces::of(Vec::new(), 1)), Outputs::default(), Some(&state), &|| false);
     assert!(ended.unwrap_err().to_string().contains("another experiment"));
 }
