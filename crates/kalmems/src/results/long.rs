@@ -3,6 +3,7 @@
 use super::figures::{course, figures};
 use super::files::{record_of_run, write_header, write_rows};
 use super::metrics::{segment, texts};
+use super::names::of_parts;
 use super::page::page_with;
 use super::{Metrics, Output, RUN_FILE, RecordingMetrics, RunInfo, SegmentMetrics, WriteError, WriteOptions};
 use crate::config::Experiment;
@@ -121,11 +122,7 @@ impl<'a> LongEstimate<'a> {
 
     /// The recording's name where there are several, the segment's where it has one.
     fn prefix(&self, part: &PartOutcome, label: &str) -> String {
-        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        let several = self.experiment.recordings.len() > 1;
-        let named = [(several, part.outcome.name.as_str()), (!label.is_empty(), label)];
-        let named = named.iter().filter(|(wanted, _)| *wanted);
-        named.flat_map(|(_, name)| name.chars().map(safe).chain(['_'])).collect()
+        of_parts([(self.experiment.recordings.len() > 1, &part.outcome.name), (!label.is_empty(), label)])
     }
 
     fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {

@@ -18,7 +18,6 @@ pub(super) struct State {
     /// The experiment as it was understood; another one cannot go on from it.
     experiment: String,
     /// The time of the last sample whose every answer was given, by its bits: samples up to it need not be sent again.
-    acknowledged_s: f64,
     acknowledged: u64,
     past: PastState,
     /// The columns that are read.
@@ -115,8 +114,7 @@ impl Keeper {
             let (time_s, past, samples) = last();
             let experiment = self.experiment.clone();
             let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
-            let acknowledged_s = time_s;
-            self.waiting.push(State { experiment, acknowledged_s, acknowledged, past, columns, samples });
+            self.waiting.push(State { experiment, acknowledged, past, columns, samples });
         }
         let until_s = self.given_s.iter().copied().fold(f64::INFINITY, f64::min);
         if !(ends || self.written.elapsed() >= EVERY) {
