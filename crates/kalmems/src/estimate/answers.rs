@@ -83,9 +83,9 @@ fn begun<F: Filter<f64, N> + Clone, const N: usize>(
     past: &mut FilterPast,
     start: F,
 ) -> Result<Followed<F, N>, EstimateError> {
-    match past.left.take() {
+    match past.left() {
         Some(left) => {
-            Followed::resumed(start, &left).map_err(|why| EstimateError::Resumed { why: why.to_string() })
+            Followed::resumed(start, left).map_err(|why| EstimateError::Resumed { why: why.to_string() })
         }
         None => Ok(Followed::new(start)),
     }

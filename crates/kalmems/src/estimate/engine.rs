@@ -3,7 +3,7 @@
 use super::smoothing::Linked;
 use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
 use crate::units::Kind;
-use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Mat, Measurement};
+use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Measurement};
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
@@ -204,13 +204,13 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
         Self { entry: filter.clone(), filter, begun: false, failure: None }
     }
 
-    /// From a sample on at which a filter was left with this mean and lower covariance, row by row.
-    pub(super) fn resumed(filter: F, (mean, lower): &(Vec<f64>, Vec<f64>)) -> Result<Self, FilterError> {
+    /// From a sample on at which a filter was left with this mean and covariance.
+    pub(super) fn resumed(
+        filter: F,
+        (mean, covariance): ([f64; N], Covariance<f64, N>),
+    ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter);
-        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
-        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
-        let mean = std::array::from_fn(|i| of(mean, i));
-        let state = Gaussian { mean, covariance: Covariance::from_lower(covariance) };
+        let state = Gaussian { mean, covariance };
         followed.filter.predict(&TakenOver::from(state), &())?;
         followed.begun = true;
         Ok(followed)

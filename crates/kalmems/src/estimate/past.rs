@@ -4,6 +4,7 @@ use super::Trajectory;
 use super::driven::DrivePast;
 use super::lock::LockJudge;
 use crate::signal::{Sine, extremes_of_rate};
+use kalmems_core::{Covariance, Mat};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 
@@ -16,6 +17,8 @@ pub struct Past {
     pub drive: DrivePast,
     /// What the rig itself keeps.
     pub rig: Slot,
+    /// What the rig keeps in numbers; they are written, so that another run has them too.
+    pub numbers: Vec<f64>,
     filters: Vec<FilterPast>,
 }
 
@@ -43,6 +46,8 @@ pub struct PastState {
     start_s: Bits,
     /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
     drive: Option<[Bits; 5]>,
+    #[serde(default)]
+    numbers: Vec<Bits>,
     filters: Vec<FilterState>,
 }
 
@@ -51,6 +56,8 @@ pub struct PastState {
 struct FilterState {
     mean: Vec<Bits>,
     covariance: Vec<Bits>,
+    #[serde(default)]
+    numbers: Vec<Bits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
 }
@@ -78,7 +85,12 @@ impl Past {
         let filters = self.filters.iter().map(|filter| {
             let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
-            FilterState { mean: bits(mean), covariance: bits(covariance), mirrored }
+            FilterState {
+                mean: bits(mean),
+                covariance: bits(covariance),
+                numbers: bits(&filter.numbers),
+                mirrored,
+            }
         });
         PastState {
             start_s: self.start_s.into(),
@@ -86,6 +98,7 @@ impl Past {
                 [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
                     .map(Bits::from)
             }),
+            numbers: bits(&self.numbers),
             filters: filters.collect(),
         }
     }
@@ -95,6 +108,7 @@ impl Past {
         let numbers = |bits: &[Bits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let filters = state.filters.iter().map(|filter| FilterPast {
             left: (!filter.mean.is_empty()).then(|| (numbers(&filter.mean), numbers(&filter.covariance))),
+            numbers: numbers(&filter.numbers),
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
@@ -107,6 +121,7 @@ impl Past {
         Self {
             start_s: state.start_s.into(),
             drive: DrivePast::resumed(sine),
+            numbers: numbers(&state.numbers),
             filters: filters.collect(),
             rig: Slot::default(),
         }
@@ -136,6 +151,8 @@ pub struct FilterPast {
     pub run: Slot,
     /// What its way keeps.
     pub course: Slot,
+    /// What the rig keeps of it in numbers; they are written, so that another run has them too.
+    pub numbers: Vec<f64>,
     /// Mean and lower covariance where the filter was left.
     pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
     /// One per answer.
@@ -151,6 +168,14 @@ pub(crate) struct AnswerPast {
 }
 
 impl FilterPast {
+    /// Mean and covariance where the filter was left; `None` at the beginning of a segment.
+    pub fn left<const N: usize>(&self) -> Option<([f64; N], Covariance<f64, N>)> {
+        let (mean, lower) = self.left.as_ref()?;
+        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
+        Some((std::array::from_fn(|i| of(mean, i)), Covariance::from_lower(covariance)))
+    }
+
     pub(crate) fn answer(&mut self, index: usize) -> &mut AnswerPast {
         while self.answers.len() <= index {
             self.answers.push(AnswerPast::default());
