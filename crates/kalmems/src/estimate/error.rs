@@ -238,6 +238,19 @@ pub enum EstimateError {
         /// What was found, what was expected, and what to do.
         why: String,
     },
+    /// Fewer rows are there around the new ones than the filters need.
+    #[error(
+        "{place}: {held} samples are there beside the new ones where {needed} are needed: they come faster than was said; \
+         correct `rate` in the table `[stream]`"
+    )]
+    FewAround {
+        /// The recording and its segment.
+        place: String,
+        /// How many there are.
+        held: usize,
+        /// How many are needed.
+        needed: usize,
+    },
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,

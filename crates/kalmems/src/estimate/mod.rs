@@ -34,7 +34,7 @@ pub use model_alone::ModelAlone;
 pub use part::{Around, Part};
 pub use past::{FilterPast, Past, PastState, Slot};
 pub use progress::{Progress, Silent};
-pub use segments::{Axis, SegmentEstimate, SignalSegment};
+pub use segments::{Axis, Crossing, SegmentEstimate, SignalSegment};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

@@ -29,10 +29,24 @@ pub struct SegmentEstimate {
     pub skip_s: f64,
     /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
     pub parts: u32,
+    /// When an angle was passed, as the signal itself shows it of these samples or some before them, in the order in which that
+    /// became known; none of a device without a threshold.
+    pub crossings: Vec<Crossing>,
     /// What a reader of the figures has to know and cannot see from them, in sentences.
     pub remarks: Vec<String>,
     /// One per filter.
     pub trajectories: Vec<Trajectory>,
+}
+
+/// A time at which the signal shows that an angle was passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// The angle in rad.
+    pub angle: f64,
+    /// When, in s.
+    pub time_s: f64,
+    /// The standard deviation of that, in s.
+    pub sd_s: f64,
 }
 
 /// One axis of several.
@@ -156,6 +170,7 @@ impl SignalSegment<'_> {
             other_axes: Vec::new(),
             skip_s: self.skip_s,
             parts: 1,
+            crossings: Vec::new(),
             remarks: Vec::new(),
             trajectories,
         }

@@ -16,7 +16,7 @@ use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::{Layout, Recording, Segment};
+use crate::recording::{Finding, Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 
@@ -125,6 +125,13 @@ pub trait Estimator {
 
     /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;
+
+    /// Refuses a recording that was taken in parts, with what was found in it, where only all of it shows that its estimate is
+    /// no good; `place` is what messages call it.
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        let _ = (place, diagnosis);
+        Ok(())
+    }
 }
 
 /// The rig for an experiment's device.

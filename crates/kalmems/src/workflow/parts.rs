@@ -167,6 +167,7 @@ impl Work<'_> {
             return Err(experiment.error("recording", Fault::Value { why }).into());
         }
         let (source, diagnosis) = stretches.finish();
+        estimator.conclude(&source.file, &diagnosis)?;
         Ok(WholeRecording { source, diagnosis, reference: reference.map(ReferenceParts::finish) })
     }
 

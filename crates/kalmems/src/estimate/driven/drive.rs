@@ -135,15 +135,22 @@ impl<'a> Drive<'a> {
         let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
         past.stand_ins.drain(..unused);
         past.take(time_s, volts, fresh, interval_s);
+        // What is given in advance is as the next parts will find it.
+        let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
+        let mut ahead = past.stand_ins.clone();
+        if (fresh.end + 1..time_s.len()).any(|k| missing(&k) > 0) {
+            let mut later = past.clone();
+            later.take(time_s, volts, &(fresh.end..time_s.len()), interval_s);
+            ahead = later.stand_ins;
+        }
         let mut stand_ins: Vec<(usize, Sine)> = Vec::new();
-        for (row, sine) in &past.stand_ins {
+        for (row, sine) in &ahead {
             let row = row.saturating_sub(first);
             stand_ins.pop_if(|(before, _)| *before == row);
             stand_ins.push((row, *sine));
         }
         let mut drive =
             Self { time_s, volts, sine: past.sine, first_sine: past.first_sine, stand_ins, unknown: None };
-        let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
         let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();

@@ -51,17 +51,18 @@ pub const LEAST_VARIANCE: f64 = 1e-10;
 const NEVER: f64 = -1.0;
 
 impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
-    /// A way through this segment; `angle` is that which is passed, for the likelihood of the crossings.
+    /// A way through these rows of a segment, of which `first` is the place of the first; `angle` is that which is passed, for
+    /// the likelihood of the crossings.
     pub fn new(
         plant: &'a MirrorPlant<A>,
         (noise_variance, angle): (f64, f64),
         data: &'a DrivenSegment<'a>,
         drive_slope: &'a [f64],
         filter: &FilterSettings,
-        found: &[Crossing],
+        (found, first): (&[Crossing], usize),
     ) -> Result<Self, AugmentationError> {
-        let mut crossings: Vec<(usize, Told)> =
-            found.iter().filter_map(|crossing| told(crossing, filter.threshold, data)).collect();
+        let told = |crossing| told(crossing, filter.threshold, data, first);
+        let mut crossings: Vec<(usize, Told)> = found.iter().filter_map(told).collect();
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
         let motion = DrivenCourse::new(plant, noise_variance, data)?;
@@ -149,22 +150,23 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
     }
 }
 
-/// The sample at which a filter is told of a crossing, or could be, and when it was.
+/// The sample at which a filter is told of a crossing, or could be, and when it was; `None` before those that are there.
 fn told(
     crossing: &Crossing,
     threshold: Option<ThresholdSettings>,
     data: &DrivenSegment,
+    first: usize,
 ) -> Option<(usize, Told)> {
     // A time that rounding puts behind a sample is that sample's.
     let sample_at = |time_s: f64| data.time_s.partition_point(|t| *t < time_s - 1e-6 * data.interval_s);
     let taken = crossing.at(threshold.map_or(Timing::default(), |threshold| threshold.timing))?;
     let judged = crossing.at(Timing::default()).unwrap_or(taken);
     let sample = match threshold.map(|threshold| (threshold.applied, threshold.lag_s)) {
-        None | Some((Applied::Late, None)) => crossing.known_at,
+        None | Some((Applied::Late, None)) => crossing.known_at.checked_sub(first)?,
         Some((Applied::Late, Some(lag_s))) => sample_at(taken.time_s + lag_s),
         Some((Applied::InPlace, _)) => sample_at(taken.time_s),
     };
-    Some((sample, Told { taken, judged }))
+    (sample > 0 || first == 0).then_some((sample, Told { taken, judged }))
 }
 
 impl<const A: usize, const N: usize> Course<N> for ThresholdCourse<'_, A, N> {

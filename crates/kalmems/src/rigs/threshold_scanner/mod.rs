@@ -10,28 +10,35 @@ mod export;
 mod filters;
 mod hardware;
 pub mod identification;
+mod kept;
+mod kernel;
 mod plant;
 mod reproduction;
+mod search;
 mod segment;
 mod settings;
 mod simulation;
+mod verdict;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, Device, Experiment, Key, Method, Role};
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
+use crate::config::{ConfigError, Device, Experiment, Key, Role};
+use crate::estimate::driven::{BLOCK, DrivenSegment};
+use crate::estimate::{
+    self, Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
-use crate::recording::{FindingKind, Layout};
+use crate::recording::{Finding, Layout};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crossings::{Found, Signal, find};
+use crossings::Instant;
 use hardware::Hardware;
+use kept::{Kept, Needed};
 use segment::Samples;
-use settings::{DetectorSettings, Settings};
+use settings::Settings;
 use simulation::ThresholdSimulation;
 
 /// The rig.
@@ -73,7 +80,7 @@ impl Rig for ThresholdScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), refused: None, progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -125,13 +132,20 @@ struct ThresholdEstimator<'a> {
     /// Those of drive and signal.
     columns: [&'a str; 2],
     past: Past,
+    /// Why the recording is no good, where only its end has shown it.
+    refused: Option<EstimateError>,
     progress: &'a dyn Progress,
 }
 
 impl Estimator for ThresholdEstimator<'_> {
-    /// Crossings are looked for over a whole segment.
-    fn around(&self, _: f64) -> Around {
-        Around::WHOLE
+    fn around(&self, interval_s: f64) -> Around {
+        let settings = &self.settings;
+        let start_s = settings.skip_s + CYCLES / settings.hardware.natural_hz();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let head = ((start_s / interval_s).ceil() as usize).max(BLOCK);
+        let Needed { before, after } = Needed::by(settings, interval_s).with_a_margin();
+        let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head, before, after, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -143,32 +157,83 @@ impl Estimator for ThresholdEstimator<'_> {
         let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_after_settling(CYCLES / natural_hz)?;
-        require_unclipped(&segment)?;
+        let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
+        verdict::require_unclipped(part.recording.diagnosis(), place, Some(&part.segment.label))?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive_slope = slope(&data, &settings.hardware);
-        let found = found(settings, &data, &drive_slope, (&segment.place, signal_column))?;
+        let mut kept = kept(settings, &segment, past)?;
+        let first = kept.first(&segment);
+        require_around(settings, &segment, first)?;
+        let found = kept.look(&segment, &data, &without_drive(settings, &data, &drive_slope));
+        if let Some((_, tally)) = found {
+            match (segment.begins, segment.ends) {
+                (true, true) => verdict::require_crossings(tally, place)?,
+                (true, false) => verdict::require_first_sign(tally, place)?,
+                (false, true) if self.refused.is_none() => {
+                    self.refused = verdict::require_crossings(tally, place).err();
+                }
+                _ => {}
+            }
+        }
         let motion = data.motion(natural_hz);
-        let samples = Samples { data: &data, drive_slope: &drive_slope, crossings: &found, motion };
+        let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
+        let samples = Samples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
         let trajectories = segment::estimate(settings, samples, past, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-        let estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
-        Ok(SegmentEstimate { parts: settings.parts, ..estimate })
+        let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
+        let (angle, new) = (settings.judged_angle(), found.map_or(0, |(count, _)| count));
+        estimate.crossings = crossings[crossings.len().saturating_sub(new)..]
+            .iter()
+            .map(|crossing| {
+                let Instant { time_s, sd_s, .. } = crossing.best();
+                estimate::Crossing { angle, time_s, sd_s }
+            })
+            .collect();
+        if is_whole {
+            estimate.parts = settings.parts;
+        } else if settings.parts > 1 {
+            estimate.remarks.push(PARTS_OF_WHAT.to_owned());
+        }
+        kept.pass(&segment);
+        past.numbers = kept.numbers();
+        past.rig.put(Box::new(kept));
+        Ok(estimate)
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        verdict::require_unclipped(diagnosis, (place, self.columns[1]), None)?;
+        self.refused.take().map_or(Ok(()), Err)
     }
 }
 
 /// Cycles of the motion that have to follow the settling time.
 const CYCLES: f64 = 10.0;
 
-/// Refuses a segment whose signal is clipped: the flanks that tell of a crossing are the first to go.
-fn require_unclipped(segment: &SignalSegment) -> Result<(), EstimateError> {
-    let clipped = segment.recording.diagnosis().iter().find(|finding| {
-        finding.kind == FindingKind::Saturation
-            && finding.column.as_deref() == Some(segment.signal_column)
-            && finding.segment.as_ref().is_none_or(|label| *label == segment.segment.label)
-    });
-    let Some(finding) = clipped else { return Ok(()) };
-    let (place, column) = (segment.place.clone(), segment.signal_column.to_owned());
-    Err(EstimateError::Clipped { place, column, count: finding.count })
+/// Said of a long recording.
+const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`, are not given of a recording that is taken in \
+                             parts: its duration is not known before its end.";
+
+/// What is kept of the segment until now.
+fn kept(settings: &Settings, segment: &SignalSegment, past: &mut Past) -> Result<Kept, EstimateError> {
+    if let Some(kept) = past.rig.take::<Kept>() {
+        return Ok(*kept);
+    }
+    let begun = Kept::begun(settings, segment.interval_s)
+        .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
+    Ok(begun.resumed(&past.numbers, segment.fresh.start))
+}
+
+/// Refuses rows that come faster than those that were asked for around the new ones reach.
+fn require_around(settings: &Settings, segment: &SignalSegment, first: usize) -> Result<(), EstimateError> {
+    let Needed { before, after } = Needed::by(settings, segment.interval_s);
+    let held_after = segment.time_s.len() - segment.fresh.end;
+    let found = [(segment.fresh.start, before, first > 0), (held_after, after, !segment.ends)];
+    match found.into_iter().find(|(held, needed, more)| *more && held < needed) {
+        Some((held, needed, _)) => {
+            Err(EstimateError::FewAround { place: segment.place.clone(), held, needed })
+        }
+        None => Ok(()),
+    }
 }
 
 /// A drive that bends by more than this many standard deviations of the signal within a sample has no known slope there.
@@ -195,52 +260,11 @@ fn slope(data: &DrivenSegment, hardware: &Hardware) -> Vec<f64> {
         .collect()
 }
 
-/// The crossings, or why there are none. Where the file asks for none they are looked for all the same, to see that the
-/// signal is the comb's, as soon as a filter relies on it.
-fn found(
-    settings: &Settings,
-    data: &DrivenSegment,
-    drive_slope: &[f64],
-    (place, column): (&str, &str),
-) -> Result<Vec<crossings::Crossing>, EstimateError> {
-    if settings.crossings.is_none() && settings.filters.iter().all(|f| f.basics.method == Method::Model) {
-        return Ok(Vec::new());
-    }
-    let detector = &settings.crossings.unwrap_or(DetectorSettings::usual(&settings.hardware));
-    let hardware = &settings.hardware;
-    let per_slope = hardware.feedback_resistance * hardware.feedthrough;
-    let alone: Vec<f64> =
-        data.signal.iter().zip(drive_slope).map(|(y, slope)| y + per_slope * slope).collect();
-    let looked_at = Signal {
-        time_s: data.time_s,
-        volts: &alone,
-        interval_s: data.interval_s,
-        noise_variance: hardware.noise_variance,
-        offset: hardware.readout.offset,
-        comb: hardware.readout.comb,
-        passes_hz: 2.0 * hardware.natural_hz(),
-    };
-    let (place, column) = (place.to_owned(), column.to_owned());
-    let found = find(looked_at, detector);
-    let Found { crossings, rising, falling, threshold, by_noise } =
-        found.map_err(|why| EstimateError::Detector { place: place.clone(), why })?;
-    if falling > SIGN_RATIO * rising && falling > threshold {
-        return Err(EstimateError::SignReversed { place, column, falling, rising });
-    }
-    // As many as noise alone has, within four standard deviations of that, and none that noise could not be.
-    let count = crossings.len();
-    let is_few = count as f64 <= by_noise + 4.0 * by_noise.sqrt() + 1.0;
-    if count == 0 || (is_few && rising < LOUD) {
-        return Err(EstimateError::NoCrossing { place, column, count, by_noise, largest: rising });
-    }
-    Ok(if settings.crossings.is_some() { crossings } else { Vec::new() })
+/// The signal without what the drive adds to it, in V.
+fn without_drive(settings: &Settings, data: &DrivenSegment, drive_slope: &[f64]) -> Vec<f64> {
+    let per_slope = settings.hardware.feedback_resistance * settings.hardware.feedthrough;
+    data.signal.iter().zip(drive_slope).map(|(y, slope)| y + per_slope * slope).collect()
 }
-
-/// A response, in standard deviations of that to noise, that noise does not reach in a year.
-const LOUD: f64 = 8.0;
-
-/// How many times as steep as its rises a signal must fall to be taken for reversed.
-const SIGN_RATIO: f64 = 1.5;
 
 fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
     let channels = &experiment.recording(index)?.channels;

@@ -22,6 +22,8 @@ pub struct Samples<'a> {
     pub drive_slope: &'a [f64],
     /// The crossings, in the order of time.
     pub crossings: &'a [Crossing],
+    /// Which row of the segment the first one is.
+    pub first: usize,
     /// How fast the device moves.
     pub motion: Motion,
 }
@@ -80,7 +82,7 @@ impl Task<'_> {
             self.samples.data,
             self.samples.drive_slope,
             filter,
-            self.samples.crossings,
+            (self.samples.crossings, self.samples.first),
         );
         let mut course = course.map_err(wrong)?;
         let (mean, sd) = filter.start::<N>();

@@ -2,7 +2,8 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Quantity, Sign, Values};
+use super::kernel::Extent;
+use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Quantity, Sign, Values};
 use crate::units::kind;
 
 /// Device, detector and filter settings.
@@ -36,6 +37,13 @@ impl DetectorSettings {
     pub fn usual(hardware: &Hardware) -> Self {
         let cycle_s = 1.0 / hardware.natural_hz();
         Self { width_s: 0.02 * cycle_s, separation_s: 0.2 * cycle_s, acceptance: Acceptance::Deviations(4.0) }
+    }
+}
+
+impl DetectorSettings {
+    /// How many samples of this interval in s it needs around a crossing.
+    pub fn extent(&self, interval_s: f64) -> Extent {
+        Extent::of(self.width_s / interval_s, self.separation_s / interval_s)
     }
 }
 
@@ -102,6 +110,13 @@ impl Settings {
 }
 
 impl Settings {
+    /// How crossings are looked for. Where the file asks for none they are looked for all the same, to see that the signal is
+    /// the comb's, as soon as a filter relies on it.
+    pub fn detector(&self) -> Option<DetectorSettings> {
+        let relied_on = self.filters.iter().any(|filter| filter.basics.method != Method::Model);
+        self.crossings.or_else(|| relied_on.then(|| DetectorSettings::usual(&self.hardware)))
+    }
+
     /// The angle in rad by which every filter is judged at a crossing: the first that one is told, or the comb's.
     pub fn judged_angle(&self) -> f64 {
         let told = self.filters.iter().find_map(|filter| filter.threshold.map(|threshold| threshold.angle));

@@ -1,8 +1,9 @@
 //! The published device on the bench: free decays of it, recordings of them, and the filters at work.
 
-use super::super::crossings::{Crossing, Signal, find};
+use super::super::crossings::{Crossing, find};
 use super::super::filters::FilterSettings;
 use super::super::hardware::Hardware;
+use super::super::search::{Rows, Sought};
 use super::super::segment::{self, Samples};
 use super::super::settings::Settings;
 use super::failed;
@@ -211,16 +212,15 @@ pub fn estimate(
 /// The crossings of a recorded signal; `None` where the detector cannot be made.
 pub fn crossings(settings: &Settings, decay: &Decay, signal: &[f64]) -> Option<Vec<Crossing>> {
     let device = &settings.hardware;
-    let looked_at = Signal {
-        time_s: &decay.time_s,
-        volts: signal,
+    let rows = Rows { time_s: &decay.time_s, volts: signal, first: 0 };
+    let sought = Sought {
         interval_s: INTERVAL_S,
         noise_variance: device.noise_variance,
         offset: device.readout.offset,
         comb: device.readout.comb,
         passes_hz: 2.0 * device.natural_hz(),
     };
-    Some(find(looked_at, settings.crossings.as_ref()?).ok()?.crossings)
+    find(rows, sought, settings.crossings.as_ref()?).ok()
 }
 
 /// What the filters make of a recorded signal and these crossings; `None` where the work was stopped.
@@ -236,7 +236,7 @@ pub fn follow(
     let mut settings = settings.clone();
     start_near(&mut settings.filters, decay.states[0], seed);
     let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
-    let samples = Samples { data: &data, drive_slope: &off, crossings, motion };
+    let samples = Samples { data: &data, drive_slope: &off, crossings, first: 0, motion };
     segment::estimate(&settings, samples, &mut Past::default(), progress).ok()
 }
 
