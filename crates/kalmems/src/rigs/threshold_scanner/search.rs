@@ -421,7 +421,7 @@ mod tests {
                 while from < volts.len() {
                     let end = (from + length).min(volts.len());
                     let first = from.saturating_sub(extent.look_back());
-                    if from % 7 == 5 {
+                    if from % 31 == 5 {
                         search = Search::new(sought(), &settings).unwrap().resumed(&search.numbers(), first);
                     }
                     let rows = Rows { time_s: &time_s[first..end], volts: &volts[first..end], first };
