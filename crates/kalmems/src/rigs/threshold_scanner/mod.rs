@@ -140,7 +140,7 @@ struct ThresholdEstimator<'a> {
 impl Estimator for ThresholdEstimator<'_> {
     fn around(&self, interval_s: f64) -> Around {
         let settings = &self.settings;
-        let start_s = settings.skip_s + CYCLES / settings.hardware.natural_hz();
+        let start_s = settings.skip_s + STARTING_CYCLES / settings.hardware.natural_hz();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let head = ((start_s / interval_s).ceil() as usize).max(BLOCK);
         let Needed { before, after } = Needed::by(settings, interval_s).with_a_margin();
@@ -208,6 +208,9 @@ impl Estimator for ThresholdEstimator<'_> {
 
 /// Cycles of the motion that have to follow the settling time.
 const CYCLES: f64 = 10.0;
+
+/// Those after it in which a signal with its sign reversed is told.
+const STARTING_CYCLES: f64 = 4.0;
 
 /// Said of a long recording.
 const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`, are not given of a recording that is taken in \
