@@ -67,6 +67,12 @@ pub enum StreamError {
         /// Why.
         why: String,
     },
+    /// A filter is to be smoothed over the whole.
+    #[error(
+        "the filters are smoothed over whole recordings: record the samples and use `kalmems estimate`, or leave \
+         `smooth = true` out; `smooth_lag = \"100 us\"` smooths while they arrive"
+    )]
+    Smooths,
     /// The rig looks at whole recordings.
     #[error(
         "the filters of `{rig}` look at whole recordings; record the samples and use `kalmems estimate`, or leave out what \
@@ -115,9 +121,12 @@ pub fn stream(
     let mut estimator = rig.estimator(experiment, index, &Silent)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
-    // To smooth over the whole there must be an end.
-    if around == Around::WHOLE || around.smooths {
+    if around == Around::WHOLE {
         return Err(StreamError::NotLive { rig: rig.name() });
+    }
+    // To smooth over the whole there must be an end.
+    if around.smooths {
+        return Err(StreamError::Smooths);
     }
     let layout = rig.layout(experiment, index)?;
     let (arrivals, counts) = (Arrivals::default(), SharedCounts::default());
