@@ -19,7 +19,8 @@ use kalmems_engines::{
 use config::{ConfigError, Experiment, Fault};
 
 /// Every rig that is built.
-pub static ALL: &[&dyn Rig] = &[
+// Statics would be compiled into the unit tests with all that they name.
+pub const ALL: &[&dyn Rig] = &[
     &accelerometer::AccelerometerRig,
     &micro_stage::MicroStageRig,
     &piston_mirror::PistonMirrorRig,

@@ -12,7 +12,7 @@ mod tuning;
 use crate::reproduce::{Paper, Part, Program, ReproduceError};
 
 /// All that is reproduced.
-pub static PROGRAM: Program = Program {
+pub const PROGRAM: Program = Program {
     title: "Force-rebalance accelerometer",
     papers: &[Paper {
         key: "Z",

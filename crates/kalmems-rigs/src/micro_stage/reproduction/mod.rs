@@ -11,7 +11,7 @@ mod temperatures;
 use crate::reproduce::{Paper, Part, Program, ReproduceError};
 
 /// All that is reproduced.
-pub static PROGRAM: Program = Program {
+pub const PROGRAM: Program = Program {
     title: "Micro-stage",
     papers: &[Paper {
         key: "D",

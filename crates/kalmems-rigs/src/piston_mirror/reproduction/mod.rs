@@ -10,7 +10,7 @@ mod table;
 use crate::reproduce::{Paper, Part, Program, ReproduceError};
 
 /// All that is reproduced.
-pub static PROGRAM: Program = Program {
+pub const PROGRAM: Program = Program {
     title: "Piston mirror",
     papers: &[Paper {
         key: "P",

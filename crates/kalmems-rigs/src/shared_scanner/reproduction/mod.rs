@@ -16,7 +16,7 @@ mod target;
 use crate::reproduce::{Paper, Part, Program, ReproduceError};
 
 /// All that is reproduced.
-pub static PROGRAM: Program = Program {
+pub const PROGRAM: Program = Program {
     title: "Shared-electrode scanner",
     papers: &[
         Paper {

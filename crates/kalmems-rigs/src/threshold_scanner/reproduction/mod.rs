@@ -22,7 +22,7 @@ mod widths;
 use crate::reproduce::{Paper, Part, Program, ReproduceError};
 
 /// All that is reproduced.
-pub static PROGRAM: Program = Program {
+pub const PROGRAM: Program = Program {
     title: "Threshold-sensing scanner",
     papers: &[
         Paper {
