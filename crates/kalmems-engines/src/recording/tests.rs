@@ -403,10 +403,13 @@ fn stretches_put_together_are_the_recording() {
 fn a_record_is_given_as_its_interval_asks() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csv");
-    let rows = |label: &str, interval: i32| {
-        (0..30).map(|k| format!("{label},{},0\n", k * interval)).collect::<String>()
-    };
-    std::fs::write(&path, format!("r,time_s,x_V\n{}{}", rows("a", 1), rows("b", 3))).unwrap();
+    let mut text = "r,time_s,x_V\n".to_owned();
+    for (label, interval) in [("a", 1), ("b", 3)] {
+        for k in 0..30 {
+            writeln!(text, "{label},{},0", k * interval).unwrap();
+        }
+    }
+    std::fs::write(&path, text).unwrap();
     let mut go_on = |_: u64, _: u64| ControlFlow::Continue(());
     let around = Around { rows: 10, first: 5, before: 0, after: 1 };
     let mut stretches = Stretches::open(&path, &layout("time_s", "r", &[]), around).unwrap();
