@@ -33,8 +33,8 @@ impl Still {
 /// Lines that are named at most.
 const LINES: usize = 5;
 
-/// Samples that are looked at together.
-pub(super) const STRETCH: usize = 1 << 18;
+/// Samples of a still record that are looked at together.
+pub const STRETCH: usize = 1 << 18;
 
 /// The variance of a record without motion; samples that are not finite are passed over. `None` of fewer than 32
 /// samples, or where nothing varies. See [`StillRecord`].
@@ -86,6 +86,11 @@ impl StillRecord {
         let periodograms =
             Periodograms { length: 0, count: 0, power: Vec::new(), square: 0.0, degrees_of_freedom: 0.0 };
         Self { interval_s, time_s: Vec::new(), y: Vec::new(), stretches: Vec::new(), periodograms }
+    }
+
+    /// The interval in s.
+    pub const fn interval_s(&self) -> f64 {
+        self.interval_s
     }
 
     /// The next samples and their times.
