@@ -278,6 +278,15 @@ impl Pass {
         self.drafts.get(index).map(|draft| (draft.start, draft.end.map(|(end, _)| end)))
     }
 
+    /// The usual interval of a segment in s, once it is known.
+    pub(super) fn interval_s(&self, index: usize) -> Option<f64> {
+        let draft = self.drafts.get(index)?;
+        match self.clock {
+            Clock::Rate { rate_hz, .. } => Some(rate_hz.recip()),
+            Clock::Column(_) => draft.check.interval_s(),
+        }
+    }
+
     /// Rows of a segment as a recording of their own, whose vectors `spare` provides.
     pub(super) fn part(
         &self,

@@ -17,7 +17,8 @@ pub struct Around {
     pub first: usize,
     /// Rows before the new ones that are given again, as far as the segment has them.
     pub before: usize,
-    /// Rows after the new ones that are given in advance, as far as the segment has them.
+    /// Rows after the new ones that are given in advance, but for the last stretch of a segment: it takes fewer new rows
+    /// than these in as well.
     pub after: usize,
 }
 
@@ -136,6 +137,28 @@ impl Stretches {
         &self.reading.source().format
     }
 
+    /// The usual interval in s of a segment whose first stretch comes next, once it is known; `None` within a segment, after
+    /// the last one, and where no row follows another in time.
+    pub fn beginning(&mut self, progress: Progress) -> Result<Option<f64>, ReadError> {
+        loop {
+            if let Some((start, end)) = self.reading.pass.segment(self.segment) {
+                let interval = self.reading.pass.interval_s(self.segment);
+                if start != self.next || end.is_some() || interval.is_some() {
+                    return Ok(interval.filter(|_| start == self.next));
+                }
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            self.read(progress)?;
+        }
+    }
+
+    /// How much of a segment is given at a time from the next stretch on, which begins one.
+    pub fn give(&mut self, around: Around) {
+        self.around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
+    }
+
     /// The next stretch; `None` after the last. `progress` is called now and then with the bytes read and the bytes in all
     /// (0 of a pipe); where it breaks, the reading ends with [`ReadError::Interrupted`].
     pub fn next(&mut self, progress: Progress) -> Result<Option<Stretch>, ReadError> {
@@ -203,7 +226,9 @@ impl Stretches {
         }
         let until = self.next.saturating_add(rows);
         match end {
-            Some(end) => Some((self.next..until.min(end), until >= end)),
+            // What comes after a stretch is whole, or there is none after it.
+            Some(end) if until.saturating_add(self.around.after.max(1)) > end => Some((self.next..end, true)),
+            Some(_) => Some((self.next..until, false)),
             // One row more tells that the segment goes on.
             None if self.rows() >= until.saturating_add(self.around.after.max(1)) => {
                 Some((self.next..until, false))

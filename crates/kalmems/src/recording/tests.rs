@@ -365,12 +365,12 @@ fn put_together(path: &Path, layout: &Layout, around: Around) -> Result<Whole, S
         }
         segment.1.end += fresh.len();
         let size = if *begins { around.first } else { around.rows };
-        assert!(fresh.len() == size || *ends && (1..size).contains(&fresh.len()));
-        assert!(
-            recording.rows() - fresh.end == around.after
-                || *ends
-                || recording.rows() - fresh.end < around.after
-        );
+        let there = recording.rows() - fresh.end;
+        if *ends {
+            assert!((1..size + around.after.max(1)).contains(&fresh.len()) && there == 0);
+        } else {
+            assert!(fresh.len() == size && there == around.after);
+        }
         stretches.reuse(stretch);
     }
     let (source, findings) = stretches.finish();

@@ -125,9 +125,7 @@ impl Work<'_> {
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
         let mut estimator = self.rig.estimator(experiment, index, &Silent)?;
         let mut reference = ReferenceParts::open(experiment, index, self.rig.angles(), self.rig.values())?;
-        let Around { before, after, smooths, .. } = estimator.around(1.0);
-        let before = before + if smooths { PART } else { 0 };
-        let around = recording::Around { rows: PART, first: PART, before, after: after.max(1) };
+        let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
         let mut begun = false;
@@ -140,7 +138,11 @@ impl Work<'_> {
             progress.reached(done)
         };
         let mut any = false;
-        while let Some(stretch) = stretches.next(&mut hear)? {
+        loop {
+            if let Some(interval_s) = stretches.beginning(&mut hear)? {
+                stretches.give(around_part(estimator.around(interval_s)));
+            }
+            let Some(stretch) = stretches.next(&mut hear)? else { break };
             let Some(segment) = stretch.recording.segments().first() else { continue };
             if !estimator.wants(&segment.label) {
                 stretches.reuse(stretch);
@@ -190,6 +192,14 @@ impl Work<'_> {
         let described = self.experiment.recording(self.index)?;
         Ok(evaluate(self.rig, described, part.recording.clone(), vec![estimate], known)?)
     }
+}
+
+/// What an estimator is given of a segment at a time: a first part that holds what it needs of the beginning, and, where it
+/// smooths, all of the part before.
+fn around_part(Around { head, before, after, smooths }: Around) -> recording::Around {
+    let first = head.clamp(PART, Around::LONGEST_HEAD);
+    let before = before + if smooths { first } else { 0 };
+    recording::Around { rows: PART, first, before, after: after.max(1) }
 }
 
 /// Refuses a first part that is too short for the estimator although the segment goes on.
