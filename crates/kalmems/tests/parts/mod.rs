@@ -1,0 +1,255 @@
+//! A recording as a whole, in parts, and sample by sample as it arrives: the same answers.
+
+#![allow(dead_code)] // each test uses its part
+
+use kalmems::config::Experiment;
+use kalmems::estimate::{LockEvent, Part, Silent, Trajectory};
+use kalmems::recording::Recording;
+use kalmems::rigs;
+use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::Rng;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::rc::Rc;
+
+/// What came of a recording in parts, put together.
+pub struct InParts {
+    pub trajectories: Vec<Trajectory>,
+    pub events: Vec<LockEvent>,
+    pub remarks: Vec<String>,
+}
+
+/// Takes the first segment of a recording in parts of this length.
+pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -> InParts {
+    let rig = rigs::of(experiment).unwrap();
+    let mut estimator = rig.estimator(experiment, 0, &Silent).unwrap();
+    let segment = &recording.segments()[0];
+    let around = estimator.around(segment.time.interval_s().unwrap());
+    let rows = segment.time.len();
+    let mut all = InParts { trajectories: Vec::new(), events: Vec::new(), remarks: Vec::new() };
+    let (mut from, mut before) = (0, 0);
+    while from < rows {
+        let end = if from == 0 { around.head.max(length) } else { from + length }.min(rows);
+        let end = if end + around.after >= rows { rows } else { end };
+        let needed = around.before + if around.smooths { before } else { 0 };
+        let there = from.saturating_sub(needed)..(end + around.after).min(rows);
+        let part = Part {
+            recording,
+            segment: &segment.part(&there),
+            fresh: from - there.start..end - there.start,
+            begins: from == 0,
+            ends: end == rows,
+        };
+        let estimate = estimator.take(&part).unwrap();
+        all.remarks.extend(estimate.remarks);
+        for (i, trajectory) in estimate.trajectories.into_iter().enumerate() {
+            all.events.extend(&trajectory.lock.events);
+            match all.trajectories.get_mut(i) {
+                None => all.trajectories.push(trajectory),
+                Some(whole) => {
+                    whole.time_s.extend(trajectory.time_s);
+                    whole.innovation.extend(trajectory.innovation);
+                    for (whole, state) in whole.states.iter_mut().zip(trajectory.states) {
+                        whole.mean.extend(state.mean);
+                        whole.sd.extend(state.sd);
+                    }
+                }
+            }
+        }
+        before = end - from;
+        from = end;
+    }
+    all
+}
+
+/// Finds every bit of the answers unchanged in parts of these lengths; what is smoothed over the whole, under keys that end so,
+/// knows a part more and not all.
+pub fn same_bits_in_parts(experiment: &Experiment, recording: &Recording, lengths: &[usize]) {
+    let rig = rigs::of(experiment).unwrap();
+    let estimate = rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0);
+    let whole = &estimate.trajectories;
+    let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    for length in lengths {
+        let parts = in_parts(experiment, recording, *length);
+        let told: Vec<LockEvent> = whole.iter().flat_map(|t| t.lock.events.clone()).collect();
+        assert_eq!(parts.events.len(), told.len(), "{:?} {told:?}", parts.events);
+        assert_eq!(parts.remarks, estimate.remarks);
+        assert_eq!(parts.trajectories.len(), whole.len());
+        for (part, whole) in parts.trajectories.iter().zip(whole) {
+            assert_eq!(part.time_s, whole.time_s, "{} {length}", part.key);
+            assert_eq!(bits(&part.innovation), bits(&whole.innovation), "{} {length}", part.key);
+            for (a, b) in part.states.iter().zip(&whole.states) {
+                if !part.key.ends_with("_smoothed") {
+                    assert_eq!(bits(&a.mean), bits(&b.mean), "{} {} {length}", part.key, a.name);
+                    assert_eq!(bits(&a.sd), bits(&b.sd), "{} {} {length}", part.key, a.name);
+                    continue;
+                }
+                // More knowledge moves the mean by what it takes off the variance.
+                for (k, (mean, whole)) in a.mean.iter().zip(&b.mean).enumerate() {
+                    let (sd, least) = (a.sd[k], b.sd[k]);
+                    assert!(sd > 0.999 * least, "{} {k}: {sd} {least}", a.name);
+                    let moved = (sd * sd - least * least).max(0.0).sqrt();
+                    let by = mean - whole;
+                    // A phase is the same a turn further.
+                    let by = if a.name == "phase" { by.sin() } else { by };
+                    assert!(by.abs() < 6.0 * moved + 0.01 * least, "{} {length} {k}", a.name);
+                }
+            }
+        }
+    }
+}
+
+/// Gives bytes in pieces of whatever length.
+pub struct Pieces {
+    pub bytes: Vec<u8>,
+    pub at: usize,
+    chance: Pcg64,
+    longest: u64,
+}
+
+impl Pieces {
+    pub fn of(bytes: Vec<u8>, longest: u64) -> Self {
+        Self { bytes, at: 0, chance: Pcg64::new(1, 2), longest }
+    }
+}
+
+impl Read for Pieces {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let length = 1 + usize::try_from(self.chance.next_u64() % self.longest).unwrap();
+        let count = length.min(buffer.len()).min(self.bytes.len() - self.at);
+        buffer[..count].copy_from_slice(&self.bytes[self.at..self.at + count]);
+        self.at += count;
+        Ok(count)
+    }
+}
+
+/// Gives bytes slowly, and breaks at a place.
+pub struct Broken(pub Pieces, pub usize);
+
+impl Read for Broken {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.0.at >= self.1 {
+            return Err(io::Error::other("the cable was pulled"));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        self.0.read(buffer)
+    }
+}
+
+/// Memory that is read while somebody else holds it.
+#[derive(Clone, Default)]
+struct Shared(Rc<RefCell<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What a stream says.
+pub struct Streamed {
+    /// Each answer's lines: times, and means and standard deviations of the states.
+    pub answers: BTreeMap<String, Vec<Vec<f64>>>,
+    pub events: Vec<serde_json::Value>,
+    /// The last time until which nothing need be sent again, in s.
+    pub acknowledged_s: Option<f64>,
+    pub ended: Result<StreamSummary, StreamError>,
+}
+
+/// Estimates samples while they arrive.
+pub fn streamed(experiment: &Experiment, input: Box<dyn Read + Send>, state: Option<&Path>) -> Streamed {
+    let lines = Shared::default();
+    let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
+    let ended = stream(experiment, input, outputs, state, &|| false);
+    let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
+    let (mut answers, mut events, mut acknowledged_s) = (BTreeMap::<_, Vec<_>>::new(), Vec::new(), None);
+    for line in text.lines().filter(|line| !line.starts_with('#')) {
+        let (key, rest) = line.split_once(',').unwrap();
+        match key {
+            "event" => events.push(serde_json::from_str(rest).unwrap()),
+            "acknowledged" => acknowledged_s = Some(rest.parse().unwrap()),
+            _ => {
+                let numbers = rest.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
+                answers.entry(key.to_owned()).or_default().push(numbers);
+            }
+        }
+    }
+    Streamed { answers, events, acknowledged_s, ended }
+}
+
+/// Finds every bit of the estimate of a recording in a stream of its bytes; what the stream says besides.
+pub fn same_bits_in_a_stream(
+    experiment: &Experiment,
+    recording: &Recording,
+    (bytes, longest): (&[u8], u64),
+) -> (Vec<serde_json::Value>, StreamSummary) {
+    let rig = rigs::of(experiment).unwrap();
+    let whole = &rig.estimate(experiment, 0, recording, &Silent).unwrap()[0].trajectories;
+    let Streamed { answers, events, ended, .. } =
+        streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), longest)), None);
+    let summary = ended.unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(answers.len(), whole.len());
+    for trajectory in whole {
+        let lines = &answers[&trajectory.key];
+        assert_eq!(lines.len(), trajectory.time_s.len(), "{}", trajectory.key);
+        for (k, line) in lines.iter().enumerate() {
+            let told = std::iter::once(trajectory.time_s[k])
+                .chain(trajectory.states.iter().flat_map(|state| [state.mean[k], state.sd[k]]));
+            let same = |(a, b): (&f64, f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+            assert!(line.iter().zip(told).all(same), "{} {k}: {line:?}", trajectory.key);
+        }
+    }
+    (events, summary)
+}
+
+/// Kills a stream at a part of its bytes and lets another one go on: together they say what one says, to 10⁻⁶ of a standard
+/// deviation, and acknowledged nothing that another one would have to say again.
+pub fn goes_on_after_a_kill(experiment: &Experiment, bytes: &[u8], at: f64, acknowledged_after_s: f64) {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let whole = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), None).answers;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place among the bytes
+    let place = (at * bytes.len() as f64) as usize;
+    let broken = Broken(Pieces::of(bytes.to_vec(), 4000), place);
+    let first = streamed(experiment, Box::new(broken), Some(&state));
+    assert!(first.ended.unwrap_err().to_string().contains("the cable was pulled"));
+    let acknowledged_s = first.acknowledged_s.expect("nothing was acknowledged");
+    assert!(acknowledged_s > acknowledged_after_s, "{acknowledged_s}");
+    // The sender sends all of it again; what was acknowledged is passed over.
+    let second = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), Some(&state));
+    let passed_over = second.ended.unwrap_or_else(|e| panic!("{e}")).received.passed_over;
+    assert!(!whole.is_empty());
+    for (key, whole) in &whole {
+        let of = |lines: &[Vec<f64>]| -> BTreeMap<u64, Vec<f64>> {
+            lines.iter().map(|line| (line[0].to_bits(), line[1..].to_vec())).collect()
+        };
+        let [first, second] = [&first, &second].map(|run| of(&run.answers[key]));
+        for line in whole {
+            let time_s = line[0];
+            let (from, place) =
+                if time_s <= acknowledged_s { (&first, "before") } else { (&second, "after") };
+            let found =
+                from.get(&time_s.to_bits()).unwrap_or_else(|| panic!("{key}: nothing {place} {time_s}"));
+            for (found, told) in found.chunks(2).zip(line[1..].chunks(2)) {
+                let ([mean, sd], [told, told_sd]) = (found, told) else { panic!("{line:?}") };
+                assert!(mean.is_nan() == told.is_nan() && sd.is_nan() == told_sd.is_nan(), "{key} {time_s}");
+                let size = if told_sd.is_nan() { told.abs() } else { *told_sd };
+                assert!((mean - told).abs() <= 1e-6 * size || mean.is_nan(), "{key} {place}: {mean} {told}");
+                assert!(
+                    (sd / told_sd - 1.0).abs() < 1e-6 || told_sd.is_nan() || *told_sd == 0.0,
+                    "{key} {sd}"
+                );
+            }
+        }
+        assert!(second.keys().all(|time| f64::from_bits(*time) > acknowledged_s));
+        assert_eq!(passed_over + second.len() as u64, whole.len() as u64);
+    }
+}
