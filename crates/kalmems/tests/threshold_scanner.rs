@@ -1,5 +1,8 @@
 //! The threshold-sensing scanner against an independent estimator, closed forms, and recordings that are wrong.
 
+#[path = "threshold_scanner/live.rs"]
+mod live;
+mod parts;
 mod threshold;
 
 use kalmems::config::Experiment;

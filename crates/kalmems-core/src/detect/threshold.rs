@@ -80,7 +80,7 @@ impl<T: Scalar<Mask = bool>> Threshold<T> {
 
     /// Whether a peak is a detection, the one before having been at sample `last`.
     #[inline(always)]
-    pub(super) fn takes(&self, peak: &Peak<T>, last: Option<u64>) -> bool {
+    pub fn takes(&self, peak: &Peak<T>, last: Option<u64>) -> bool {
         let followed = last.is_some_and(|last| peak.index.saturating_sub(last) <= self.memory);
         peak.height.gt(if followed { self.keep } else { self.acquire })
     }

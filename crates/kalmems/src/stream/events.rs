@@ -1,6 +1,6 @@
 //! What happens in a trajectory that goes on.
 
-use crate::estimate::{LockEvent, Trajectory};
+use crate::estimate::{Crossing, LockEvent, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -19,6 +19,15 @@ pub enum Event {
         sd_s: f64,
         /// Whether it rises.
         rising: bool,
+    },
+    /// The signal shows that an angle was passed, whatever the filters say.
+    Crossing {
+        /// The angle in rad.
+        threshold_rad: f64,
+        /// When, in s.
+        time_s: f64,
+        /// The standard deviation of that, in s.
+        sd_s: f64,
     },
     /// The filter lost the motion, or changed the branch.
     Lock(LockEvent),
@@ -50,11 +59,19 @@ impl Event {
     pub fn time_s(&self) -> f64 {
         match self {
             Self::ZeroPhase { time_s, .. }
+            | Self::Crossing { time_s, .. }
             | Self::Alarm { time_s, .. }
             | Self::AlarmOver { time_s, .. }
             | Self::Stopped { time_s, .. } => *time_s,
             Self::Lock(event) => event.time_s(),
         }
+    }
+}
+
+impl From<&Crossing> for Event {
+    fn from(crossing: &Crossing) -> Self {
+        let Crossing { angle, time_s, sd_s } = *crossing;
+        Self::Crossing { threshold_rad: angle, time_s, sd_s }
     }
 }
 

@@ -20,7 +20,7 @@ pub use output::{Outputs, SYNC};
 pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream};
-use crate::estimate::{Around, EstimateError, Part, Past, Silent, Trajectory};
+use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, Silent, Trajectory};
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
@@ -38,7 +38,7 @@ const MOST: usize = 4096;
 /// For how many later samples one that is missing is waited for, where the experiment does not say it.
 const WAIT: u32 = 32;
 
-/// Samples that are kept to go on from.
+/// Samples that are kept to go on from, where the estimator does not need more before the new ones.
 const KEPT: usize = 8;
 
 /// Over how many samples the mean NIS is watched, where the experiment does not say it.
@@ -67,6 +67,12 @@ pub enum StreamError {
         /// Why.
         why: String,
     },
+    /// A filter is to be smoothed over the whole.
+    #[error(
+        "the filters are smoothed over whole recordings: record the samples and use `kalmems estimate`, or leave \
+         `smooth = true` out; `smooth_lag = \"100 us\"` smooths while they arrive"
+    )]
+    Smooths,
     /// The rig looks at whole recordings.
     #[error(
         "the filters of `{rig}` look at whole recordings; record the samples and use `kalmems estimate`, or leave out what \
@@ -115,9 +121,12 @@ pub fn stream(
     let mut estimator = rig.estimator(experiment, index, &Silent)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
-    // To smooth over the whole there must be an end.
-    if around == Around::WHOLE || around.smooths {
+    if around == Around::WHOLE {
         return Err(StreamError::NotLive { rig: rig.name() });
+    }
+    // To smooth over the whole there must be an end.
+    if around.smooths {
+        return Err(StreamError::Smooths);
     }
     let layout = rig.layout(experiment, index)?;
     let (arrivals, counts) = (Arrivals::default(), SharedCounts::default());
@@ -147,6 +156,7 @@ pub fn stream(
         events: 0,
         start_s: left.as_ref().map_or(f64::NAN, |_| estimator.past().start_s),
         keeper: state.map(|path| keeper(path, text, &layout)).transpose()?,
+        kept: around.before.max(KEPT),
         latency: Histogram::default(),
         arrivals,
     };
@@ -175,7 +185,7 @@ pub fn stream(
             continue;
         }
         let estimate = estimator.take(&part)?;
-        live.take(&estimate.trajectories, &part)?;
+        live.take(&estimate, &part)?;
         live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
         stretches.reuse(stretch);
         if stop() {
@@ -246,6 +256,8 @@ struct Live {
     events: u64,
     start_s: f64,
     keeper: Option<Keeper>,
+    /// How many samples the state keeps.
+    kept: usize,
     latency: Histogram,
     arrivals: Arrivals,
 }
@@ -259,9 +271,9 @@ impl Live {
         estimator: &mut dyn Estimator,
     ) -> Result<(), StreamError> {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let end = part.fresh.end;
+        let (end, kept) = (part.fresh.end, self.kept);
         let last = || {
-            let rows = end.saturating_sub(KEPT)..end;
+            let rows = end.saturating_sub(kept)..end;
             let columns = part.recording.columns();
             let sample = |k: usize| {
                 let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
@@ -275,17 +287,21 @@ impl Live {
         Ok(())
     }
 
-    fn take(&mut self, trajectories: &[Trajectory], part: &Part) -> Result<(), StreamError> {
+    fn take(&mut self, estimate: &SegmentEstimate, part: &Part) -> Result<(), StreamError> {
+        let trajectories = &estimate.trajectories;
         if part.begins {
             self.start_s = part.segment.time.start_s();
         }
         let from_s = self.start_s + self.skip_s;
         self.writer.estimates(trajectories)?;
+        let crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
+        self.events += crossings.len() as u64;
+        self.writer.events(None, &crossings)?;
         self.watches.resize_with(trajectories.len(), || Watch::new(self.over));
         for (trajectory, watch) in trajectories.iter().zip(&mut self.watches) {
             let events = watch.look(trajectory, self.rig.angles(), from_s);
             self.events += events.len() as u64;
-            self.writer.events(&trajectory.key, &events)?;
+            self.writer.events(Some(&trajectory.key), &events)?;
         }
         self.writer.flush()?;
         let before = self.again + self.estimated;

@@ -100,12 +100,12 @@ impl Writer {
         writeln!(lines, "# event,what happened, as JSON")
     }
 
-    /// Writes what happened in an answer: a line `event,{…}`.
-    pub(super) fn events(&mut self, key: &str, events: &[Event]) -> io::Result<()> {
+    /// Writes what happened, in an answer where it is one's: a line `event,{…}`.
+    pub(super) fn events(&mut self, key: Option<&str>, events: &[Event]) -> io::Result<()> {
         let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
         for event in events {
             let mut value = serde_json::to_value(event)?;
-            if let Some(object) = value.as_object_mut() {
+            if let (Some(key), Some(object)) = (key, value.as_object_mut()) {
                 object.insert("estimator".to_owned(), key.into());
             }
             writeln!(lines, "event,{value}")?;

@@ -1,0 +1,259 @@
+//! The recorded drive, between its samples and where samples are missing.
+
+use crate::estimate::Samples;
+use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near};
+use kalmems_core::Nodes;
+use std::cell::OnceCell;
+use std::ops::Range;
+
+/// The drive over the rows of a part of a segment.
+#[derive(Clone, Debug)]
+pub struct Drive<'a> {
+    time_s: &'a [f64],
+    volts: &'a [f64],
+    /// The sine that it follows, where it follows one: over all that is there, or over the first part.
+    sine: Option<Sine>,
+    /// The sine that its first rows follow.
+    first_sine: Option<Sine>,
+    /// The sines that stand in for rows without a drive, each from a row on.
+    stand_ins: Vec<(usize, Sine)>,
+    unknown: Option<(f64, usize)>,
+}
+
+/// Rows that a sine is fitted to which stands in for missing ones: a missing drive comes from what the block of rows before
+/// its own block follows, so that it is the same whether the later rows are known or not. In the first block it comes from
+/// that block.
+pub const BLOCK: usize = 4096;
+
+/// What is kept of the drive of a segment from one part to the next.
+#[derive(Clone, Debug, Default)]
+pub struct DrivePast {
+    sine: Option<Sine>,
+    first_sine: Option<Sine>,
+    /// Rows of the segment before the new ones of the next part.
+    rows: usize,
+    /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
+    last: Block,
+    present: Block,
+    fitted: OnceCell<Option<Sine>>,
+    /// The sines that stand in, by the rows of the segment from which on.
+    stand_ins: Vec<(usize, Sine)>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Block {
+    time_s: Vec<f64>,
+    volts: Vec<f64>,
+}
+
+impl Block {
+    /// The sine near one that came before.
+    fn sine_like(&self, before: Option<&Sine>) -> Option<Sine> {
+        fit_sine_near(&self.time_s, &self.volts, before?.frequency_hz).filter(Sine::is_steady)
+    }
+}
+
+impl DrivePast {
+    /// Of a segment that goes on from where another run left it, when its drive followed this sine.
+    pub(crate) fn resumed(sine: Option<Sine>) -> Self {
+        let fitted = OnceCell::from(sine);
+        Self { sine, first_sine: sine, rows: BLOCK, fitted, ..Self::default() }
+    }
+
+    /// The sine that the drive was last known to follow.
+    pub(crate) fn known(&self) -> Option<Sine> {
+        self.fitted.get().copied().flatten().or(self.sine)
+    }
+
+    /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
+    fn take(&mut self, time_s: &[f64], volts: &[f64], rows: &Range<usize>, interval_s: f64) {
+        let mut from = rows.start;
+        while from < rows.end {
+            let end = rows.end.min(from + BLOCK - self.present.time_s.len());
+            self.stand_in_for(time_s, volts, from..end, interval_s);
+            self.present.time_s.extend_from_slice(&time_s[from..end]);
+            self.present.volts.extend_from_slice(&volts[from..end]);
+            self.rows += end - from;
+            if self.present.time_s.len() == BLOCK {
+                self.last = std::mem::take(&mut self.present);
+                self.fitted = OnceCell::new();
+            }
+            from = end;
+        }
+        // The row behind the new ones is looked at as well: the drive before it is interpolated through it.
+        self.stand_in_for(time_s, volts, from..(from + 1).min(time_s.len()), interval_s);
+    }
+
+    /// Finds the sine for rows of the present block, where it is needed.
+    fn stand_in_for(&mut self, time_s: &[f64], volts: &[f64], mut rows: Range<usize>, interval_s: f64) {
+        if !rows.any(|k| missing(time_s, volts, k, interval_s) > 0) {
+            return;
+        }
+        let begins = self.rows - self.present.time_s.len();
+        let sine = if begins == 0 {
+            self.first_sine
+        } else {
+            let before = self.stand_ins.last().map(|(_, sine)| sine).or(self.first_sine.as_ref());
+            *self.fitted.get_or_init(|| self.last.sine_like(before))
+        };
+        // Where a block follows no sine, what the blocks before it followed stands in.
+        if let Some(sine) = sine {
+            self.stand_ins.push((begins, sine));
+        }
+    }
+}
+
+/// Rows without a drive at row `k` or, by the times, before it.
+fn missing(time_s: &[f64], volts: &[f64], k: usize, interval_s: f64) -> usize {
+    let interval = if k > 0 { time_s[k] - time_s[k - 1] } else { interval_s };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
+    let left_out = (interval / interval_s - 0.5) as usize;
+    usize::from(!volts[k].is_finite()) + left_out
+}
+
+impl<'a> Drive<'a> {
+    /// Takes all the samples of a segment and looks for a steady sine in them.
+    pub fn new(time_s: &'a [f64], volts: &'a [f64], interval_s: f64) -> Self {
+        Self::of(time_s, volts, &Samples::whole(time_s.len(), interval_s), &mut DrivePast::default())
+    }
+
+    /// Takes the samples of a part of a segment; those that are new go on where the past left off.
+    pub fn of(time_s: &'a [f64], volts: &'a [f64], samples: &Samples, past: &mut DrivePast) -> Self {
+        let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
+        let before = past.rows;
+        if before == 0 {
+            let fit = |rows: Range<usize>| {
+                fit_sine(&time_s[rows.clone()], &volts[rows], interval_s).filter(Sine::is_steady)
+            };
+            let end = fresh.end.min(fresh.start + BLOCK);
+            past.first_sine = fit(fresh.start..end);
+            past.sine = if end == fresh.end { past.first_sine } else { fit(fresh.clone()) };
+        }
+        // What no later part asks for is forgotten; that of the block before the first row may still be.
+        let (first, oldest) =
+            (before.saturating_sub(fresh.start), before.saturating_sub(fresh.start + BLOCK));
+        let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
+        past.stand_ins.drain(..unused);
+        past.take(time_s, volts, fresh, interval_s);
+        // What is given in advance is as the next parts will find it.
+        let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
+        let mut ahead = past.stand_ins.clone();
+        if (fresh.end + 1..time_s.len()).any(|k| missing(&k) > 0) {
+            let mut later = past.clone();
+            later.take(time_s, volts, &(fresh.end..time_s.len()), interval_s);
+            ahead = later.stand_ins;
+        }
+        let mut stand_ins: Vec<(usize, Sine)> = Vec::new();
+        for (row, sine) in &ahead {
+            let row = row.saturating_sub(first);
+            stand_ins.pop_if(|(before, _)| *before == row);
+            stand_ins.push((row, *sine));
+        }
+        let mut drive =
+            Self { time_s, volts, sine: past.sine, first_sine: past.first_sine, stand_ins, unknown: None };
+        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
+        if let Some(first) = unknown.next() {
+            let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
+            drive.unknown = Some((time_s[first], count));
+        }
+        drive
+    }
+
+    /// Its samples in V.
+    pub fn volts(&self) -> &'a [f64] {
+        self.volts
+    }
+
+    /// The sine that the drive follows, where it follows one.
+    pub fn sine(&self) -> Option<&Sine> {
+        self.sine.as_ref()
+    }
+
+    /// The sine that its first rows follow, as many as [`BLOCK`]: what a start may know.
+    pub fn first_sine(&self) -> Option<&Sine> {
+        self.first_sine.as_ref()
+    }
+
+    /// The sine that stands in for the drive at row `k`, or on the way to it, where that is missing.
+    pub fn stand_in(&self, k: usize) -> Option<&Sine> {
+        let next = self.stand_ins.partition_point(|(row, _)| *row <= k);
+        self.stand_ins.get(next.checked_sub(1)?).map(|(_, sine)| sine)
+    }
+
+    /// The sample at `k`, or what stands in for it where it is missing; whether it was missing.
+    pub fn sample(&self, k: usize) -> (f64, bool) {
+        let v = self.volts[k];
+        if v.is_finite() {
+            return (v, false);
+        }
+        match self.stand_in(k) {
+            Some(sine) => (sine.at(self.time_s[k]), true),
+            None => (v, false),
+        }
+    }
+
+    /// Where nothing tells what the drive was at new rows: the time of the first such row and how many there are, gaps in
+    /// the time included. `None` where the drive is known throughout, if only by a sine.
+    pub fn unknown(&self) -> Option<(f64, usize)> {
+        self.unknown
+    }
+
+    /// The drive at the ends and in the middle of the interval that ends at sample `to`.
+    ///
+    /// In the middle it is a cubic through the four samples around it; a drive that is held between samples costs
+    /// far more than the integrator does (see [`Nodes`]).
+    pub fn nodes(&self, to: usize) -> Nodes<f64> {
+        let start = self.sample(to - 1).0;
+        let end = self.sample(to).0;
+        let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
+        Nodes { start, middle: cubic_between(self.time_s, |k| self.sample(k).0, to, middle), end }
+    }
+
+    /// The drive from its sine, for a sub-step of an interval in which samples are missing.
+    pub fn nodes_from_sine(sine: &Sine, from_s: f64, to_s: f64) -> Nodes<f64> {
+        Nodes { start: sine.at(from_s), middle: sine.at(from_s.midpoint(to_s)), end: sine.at(to_s) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    fn volts(t: f64) -> f64 {
+        90.0 + 90.0 * (TAU * 31_350.0 * t - 0.4).sin()
+    }
+
+    #[test]
+    fn the_middle_is_cubic_even_at_the_ends_and_with_jitter() {
+        let time: Vec<f64> =
+            (0..3000).map(|i| f64::from(i) * 1e-6 + 2e-7 * f64::from(i * 7919 % 11) / 11.0).collect();
+        let v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
+        let drive = Drive::new(&time, &v, 1e-6);
+        for to in 1..time.len() {
+            let middle = time[to - 1].midpoint(time[to]);
+            // The fourth derivative over 4! times the products of distances: 5 mV inside, 15 at the ends.
+            let edge = to == 1 || to == time.len() - 1;
+            let bound = if edge { 0.015 } else { 0.005 };
+            assert!((drive.nodes(to).middle - volts(middle)).abs() < bound, "{to}");
+        }
+    }
+
+    #[test]
+    fn what_is_missing_comes_from_the_sine_and_is_told() {
+        let time: Vec<f64> = (0..3000).map(|i| f64::from(i) * 1e-6).collect();
+        let mut v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
+        v[1000..1040].fill(f64::NAN);
+        let drive = Drive::new(&time, &v, 1e-6);
+        let (value, missing) = drive.sample(1020);
+        assert!(missing && (value - volts(time[1020])).abs() < 1e-4);
+        assert!(!drive.sample(999).1);
+        // Without a sine there is nothing to take it from.
+        let sweep: Vec<f64> = time.iter().map(|t| (TAU * (3e4 + 1e7 * t) * t).sin()).collect();
+        let mut sweep = sweep;
+        sweep[5] = f64::NAN;
+        let drive = Drive::new(&time, &sweep, 1e-6);
+        assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
+        assert_eq!(drive.unknown(), Some((time[5], 1)));
+    }
+}

@@ -1,0 +1,257 @@
+//! Why a recording cannot be estimated.
+
+use crate::config::ConfigError;
+use crate::recording::ReadError;
+
+/// What keeps an estimate from being made.
+#[derive(Debug, thiserror::Error)]
+pub enum EstimateError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A column is not in the recording.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// There is not enough of a segment.
+    #[error(
+        "{place}: {found_s} s of samples; expected more than the settling time of {skip_s} s (`estimate.skip`) and \
+         ten cycles of the motion; shorten it or record for longer"
+    )]
+    TooShort {
+        /// The recording and its segment.
+        place: String,
+        /// How long the segment is.
+        found_s: f64,
+        /// The settling time.
+        skip_s: f64,
+    },
+    /// A long recording would have to be held for longer than a part before the filters can begin.
+    #[error(
+        "`{place}`: the filters need the first {needed} samples together, for the settling time (`estimate.skip`) or the \
+         drive's sine, and of a long recording {held} are held; shorten the settling time or record at a lower rate"
+    )]
+    LongStart {
+        /// The file.
+        place: String,
+        /// Samples that are needed.
+        needed: usize,
+        /// Samples that are held.
+        held: usize,
+    },
+    /// A filter cannot go on from the state that it was left in.
+    #[error("a filter cannot go on from the state that was kept of it: {why}; begin anew without it")]
+    Resumed {
+        /// Why.
+        why: String,
+    },
+    /// The signal holds no finite sample.
+    #[error("{place}: the signal `{column}` has no finite sample; there is nothing to estimate from")]
+    NoSignal {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+    },
+    /// The drive is missing in places, and does not follow a sine that would say what it was there.
+    #[error(
+        "{place}: the drive `{column}` is not known at {count} samples, the first at {first_s} s, and it is not a \
+         steady sine that would tell; split the recording there with a segment column"
+    )]
+    DriveUnknown {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Samples without a drive, those that a gap leaves out included.
+        count: usize,
+        /// The time of the first.
+        first_s: f64,
+    },
+    /// A filter needs the phase of the drive, and there is none.
+    #[error(
+        "{place}: `{filter}` needs the phase of the drive, which is not a steady sine here; give the filter a start \
+         of values, or leave a lock-in out"
+    )]
+    NoSteadyDrive {
+        /// The recording and its segment.
+        place: String,
+        /// The filter.
+        filter: String,
+    },
+    /// The states of a filter do not make a model.
+    #[error("the filter `{filter}`: {why}; correct its table `[estimate.filter.states]`")]
+    Model {
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: kalmems_core::augmentation::AugmentationError,
+    },
+    /// A gain that does not change cannot be computed for this device.
+    #[error("the filter `{filter}` has no gain: {why}; change its noise or its bandwidth, or use `ekf`")]
+    NoGain {
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: String,
+    },
+    /// The feedback that was recorded is not the one that moved the mass.
+    #[error(
+        "{place}: the signal follows from the feedback `{column}` only with {found} (log-likelihood higher by {gain:.0}); \
+         correct the column, or its wiring: a value must be what is applied from its sample to the next, with the \
+         sign that pushes away from the first plate"
+    )]
+    FeedbackMismatch {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// What would be right.
+        found: &'static str,
+        /// By how much.
+        gain: f64,
+    },
+    /// The signal does not tell where the motion starts.
+    #[error("{place}: `{filter}` cannot start from the signal: {why}; give it a start of values")]
+    NoStart {
+        /// The recording and its segment.
+        place: String,
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: String,
+    },
+    /// A device with two axes needs a drive for each.
+    #[error(
+        "{place}: the drive is not an offset and two steady sines, which would say where in the signal the axes are; \
+         record it with both, or split the recording with a segment column"
+    )]
+    NotTwoSines {
+        /// The recording and its segment.
+        place: String,
+    },
+    /// There is no such detector of crossings.
+    #[error("{place}: {why}; correct the table `[estimate.crossings]`")]
+    Detector {
+        /// The recording and its segment.
+        place: String,
+        /// Why.
+        why: kalmems_core::detect::DetectError,
+    },
+    /// The signal passes no threshold more often than noise does.
+    #[error(
+        "{place}: the signal `{column}` holds no crossing of the threshold: {count} were found, and noise alone would be \
+         taken for {by_noise:.1}; its steepest rise is {largest:.1} standard deviations. Is the device moving, and is the \
+         signal that of its comb?"
+    )]
+    NoCrossing {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Crossings that were found.
+        count: usize,
+        /// Those that noise alone would be taken for.
+        by_noise: f64,
+        /// The largest response, in standard deviations of that to noise.
+        largest: f64,
+    },
+    /// The signal falls where it should rise.
+    #[error(
+        "{place}: the signal `{column}` has the opposite sign of the device's comb: its steepest flanks are {falling:.1} \
+         standard deviations down and {rising:.1} up; write the `gain` of the comb with the other sign, or swap the leads"
+    )]
+    SignReversed {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// The largest response against the sign, in standard deviations of that to noise.
+        falling: f64,
+        /// The largest response with the sign.
+        rising: f64,
+    },
+    /// The signal left the range of its instrument.
+    #[error(
+        "{place}: the signal `{column}` is clipped in {count} samples; what it was there is not known, and it would \
+         be taken for the motion: widen the range of the converter, or leave those samples empty"
+    )]
+    Clipped {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// How many samples.
+        count: usize,
+    },
+    /// The mass lay on a plate.
+    #[error(
+        "{place}: the mass was pulled in to a plate at {time_s} s: the signal `{column}` is {volts:.3} V there, and so in \
+         {count} samples, where a mass at its stops gives ±{stopped_v:.3} V; it measures nothing from there on: shorten the \
+         recording, or lower acceleration, carrier or bias"
+    )]
+    PulledIn {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// When first.
+        time_s: f64,
+        /// What was read there.
+        volts: f64,
+        /// What is read of a mass at its stops.
+        stopped_v: f64,
+        /// In how many samples.
+        count: usize,
+    },
+    /// There are too few samples per cycle to follow the motion.
+    #[error(
+        "{place}: sampled at {rate_hz:.1} Hz, which is not above twice the {motion_hz:.1} Hz of the motion: its frequency would be \
+         taken for {alias_hz:.1} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
+    )]
+    SampledTooSlowly {
+        /// The recording and its segment.
+        place: String,
+        /// The sampling rate.
+        rate_hz: f64,
+        /// The frequency of the motion.
+        motion_hz: f64,
+        /// What it would be taken for.
+        alias_hz: f64,
+        /// How far the motion goes.
+        error_m: f64,
+    },
+    /// A trigger that tells no frequency.
+    #[error("{place}: the trigger `{column}` {why}; correct the column, or leave it out of `channels`")]
+    Trigger {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// Why.
+        why: String,
+    },
+    /// A recording that the estimate needs beside the one it is of cannot be used.
+    #[error("{place}: {why}")]
+    Unfit {
+        /// The recording and its segment.
+        place: String,
+        /// What was found, what was expected, and what to do.
+        why: String,
+    },
+    /// Fewer rows are there around the new ones than the filters need.
+    #[error(
+        "{place}: {held} samples are there beside the new ones where {needed} are needed: they come faster than was said; \
+         correct `rate` in the table `[stream]`"
+    )]
+    FewAround {
+        /// The recording and its segment.
+        place: String,
+        /// How many there are.
+        held: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+    /// Stopped from outside.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}

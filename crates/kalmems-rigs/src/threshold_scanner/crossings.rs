@@ -1,0 +1,103 @@
+//! When the signal passes the threshold.
+
+use super::search::{Rows, Search, Sought};
+use super::settings::DetectorSettings;
+use crate::config::Timing;
+use kalmems_core::detect::DetectError;
+
+/// A crossing of the threshold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// At the sample of the steepest slope.
+    pub sample: Instant,
+    /// At the vertex of the parabola through that and its neighbours.
+    pub parabola: Instant,
+    /// At the zero of the smoothed signal, where it has one there.
+    pub zero: Option<Instant>,
+    /// The sample of the steepest slope, counted from the first of the segment.
+    pub index: usize,
+    /// The sample at which a detector that runs with the signal knows of it, likewise.
+    pub known_at: usize,
+}
+
+/// One reading of when a crossing was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// When, in s.
+    pub time_s: f64,
+    /// The standard deviation of that, in s.
+    pub sd_s: f64,
+    /// The variance of the angle then, in rad²: that of the time, by the square of the rate.
+    pub angle_variance: f64,
+    /// How fast the signal rises, in V/s.
+    pub volts_per_s: f64,
+}
+
+impl Crossing {
+    /// When it was; `None` where the signal passes its offset nowhere near.
+    pub fn at(&self, timing: Timing) -> Option<Instant> {
+        match timing {
+            Timing::Sample => Some(self.sample),
+            Timing::Parabola => Some(self.parabola),
+            Timing::ZeroCrossing => self.zero,
+        }
+    }
+
+    /// When it was, as well as is known.
+    pub fn best(&self) -> Instant {
+        self.zero.unwrap_or(self.parabola)
+    }
+}
+
+/// The numbers of a crossing.
+pub const NUMBERS: usize = 14;
+
+impl Crossing {
+    /// It in numbers, for another run.
+    pub fn numbers(&self) -> [f64; NUMBERS] {
+        let nowhere = Instant { time_s: f64::NAN, ..self.sample };
+        let mut numbers = [self.index as f64; NUMBERS];
+        numbers[1] = self.known_at as f64;
+        let instants = [self.sample, self.parabola, self.zero.unwrap_or(nowhere)];
+        for (place, instant) in numbers[2..].chunks_exact_mut(4).zip(instants) {
+            let Instant { time_s, sd_s, angle_variance, volts_per_s } = instant;
+            place.copy_from_slice(&[time_s, sd_s, angle_variance, volts_per_s]);
+        }
+        numbers
+    }
+
+    /// That of these numbers.
+    pub fn of_numbers(numbers: &[f64; NUMBERS]) -> Self {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts of rows
+        let [index, known_at] = [numbers[0] as usize, numbers[1] as usize];
+        let instant = |from: usize| Instant {
+            time_s: numbers[from],
+            sd_s: numbers[from + 1],
+            angle_variance: numbers[from + 2],
+            volts_per_s: numbers[from + 3],
+        };
+        let zero = Some(instant(10)).filter(|zero| zero.time_s.is_finite());
+        Self { sample: instant(2), parabola: instant(6), zero, index, known_at }
+    }
+}
+
+/// The crossings of a whole signal.
+pub fn find(rows: Rows, sought: Sought, settings: &DetectorSettings) -> Result<Vec<Crossing>, DetectError> {
+    Ok(Search::new(sought, settings)?.take(&rows, true))
+}
+
+#[cfg(test)]
+impl Crossing {
+    /// The same at another sample, of those that are so far apart.
+    pub fn moved_to(&self, sample: usize, interval_s: f64) -> Self {
+        let by_s = sample as f64 * interval_s - self.sample.time_s;
+        let moved = |instant: Instant| Instant { time_s: instant.time_s + by_s, ..instant };
+        Self {
+            sample: moved(self.sample),
+            parabola: moved(self.parabola),
+            zero: self.zero.map(moved),
+            index: sample,
+            known_at: self.known_at - self.index + sample,
+        }
+    }
+}

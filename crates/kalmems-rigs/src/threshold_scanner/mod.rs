@@ -1,0 +1,318 @@
+//! The threshold-sensing scanner: a comb senses how fast a mirror turns, and most sharply when it passes the comb.
+//!
+//! Chen et al., Improved Extended Kalman Filter Estimation using Threshold Signal Detection with a MEMS Electrostatic
+//! Microscanner, 2019, and chapter 4 of Chen's dissertation, 2018. The current of a biased comb gives a voltage h(θ)·θ̇ whose sign changes at one angle, which stays where it is while gain
+//! and resonance drift. Filters take the signal sample by sample, and the times at which that angle is passed.
+
+mod course;
+mod crossings;
+mod export;
+mod filters;
+mod hardware;
+pub mod identification;
+mod kept;
+mod kernel;
+mod plant;
+mod reproduction;
+mod search;
+mod segment;
+mod settings;
+mod simulation;
+mod verdict;
+
+use super::{Estimator, Rig};
+use crate::config::{ConfigError, Device, Experiment, Key, Role};
+use crate::estimate::driven::{BLOCK, DrivenSegment};
+use crate::estimate::{
+    self, Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment,
+};
+use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
+use crate::export::{ExportError, Filter};
+use crate::identify::{Identification, IdentifyError};
+use crate::outlook::{Outlook, Topic};
+use crate::recording::{Finding, Layout};
+use crate::reproduce::Program;
+use crate::simulate::{SimulateError, Simulation};
+use crate::units::kind;
+use crossings::Instant;
+use hardware::Hardware;
+use kept::{Kept, Needed};
+use segment::Samples;
+use settings::Settings;
+use simulation::ThresholdSimulation;
+
+/// The rig.
+pub struct ThresholdScannerRig;
+
+/// The channels that an estimate needs.
+const MEANINGS: [&str; 2] = ["drive", "signal"];
+
+/// A channel that a recording may hold beside them: what a position detector shows.
+const POSITION: &str = "position";
+
+impl Rig for ThresholdScannerRig {
+    fn name(&self) -> &'static str {
+        "threshold_scanner"
+    }
+
+    fn takes(&self, device: &Device) -> bool {
+        matches!(device, Device::ThresholdScanner(_))
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState, Role::RingDown])?;
+        for index in &wanted {
+            columns(experiment, *index)?;
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+    }
+
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let columns = columns(experiment, index)?;
+        Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), refused: None, progress }))
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook(experiment)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        Ok(Box::new(ThresholdSimulation::of(experiment)?))
+    }
+
+    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
+        let motion_hz = estimate.motion.frequency_hz;
+        let extent = Extent { from_s: estimate.from_s(), motion_hz, drive: estimate.drive.as_ref() };
+        let time = &estimate.segment.time;
+        let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
+        let one = |trajectory| {
+            let reference = references.first()?;
+            let mut errors = evaluate_motion(trajectory, reference, extent)?;
+            if estimate.parts > 1 {
+                errors.parts = errors.error.parts(time.start_s(), end_s, estimate.parts);
+            }
+            errors.reference_lag = ReferenceLag::of(trajectory, reference, extent.from_s, motion_hz);
+            Some(errors)
+        };
+        estimate.trajectories.iter().map(one).collect()
+    }
+
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment, progress)
+    }
+
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+        let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
+        Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
+    }
+
+    fn reproduction(&self) -> Option<&'static Program> {
+        Some(&reproduction::PROGRAM)
+    }
+}
+
+/// Estimates recordings of the scanner.
+struct ThresholdEstimator<'a> {
+    settings: Settings,
+    /// Those of drive and signal.
+    columns: [&'a str; 2],
+    past: Past,
+    /// Why the recording is no good, where only its end has shown it.
+    refused: Option<EstimateError>,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for ThresholdEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let settings = &self.settings;
+        let start_s = settings.skip_s + STARTING_CYCLES / settings.hardware.natural_hz();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let head = ((start_s / interval_s).ceil() as usize).max(BLOCK);
+        let Needed { before, after } = Needed::by(settings, interval_s).with_a_margin();
+        let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head, before, after, smooths }
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_after_settling(CYCLES / natural_hz)?;
+        let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
+        verdict::require_unclipped(part.recording.diagnosis(), place, Some(&part.segment.label))?;
+        let data = DrivenSegment::of(&segment, drive_column, past)?;
+        let drive_slope = slope(&data, &settings.hardware);
+        let mut kept = kept(settings, &segment, past)?;
+        let first = kept.first(&segment);
+        require_around(settings, &segment, first)?;
+        let found = kept.look(&segment, &data, &without_drive(settings, &data, &drive_slope));
+        if let Some((_, tally)) = found {
+            match (segment.begins, segment.ends) {
+                (true, true) => verdict::require_crossings(tally, place)?,
+                (true, false) => verdict::require_first_sign(tally, place)?,
+                (false, true) if self.refused.is_none() => {
+                    self.refused = verdict::require_crossings(tally, place).err();
+                }
+                _ => {}
+            }
+        }
+        let motion = data.motion(natural_hz);
+        let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
+        let samples = Samples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
+        let trajectories = segment::estimate(settings, samples, past, self.progress)?;
+        let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+        let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
+        let (angle, new) = (settings.judged_angle(), found.map_or(0, |(count, _)| count));
+        estimate.crossings = crossings[crossings.len().saturating_sub(new)..]
+            .iter()
+            .map(|crossing| {
+                let Instant { time_s, sd_s, .. } = crossing.best();
+                estimate::Crossing { angle, time_s, sd_s }
+            })
+            .collect();
+        if is_whole {
+            estimate.parts = settings.parts;
+        } else if settings.parts > 1 {
+            estimate.remarks.push(PARTS_OF_WHAT.to_owned());
+        }
+        kept.pass(&segment);
+        past.numbers = kept.numbers();
+        past.rig.put(Box::new(kept));
+        Ok(estimate)
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        verdict::require_unclipped(diagnosis, (place, self.columns[1]), None)?;
+        self.refused.take().map_or(Ok(()), Err)
+    }
+}
+
+/// Cycles of the motion that have to follow the settling time.
+const CYCLES: f64 = 10.0;
+
+/// Those after it in which a signal with its sign reversed is told.
+const STARTING_CYCLES: f64 = 4.0;
+
+/// Said of a long recording.
+const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`, are not given of a recording that is taken in \
+                             parts: its duration is not known before its end.";
+
+/// What is kept of the segment until now.
+fn kept(settings: &Settings, segment: &SignalSegment, past: &mut Past) -> Result<Kept, EstimateError> {
+    if let Some(kept) = past.rig.take::<Kept>() {
+        return Ok(*kept);
+    }
+    let begun = Kept::begun(settings, segment.interval_s)
+        .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
+    Ok(begun.resumed(&past.numbers, segment.fresh.start))
+}
+
+/// Refuses rows that come faster than those that were asked for around the new ones reach.
+fn require_around(settings: &Settings, segment: &SignalSegment, first: usize) -> Result<(), EstimateError> {
+    let Needed { before, after } = Needed::by(settings, segment.interval_s);
+    let held_after = segment.time_s.len() - segment.fresh.end;
+    let found = [(segment.fresh.start, before, first > 0), (held_after, after, !segment.ends)];
+    match found.into_iter().find(|(held, needed, more)| *more && held < needed) {
+        Some((held, needed, _)) => {
+            Err(EstimateError::FewAround { place: segment.place.clone(), held, needed })
+        }
+        None => Ok(()),
+    }
+}
+
+/// A drive that bends by more than this many standard deviations of the signal within a sample has no known slope there.
+const BEND: f64 = 3.0;
+
+/// dV/dt at each sample by central differences, in V/s. Where the drive bends so sharply, as where its power is cut off,
+/// that what it adds to the signal is not known to its noise, it is not a number.
+fn slope(data: &DrivenSegment, hardware: &Hardware) -> Vec<f64> {
+    let last = data.time_s.len().saturating_sub(1);
+    let volts = |k: usize| data.drive.sample(k).0;
+    let between = |a: usize, b: usize| (volts(b) - volts(a)) / (data.time_s[b] - data.time_s[a]);
+    let largest = BEND * hardware.noise_variance.sqrt();
+    (0..data.time_s.len())
+        .map(|k| {
+            let (before, after) = (k.saturating_sub(1), (k + 1).min(last));
+            if before < k && k < after {
+                let bend = between(k, after) - between(before, k);
+                if (bend * hardware.feedback_resistance * hardware.feedthrough).abs() > largest {
+                    return f64::NAN;
+                }
+            }
+            between(before, after)
+        })
+        .collect()
+}
+
+/// The signal without what the drive adds to it, in V.
+fn without_drive(settings: &Settings, data: &DrivenSegment, drive_slope: &[f64]) -> Vec<f64> {
+    let per_slope = settings.hardware.feedback_resistance * settings.hardware.feedthrough;
+    data.signal.iter().zip(drive_slope).map(|(y, slope)| y + per_slope * slope).collect()
+}
+
+fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
+    let channels = &experiment.recording(index)?.channels;
+    let key = Key::from("recording").index(index).child("channels");
+    if channels.column(POSITION).is_some() {
+        let [drive, signal, _] = experiment.columns(key, channels, [MEANINGS[0], MEANINGS[1], POSITION])?;
+        return Ok([drive, signal]);
+    }
+    experiment.columns(key, channels, MEANINGS)
+}
+
+fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+    let hardware = Hardware::of(experiment)?;
+    let resonator = &hardware.mirror.resonator;
+    let decay_s = 1.0 / (resonator.damping_ratio * resonator.natural_rate);
+    let (hz, steepest) = (hardware.natural_hz(), hardware.readout.comb.steepest());
+    let noise = hardware.noise_variance.sqrt();
+    let flank = |amplitude: f64| steepest * (amplitude * resonator.natural_rate).powi(2);
+    let device = Topic::new("Device").with(
+        "natural_hz",
+        [hz],
+        format!(
+            "The mirror swings at {hz:.2} Hz; without a drive it loses a factor e in {:.2} ms.",
+            1e3 * decay_s
+        ),
+    );
+    let signal = [0.15_f64, 0.05, 0.02].into_iter().fold(Topic::new("What the signal tells"), |topic, amplitude| {
+        let rise = flank(amplitude);
+        topic.with(
+            "flank_v_per_s",
+            [amplitude, rise],
+            format!(
+                "At an amplitude of {amplitude} rad the signal rises by {rise:.3e} V/s where the threshold is passed: \
+                 noise of one sample, {noise:.3e} V, is {:.2} us there.",
+                1e6 * noise / rise.abs()
+            ),
+        )
+    });
+    Ok(Outlook {
+        experiment: experiment.name.to_string(),
+        device: "threshold_scanner",
+        topics: vec![device, signal],
+        response: None,
+        start: None,
+        information: Vec::new(),
+        frequencies: Vec::new(),
+    })
+}

@@ -1,0 +1,139 @@
+//! What the rig takes from an experiment file, in SI.
+
+use super::filters::FilterSettings;
+use super::hardware::Hardware;
+use super::kernel::Extent;
+use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Quantity, Sign, Values};
+use crate::units::kind;
+
+/// Device, detector and filter settings.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The device.
+    pub hardware: Hardware,
+    /// How long a filter has to settle before it is scored, in s.
+    pub skip_s: f64,
+    /// In how many parts a record is judged beside the whole.
+    pub parts: u32,
+    /// How crossings are found, where the file says so.
+    pub crossings: Option<DetectorSettings>,
+    /// The filters, in the order of the file.
+    pub filters: Vec<FilterSettings>,
+}
+
+/// How crossings are found.
+#[derive(Clone, Copy, Debug)]
+pub struct DetectorSettings {
+    /// The standard deviation of the Gaussian in s.
+    pub width_s: f64,
+    /// The least distance between crossings in s.
+    pub separation_s: f64,
+    /// Which responses count.
+    pub acceptance: Acceptance,
+}
+
+impl DetectorSettings {
+    /// What suits a mirror of this resonance: in parts of its cycle as the published detector at 625 Hz.
+    pub fn usual(hardware: &Hardware) -> Self {
+        let cycle_s = 1.0 / hardware.natural_hz();
+        Self { width_s: 0.02 * cycle_s, separation_s: 0.2 * cycle_s, acceptance: Acceptance::Deviations(4.0) }
+    }
+}
+
+impl DetectorSettings {
+    /// How many samples of this interval in s it needs around a crossing.
+    pub fn extent(&self, interval_s: f64) -> Extent {
+        Extent::of(self.width_s / interval_s, self.separation_s / interval_s)
+    }
+}
+
+/// Which responses of the detector count.
+#[derive(Clone, Copy, Debug)]
+pub enum Acceptance {
+    /// From so many standard deviations of the response to noise on.
+    Deviations(f64),
+    /// As many as give this rate of false alarms.
+    FalseAlarms {
+        /// Per second of noise without motion.
+        per_s: f64,
+        /// The standard deviations that are enough while crossings follow each other.
+        keep: Option<f64>,
+    },
+}
+
+impl Settings {
+    /// Reads and checks what the rig needs.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let hardware = Hardware::of(experiment)?;
+        let Some(estimate) = &experiment.estimate else {
+            let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
+            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+        };
+        for (name, given) in
+            [("first_peak", estimate.first_peak.is_some()), ("first_peak_y", estimate.first_peak_y.is_some())]
+        {
+            if given {
+                let why = "the signal of this device says itself which way it moves; leave it out".to_owned();
+                return Err(experiment.error(Key::from("estimate").child(name), Fault::Value { why }));
+            }
+        }
+        let crossings = estimate.crossings.as_ref().map(|crossings| DetectorSettings {
+            width_s: crossings.width.si(),
+            separation_s: crossings.separation.si(),
+            acceptance: match (crossings.threshold, &crossings.false_alarms) {
+                (Some(deviations), _) => Acceptance::Deviations(deviations),
+                // The file was refused where it states neither.
+                (None, rate) => Acceptance::FalseAlarms {
+                    per_s: rate.as_ref().map_or(1.0, Quantity::si),
+                    keep: crossings.keep,
+                },
+            },
+        });
+        let filters =
+            (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
+        let filters = filters.collect::<Result<Vec<_>, _>>()?;
+        if crossings.is_none() && filters.iter().any(|filter| filter.threshold.is_some()) {
+            let remedy = "a filter uses the crossings of the threshold; write `[estimate.crossings]` with `width = \
+                          \"30 us\"`, `separation = \"300 us\"` and `threshold = 4`";
+            return Err(
+                experiment.error("estimate.crossings", Fault::MissingKey { remedy: remedy.to_owned() })
+            );
+        }
+        Ok(Self {
+            hardware,
+            skip_s: estimate.skip.si(),
+            parts: estimate.parts.unwrap_or(1),
+            crossings,
+            filters,
+        })
+    }
+}
+
+impl Settings {
+    /// How crossings are looked for. Where the file asks for none they are looked for all the same, to see that the signal is
+    /// the comb's, as soon as a filter relies on it.
+    pub fn detector(&self) -> Option<DetectorSettings> {
+        let relied_on = self.filters.iter().any(|filter| filter.basics.method != Method::Model);
+        self.crossings.or_else(|| relied_on.then(|| DetectorSettings::usual(&self.hardware)))
+    }
+
+    /// The angle in rad by which every filter is judged at a crossing: the first that one is told, or the comb's.
+    pub fn judged_angle(&self) -> f64 {
+        let told = self.filters.iter().find_map(|filter| filter.threshold.map(|threshold| threshold.angle));
+        told.unwrap_or(self.hardware.readout.comb.centre)
+    }
+}
+
+/// The states of the motion, as tables of values name them.
+pub const fn states(sign: Sign) -> [Entry; 2] {
+    [Entry::new("angle", &kind::ANGLE, sign), Entry::new("rate", &kind::ANGULAR_RATE, sign)]
+}
+
+/// A state to start from.
+pub fn state_at(
+    experiment: &Experiment,
+    key: impl Into<Key>,
+    values: &Values,
+) -> Result<[f64; 2], ConfigError> {
+    experiment.values(key, values, states(Sign::Any))
+}

@@ -1,0 +1,55 @@
+//! Whether a signal is that of the comb.
+
+use super::search::Tally;
+use crate::estimate::EstimateError;
+use crate::recording::{Finding, FindingKind};
+
+/// A response, in standard deviations of that to noise, that noise does not reach in a year.
+const LOUD: f64 = 8.0;
+
+/// How many times as steep as its rises a signal must fall to be taken for reversed.
+const SIGN_RATIO: f64 = 1.5;
+
+/// Refuses a segment of which all is known where its signal is reversed or holds no crossing.
+pub fn require_crossings(tally: Tally, (place, column): (&str, &str)) -> Result<(), EstimateError> {
+    require_sign(tally, tally.threshold, (place, column))?;
+    let Tally { count, rising, by_noise, .. } = tally;
+    // As many as noise alone has, within four standard deviations of that, and none that noise could not be.
+    let is_few = count as f64 <= by_noise + 4.0 * by_noise.sqrt() + 1.0;
+    if count == 0 || (is_few && rising < LOUD) {
+        let (place, column) = (place.to_owned(), column.to_owned());
+        return Err(EstimateError::NoCrossing { place, column, count, by_noise, largest: rising });
+    }
+    Ok(())
+}
+
+/// Refuses a segment that goes on where its beginning shows beyond doubt that the signal is reversed. That it moves may come.
+pub fn require_first_sign(tally: Tally, place: (&str, &str)) -> Result<(), EstimateError> {
+    require_sign(tally, tally.threshold.max(LOUD), place)
+}
+
+fn require_sign(tally: Tally, least: f64, (place, column): (&str, &str)) -> Result<(), EstimateError> {
+    let Tally { rising, falling, .. } = tally;
+    if falling > SIGN_RATIO * rising && falling > least {
+        let (place, column) = (place.to_owned(), column.to_owned());
+        return Err(EstimateError::SignReversed { place, column, falling, rising });
+    }
+    Ok(())
+}
+
+/// Refuses a recording whose signal is clipped, in the segment with this label where one is given: the flanks that tell of a
+/// crossing are the first to go.
+pub fn require_unclipped(
+    diagnosis: &[Finding],
+    (place, column): (&str, &str),
+    label: Option<&str>,
+) -> Result<(), EstimateError> {
+    let clipped = diagnosis.iter().find(|finding| {
+        finding.kind == FindingKind::Saturation
+            && finding.column.as_deref() == Some(column)
+            && (label.is_none() || finding.segment.is_none() || finding.segment.as_deref() == label)
+    });
+    let Some(finding) = clipped else { return Ok(()) };
+    let (place, column) = (place.to_owned(), column.to_owned());
+    Err(EstimateError::Clipped { place, column, count: finding.count })
+}

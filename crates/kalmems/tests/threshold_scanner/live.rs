@@ -1,0 +1,307 @@
+//! Recordings in parts, and samples that are estimated while they arrive.
+
+use super::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
+use super::parts::{Pieces, in_parts};
+use super::threshold::text;
+use kalmems::config::Experiment;
+use kalmems::estimate::{Crossing, Silent};
+use kalmems::recording::Recording;
+use kalmems::rigs;
+use kalmems::stream::{Outputs, stream};
+use kalmems::workflow::{PartsError, estimate_in_parts};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+fn example(file: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner").join(file)
+}
+
+const START: &str = "start = { angle = \"-0.102 rad\", rate = \"413 rad/s\" }\n\
+                     start_sd = { angle = \"5 mrad\", rate = \"20 rad/s\" }\n";
+
+fn filter(name: &str, lines: &str) -> String {
+    format!("[[estimate.filter]]\nname = \"{name}\"\nmethod = \"ekf\"\n{START}{lines}\n")
+}
+
+/// The example with an estimate of every sample, these changes, and these filters in place of its own, if there are any.
+fn experiment(folder: &Path, changes: &[(&str, &str)], filters: &str) -> Experiment {
+    let mut text = std::fs::read_to_string(example("stream.toml")).unwrap();
+    if !filters.is_empty() {
+        let end = text.find("[[estimate.filter]]").unwrap();
+        text.truncate(end);
+        text += filters;
+    }
+    for (from, to) in [("every = 10", "every = 1")].iter().chain(changes) {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn read(experiment: &Experiment, folder: &Path) -> Recording {
+    let layout = rigs::of(experiment).unwrap().layout(experiment, 0).unwrap();
+    Recording::read(&folder.join("recording.csv"), &layout).unwrap()
+}
+
+fn whole_crossings(experiment: &Experiment, recording: &Recording) -> Vec<Crossing> {
+    let rig = rigs::of(experiment).unwrap();
+    rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0).crossings
+}
+
+/// Filters that are told of crossings as soon as they are known, later, sooner, in place and not at all.
+fn told_otherwise() -> String {
+    let resonance = "states = { natural_frequency = { start_sd = \"1 %\" } }\n";
+    [
+        filter("late", &format!("threshold = {{ gate = 4 }}\n{resonance}smooth = true\nsmooth_lag = \"150 us\"")),
+        filter("later", "threshold = { gate = 4, lag = \"1.9 ms\" }"),
+        filter("sooner", "threshold = { timing = \"parabola\", lag = \"100 us\" }"),
+        filter(
+            "in place",
+            "variant = \"literal\"\nthreshold = { timing = \"sample\", applied = \"in_place\", angle_sd = \"2 mrad\" }",
+        ),
+        filter("timing", &format!("variant = \"timing_only\"\nthreshold = {{ applied = \"in_place\" }}\n{resonance}")),
+        filter("alone", ""),
+        "[[estimate.filter]]\nname = \"model\"\nmethod = \"model\"\nstart = { angle = \"-0.102 rad\", rate = \"413 rad/s\" }\n"
+            .to_owned(),
+    ]
+    .concat()
+}
+
+#[test]
+fn a_decay_in_parts_gives_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    // The example with rows that are not there and signals that are not.
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let mut rows: Vec<String> = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        match i {
+            7_000..7_030 | 9_999 => rows.push(format!("{},{},,", cells[0], cells[1])),
+            _ => rows.push(line.to_owned()),
+        }
+    }
+    std::fs::write(folder.path().join("recording.csv"), rows.join("\n")).unwrap();
+    for acceptance in ["threshold = 4", "false_alarms = \"10 Hz\"\nkeep = 2"] {
+        let experiment = experiment(folder.path(), &[("threshold = 4", acceptance)], &told_otherwise());
+        let recording = read(&experiment, folder.path());
+        same_bits_in_parts(&experiment, &recording, &[301, 1_000, 4_097]);
+        let whole = whole_crossings(&experiment, &recording);
+        // Twice in a cycle of 1.6 ms, 24 ms long.
+        assert!((28..=31).contains(&whole.len()), "{}", whole.len());
+        for length in [1, 4_097] {
+            assert_eq!(in_parts(&experiment, &recording, length).crossings, whole);
+        }
+    }
+}
+
+/// A driven mirror's recording: rows of time, drive and signal, and times and angles that are true.
+fn driven(duration: &str, seed: u32) -> (Vec<[f64; 3]>, Vec<[f64; 2]>) {
+    let simulated = text("0.2 pF")
+        .replace("seed = 1", &format!("seed = {seed}"))
+        .replace("\"-0.105 rad\", rate = \"420 rad/s\"", "\"1 mrad\", rate = \"0 rad/s\"")
+        .replace("duration = \"80 ms\"", &format!("duration = \"{duration}\""))
+        + "\n[simulate.drive.capture]\nvoltage = \"60 V\"\nfrom = \"1400 Hz\"\nto = \"1266 Hz\"\nsweep = \"1 s\"\n\
+           hold = \"0.1 s\"\n";
+    let experiment = Experiment::parse(&simulated, Path::new("driven.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let (mut rows, mut truth) = (Vec::new(), Vec::new());
+    simulation
+        .run(&mut |sample| {
+            rows.push([sample.time_s, sample.recorded[0], sample.recorded[1]]);
+            truth.push([sample.time_s, sample.truth[0]]);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    (rows, truth)
+}
+
+/// The device under its drive, whose feedthrough is told 5 % wrong.
+const DRIVEN: [(&str, &str); 6] = [
+    ("feedthrough_capacitance = \"0 F\"", "feedthrough_capacitance = \"0.21 pF\""),
+    ("[[recording]]", "[device.threshold_scanner.drive]\ngain = \"60 rad/s^2/V^2\"\n[[recording]]"),
+    ("natural_frequency = \"629.6 Hz\"", "natural_frequency = \"624.6 Hz\""),
+    ("role = \"ring_down\"", "role = \"steady_state\""),
+    ("columns = [\"time_s\", \"drive_V\", \"cap_V\", \"psd_V\"]", "columns = [\"time_s\", \"drive_V\", \"cap_V\"]"),
+    (START, "start = { angle = \"0.09 rad\", rate = \"490 rad/s\" }\nstart_sd = { angle = \"50 mrad\", rate = \"200 rad/s\" }\n"),
+];
+
+const FEEDTHROUGH: &str = "states = { feedthrough = { start_sd = \"10 %\" } }\n";
+
+fn csv(rows: impl Iterator<Item = String>) -> String {
+    rows.fold("time_s,drive_V,cap_V\n".to_owned(), |text, row| text + &row + "\n")
+}
+
+#[test]
+fn a_driven_motion_in_parts_gives_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = driven("40 ms", 1);
+    // Rows that are not there, and drives that are not: those beside where a part of 4096 or 5000 rows ends, too.
+    let text = csv(rows.iter().enumerate().filter_map(|(i, [time_s, drive, signal])| match i {
+        6_000..6_040 | 12_288..12_290 => None,
+        4_090..4_110 | 5_200..5_203 | 8_000 | 9_090..9_120 | 16_500 => Some(format!("{time_s},,{signal}")),
+        _ => Some(format!("{time_s},{drive},{signal}")),
+    }));
+    std::fs::write(folder.path().join("recording.csv"), text).unwrap();
+    let filters = filter("late", &format!("threshold = {{ gate = 4 }}\n{FEEDTHROUGH}smooth_lag = \"150 us\""))
+        + &filter("in place", &format!("threshold = {{ applied = \"in_place\", gate = 4 }}\n{FEEDTHROUGH}"));
+    let experiment = experiment(folder.path(), &DRIVEN, &filters);
+    let recording = read(&experiment, folder.path());
+    same_bits_in_parts(&experiment, &recording, &[700, 4_096, 5_000]);
+    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+    let counts = whole[0].trajectories[0].counts;
+    assert!(counts.drive_from_sine > 50 && counts.bridged > 40 && counts.crossings > 40, "{counts:?}");
+}
+
+#[test]
+fn a_stream_says_what_an_estimate_says_and_tells_the_crossings() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let folder = example("");
+    for (filters, longest) in [(String::new(), 60), (told_otherwise().replace("smooth = true\n", ""), 30_000)] {
+        let experiment = experiment(&folder, &[], &filters);
+        let recording = read(&experiment, &folder);
+        let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
+        assert_eq!(summary.estimated, 12_001);
+        let told: Vec<(f64, f64)> = (events.iter())
+            .filter(|event| event["event"] == "crossing")
+            .map(|event| {
+                assert!(event["threshold_rad"] == 3.7e-3 && event.get("estimator").is_none());
+                (event["time_s"].as_f64().unwrap(), event["sd_s"].as_f64().unwrap())
+            })
+            .collect();
+        let whole: Vec<(f64, f64)> =
+            whole_crossings(&experiment, &recording).iter().map(|c| (c.time_s, c.sd_s)).collect();
+        assert!(told == whole && told.len() >= 28, "{told:?} {whole:?}");
+        let zeros = |key: &str| {
+            let of = |e: &&serde_json::Value| e["event"] == "zero_phase" && e["estimator"] == key;
+            events.iter().filter(of).count()
+        };
+        // 19 ms after the settling time are 23.7 half cycles.
+        let key = if filters.is_empty() { "hybrid" } else { "late" };
+        assert!((23..=24).contains(&zeros(key)), "{}", zeros(key));
+    }
+}
+
+/// The crossings that a stream tells are when the simulated mirror passed the threshold, as well as they say.
+#[test]
+fn the_crossings_of_a_stream_are_those_of_the_mirror() {
+    let (rows, truth) = driven("80 ms", 3);
+    let text = csv(rows.iter().map(|[time_s, drive, signal]| format!("{time_s},{drive},{signal}")));
+    let right = [("0.21 pF", "0.2 pF")];
+    let changes: Vec<(&str, &str)> = DRIVEN.into_iter().chain(right).collect();
+    let experiment = experiment(Path::new("."), &changes, &filter("late", "threshold = { gate = 4 }"));
+    let Streamed { events, ended, .. } = streamed(&experiment, Box::new(Pieces::of(text.into_bytes(), 900)), None);
+    ended.unwrap();
+    let passes: Vec<f64> = (truth.windows(2))
+        .filter(|pair| (pair[0][1] < 3.7e-3) != (pair[1][1] < 3.7e-3))
+        .map(|pair| {
+            let share = (3.7e-3 - pair[0][1]) / (pair[1][1] - pair[0][1]);
+            pair[0][0] + share * (pair[1][0] - pair[0][0])
+        })
+        .collect();
+    let off: Vec<f64> = (events.iter())
+        .filter(|event| event["event"] == "crossing")
+        .map(|event| {
+            let [time_s, sd_s] = ["time_s", "sd_s"].map(|name| event[name].as_f64().unwrap());
+            let nearest = passes.iter().map(|pass| time_s - pass).min_by(|a, b| a.abs().total_cmp(&b.abs()));
+            nearest.unwrap() / sd_s
+        })
+        .collect();
+    // All but those at the ends.
+    assert!((passes.len() - 3..=passes.len()).contains(&off.len()), "{} {}", off.len(), passes.len());
+    let rms = (off.iter().map(|z| z * z).sum::<f64>() / off.len() as f64).sqrt();
+    println!("{} crossings, off by {rms:.2} of their standard deviation", off.len());
+    assert!((0.8..1.25).contains(&rms) && off.iter().all(|z| z.abs() < 4.5), "{rms} {off:?}");
+}
+
+#[test]
+fn a_stream_that_was_killed_goes_on_with_its_crossings() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    for filters in [String::new(), told_otherwise().replace("smooth = true\n", "")] {
+        let experiment = experiment(&example(""), &[], &filters);
+        let [whole, first, second] = goes_on_after_a_kill(&experiment, &bytes, 0.7, 9e-3);
+        let times = |events: &[serde_json::Value]| -> Vec<f64> {
+            let crossings = events.iter().filter(|event| event["event"] == "crossing");
+            crossings.map(|event| event["time_s"].as_f64().unwrap()).collect()
+        };
+        let [whole, first, second] = [&whole, &first, &second].map(|events| times(events));
+        assert!(whole.len() >= 28 && first.len() < whole.len() && second.len() < whole.len());
+        // None is lost, and none is made up.
+        let same = |a: &f64, b: &f64| (a - b).abs() < 1e-12;
+        for crossing in &whole {
+            assert!(first.iter().chain(&second).any(|other| same(crossing, other)), "{crossing}");
+        }
+        for crossing in first.iter().chain(&second) {
+            assert!(whole.iter().any(|other| same(crossing, other)), "{crossing}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_streamed_is_refused_by_name() {
+    let folder = example("");
+    let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
+        let (experiment, input) = (experiment(&folder, changes, ""), Box::new(Pieces::of(bytes.to_vec(), 1000)));
+        let error = stream(&experiment, input, Outputs::default(), None, &|| false).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    said(
+        &[("smooth_lag = \"100 us\"", "smooth = true")],
+        &[],
+        &["`smooth = true`", "smooth_lag", "kalmems estimate"],
+    );
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    said(&[("\"2.82 mV s/rad\"", "\"-2.82 mV s/rad\"")], &bytes, &["opposite sign", "swap the leads"]);
+    // Half as many samples around the new ones as there should be.
+    said(&[("rate = \"500 kHz\"", "rate = \"200 kHz\"")], &bytes, &["faster", "`rate`", "[stream]"]);
+}
+
+/// A recording of several parts in bounded memory is that in memory; one that is no good is named at its end.
+#[test]
+fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = driven("280 ms", 2);
+    let line = |[time_s, drive, signal]: &[f64; 3]| format!("{time_s},{drive},{signal}");
+    let filters = filter("late", &format!("threshold = {{ gate = 4, lag = \"1 ms\" }}\n{FEEDTHROUGH}"))
+        + &filter("in place", &format!("threshold = {{ applied = \"in_place\", gate = 4 }}\n{FEEDTHROUGH}"));
+    let experiment = experiment(folder.path(), &DRIVEN, &filters);
+    let path = folder.path().join("recording.csv");
+    let outcome = |rows: &mut dyn Iterator<Item = String>| {
+        std::fs::write(&path, csv(rows)).unwrap();
+        let mut parts = Vec::new();
+        let whole = estimate_in_parts(&experiment, &Silent, &mut |part| {
+            parts.push(part.outcome.segments[0].estimate.clone());
+            Ok::<(), ()>(())
+        });
+        match whole {
+            Ok(_) => Ok(parts),
+            Err(PartsError::Work(why)) => Err(why.to_string()),
+            Err(PartsError::Taken(())) => unreachable!(),
+        }
+    };
+    let parts = outcome(&mut rows.iter().map(line)).unwrap();
+    assert_eq!(parts.len(), 3);
+    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &read(&experiment, folder.path()), &Silent);
+    let whole = &whole.unwrap()[0];
+    let bits = |values: &mut dyn Iterator<Item = &f64>| values.map(|v| v.to_bits()).collect::<Vec<u64>>();
+    for (i, trajectory) in whole.trajectories.iter().enumerate() {
+        for (j, state) in trajectory.states.iter().enumerate() {
+            let states = || parts.iter().map(|part| &part.trajectories[i].states[j]);
+            assert!(bits(&mut states().flat_map(|s| &s.mean)) == bits(&mut state.mean.iter()), "{}", state.name);
+            assert!(bits(&mut states().flat_map(|s| &s.sd)) == bits(&mut state.sd.iter()), "{}", state.name);
+        }
+    }
+    let crossings: Vec<Crossing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
+    assert!(crossings == whole.crossings && crossings.len() > 300);
+
+    // Clipped somewhere.
+    let clipped = outcome(&mut rows.iter().map(|[t, drive, y]| line(&[*t, *drive, y.clamp(-0.7, 0.7)])));
+    assert!(clipped.unwrap_err().contains("is clipped in"));
+    // Without motion: the part of the drive alone, and noise.
+    let noise = rows.iter().zip(rows[1..].iter().zip(&rows[500..])).map(|(a, (b, c))| {
+        let still = 10e6 * 0.2e-12 * (b[1] - a[1]) / 2e-6;
+        let white = ((c[2] * 1e5).rem_euclid(1.0) - 0.5) * 12_f64.sqrt() * 0.0435;
+        line(&[a[0], a[1], white - still])
+    });
+    let still = outcome(&mut noise.take(100_000));
+    assert!(still.unwrap_err().contains("holds no crossing of the threshold"));
+}
