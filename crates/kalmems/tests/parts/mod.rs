@@ -220,12 +220,12 @@ pub fn goes_on_after_a_kill(experiment: &Experiment, bytes: &[u8], at: f64, ackn
     let place = (at * bytes.len() as f64) as usize;
     let broken = Broken(Pieces::of(bytes.to_vec(), 4000), place);
     let first = streamed(experiment, Box::new(broken), Some(&state));
-    assert!(first.ended.unwrap_err().to_string().contains("the cable was pulled"));
+    assert!(first.ended.as_ref().unwrap_err().to_string().contains("the cable was pulled"));
     let acknowledged_s = first.acknowledged_s.expect("nothing was acknowledged");
     assert!(acknowledged_s > acknowledged_after_s, "{acknowledged_s}");
     // The sender sends all of it again; what was acknowledged is passed over.
     let second = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), Some(&state));
-    let passed_over = second.ended.unwrap_or_else(|e| panic!("{e}")).received.passed_over;
+    let passed_over = second.ended.as_ref().unwrap_or_else(|e| panic!("{e}")).received.passed_over;
     assert!(!whole.is_empty());
     for (key, whole) in &whole {
         let of = |lines: &[Vec<f64>]| -> BTreeMap<u64, Vec<f64>> {

@@ -1,7 +1,7 @@
 //! Recordings in parts, and samples that are estimated while they arrive.
 
-use super::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
 use super::parts::{Pieces, in_parts};
+use super::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
 use super::threshold::text;
 use kalmems::config::Experiment;
 use kalmems::estimate::{Crossing, Silent};
@@ -102,7 +102,8 @@ fn driven(duration: &str, seed: u32) -> (Vec<[f64; 3]>, Vec<[f64; 2]>) {
         .replace("duration = \"80 ms\"", &format!("duration = \"{duration}\""))
         + "\n[simulate.drive.capture]\nvoltage = \"60 V\"\nfrom = \"1400 Hz\"\nto = \"1266 Hz\"\nsweep = \"1 s\"\n\
            hold = \"0.1 s\"\n";
-    let experiment = Experiment::parse(&simulated, Path::new("driven.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let experiment =
+        Experiment::parse(&simulated, Path::new("driven.toml")).unwrap_or_else(|e| panic!("{e}"));
     let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
     let (mut rows, mut truth) = (Vec::new(), Vec::new());
     simulation
@@ -121,8 +122,14 @@ const DRIVEN: [(&str, &str); 6] = [
     ("[[recording]]", "[device.threshold_scanner.drive]\ngain = \"60 rad/s^2/V^2\"\n[[recording]]"),
     ("natural_frequency = \"629.6 Hz\"", "natural_frequency = \"624.6 Hz\""),
     ("role = \"ring_down\"", "role = \"steady_state\""),
-    ("columns = [\"time_s\", \"drive_V\", \"cap_V\", \"psd_V\"]", "columns = [\"time_s\", \"drive_V\", \"cap_V\"]"),
-    (START, "start = { angle = \"0.09 rad\", rate = \"490 rad/s\" }\nstart_sd = { angle = \"50 mrad\", rate = \"200 rad/s\" }\n"),
+    (
+        "columns = [\"time_s\", \"drive_V\", \"cap_V\", \"psd_V\"]",
+        "columns = [\"time_s\", \"drive_V\", \"cap_V\"]",
+    ),
+    (
+        START,
+        "start = { angle = \"0.09 rad\", rate = \"490 rad/s\" }\nstart_sd = { angle = \"50 mrad\", rate = \"200 rad/s\" }\n",
+    ),
 ];
 
 const FEEDTHROUGH: &str = "states = { feedthrough = { start_sd = \"10 %\" } }\n";
@@ -142,8 +149,12 @@ fn a_driven_motion_in_parts_gives_the_same_bits() {
         _ => Some(format!("{time_s},{drive},{signal}")),
     }));
     std::fs::write(folder.path().join("recording.csv"), text).unwrap();
-    let filters = filter("late", &format!("threshold = {{ gate = 4 }}\n{FEEDTHROUGH}smooth_lag = \"150 us\""))
-        + &filter("in place", &format!("threshold = {{ applied = \"in_place\", gate = 4 }}\n{FEEDTHROUGH}"));
+    let filters =
+        filter("late", &format!("threshold = {{ gate = 4 }}\n{FEEDTHROUGH}smooth_lag = \"150 us\""))
+            + &filter(
+                "in place",
+                &format!("threshold = {{ applied = \"in_place\", gate = 4 }}\n{FEEDTHROUGH}"),
+            );
     let experiment = experiment(folder.path(), &DRIVEN, &filters);
     let recording = read(&experiment, folder.path());
     same_bits_in_parts(&experiment, &recording, &[700, 4_096, 5_000]);
@@ -156,7 +167,8 @@ fn a_driven_motion_in_parts_gives_the_same_bits() {
 fn a_stream_says_what_an_estimate_says_and_tells_the_crossings() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let folder = example("");
-    for (filters, longest) in [(String::new(), 60), (told_otherwise().replace("smooth = true\n", ""), 30_000)] {
+    for (filters, longest) in [(String::new(), 60), (told_otherwise().replace("smooth = true\n", ""), 30_000)]
+    {
         let experiment = experiment(&folder, &[], &filters);
         let recording = read(&experiment, &folder);
         let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
@@ -189,7 +201,8 @@ fn the_crossings_of_a_stream_are_those_of_the_mirror() {
     let right = [("0.21 pF", "0.2 pF")];
     let changes: Vec<(&str, &str)> = DRIVEN.into_iter().chain(right).collect();
     let experiment = experiment(Path::new("."), &changes, &filter("late", "threshold = { gate = 4 }"));
-    let Streamed { events, ended, .. } = streamed(&experiment, Box::new(Pieces::of(text.into_bytes(), 900)), None);
+    let Streamed { events, ended, .. } =
+        streamed(&experiment, Box::new(Pieces::of(text.into_bytes(), 900)), None);
     ended.unwrap();
     let passes: Vec<f64> = (truth.windows(2))
         .filter(|pair| (pair[0][1] < 3.7e-3) != (pair[1][1] < 3.7e-3))
@@ -240,7 +253,8 @@ fn a_stream_that_was_killed_goes_on_with_its_crossings() {
 fn what_cannot_be_streamed_is_refused_by_name() {
     let folder = example("");
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
-        let (experiment, input) = (experiment(&folder, changes, ""), Box::new(Pieces::of(bytes.to_vec(), 1000)));
+        let (experiment, input) =
+            (experiment(&folder, changes, ""), Box::new(Pieces::of(bytes.to_vec(), 1000)));
         let error = stream(&experiment, input, Outputs::default(), None, &|| false).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
@@ -280,13 +294,18 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
     };
     let parts = outcome(&mut rows.iter().map(line)).unwrap();
     assert_eq!(parts.len(), 3);
-    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &read(&experiment, folder.path()), &Silent);
+    let whole =
+        rigs::of(&experiment).unwrap().estimate(&experiment, 0, &read(&experiment, folder.path()), &Silent);
     let whole = &whole.unwrap()[0];
     let bits = |values: &mut dyn Iterator<Item = &f64>| values.map(|v| v.to_bits()).collect::<Vec<u64>>();
     for (i, trajectory) in whole.trajectories.iter().enumerate() {
         for (j, state) in trajectory.states.iter().enumerate() {
             let states = || parts.iter().map(|part| &part.trajectories[i].states[j]);
-            assert!(bits(&mut states().flat_map(|s| &s.mean)) == bits(&mut state.mean.iter()), "{}", state.name);
+            assert!(
+                bits(&mut states().flat_map(|s| &s.mean)) == bits(&mut state.mean.iter()),
+                "{}",
+                state.name
+            );
             assert!(bits(&mut states().flat_map(|s| &s.sd)) == bits(&mut state.sd.iter()), "{}", state.name);
         }
     }
