@@ -4,8 +4,8 @@ use super::crossings::{self, Crossing};
 use super::search::{self, Rows, Search, Sought, Tally};
 use super::settings::Settings;
 use crate::config::Applied;
-use crate::estimate::SignalSegment;
 use crate::estimate::driven::DrivenSegment;
+use crate::estimate::{EstimateError, SignalSegment};
 use kalmems_core::detect::DetectError;
 
 /// Rows of a segment around the new ones that are needed.
@@ -56,11 +56,26 @@ pub struct Kept {
     pub crossings: Vec<Crossing>,
     /// Rows of the segment before the new ones of the present part.
     rows: usize,
+    /// The usual interval in s, as the beginning of the segment showed it: how many samples a search needs hangs on it.
+    interval_s: f64,
 }
 
 impl Kept {
-    /// At the beginning of a segment.
-    pub fn begun(settings: &Settings, interval_s: f64) -> Result<Self, DetectError> {
+    /// At the beginning of a segment, or where another run left it with these [`numbers`](Self::numbers), of a part with so many
+    /// rows before its new ones.
+    pub fn of(settings: &Settings, segment: &SignalSegment, numbers: &[f64]) -> Result<Self, DetectError> {
+        match numbers {
+            [rows, interval_s, rest @ ..] => {
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows
+                let rows = *rows as usize;
+                let begun = Self { rows, ..Self::begun(settings, *interval_s)? };
+                Ok(begun.resumed(rest, rows.saturating_sub(segment.fresh.start)))
+            }
+            _ => Self::begun(settings, segment.interval_s),
+        }
+    }
+
+    fn begun(settings: &Settings, interval_s: f64) -> Result<Self, DetectError> {
         let hardware = &settings.hardware;
         let sought = Sought {
             interval_s,
@@ -70,17 +85,13 @@ impl Kept {
             passes_hz: 2.0 * hardware.natural_hz(),
         };
         let search = settings.detector().map(|detector| Search::new(sought, &detector)).transpose()?;
-        Ok(Self { search, crossings: Vec::new(), rows: 0 })
+        Ok(Self { search, crossings: Vec::new(), rows: 0, interval_s })
     }
 
-    /// Where another run left it with these [`numbers`](Self::numbers), of a part with so many rows before its new ones.
-    pub fn resumed(mut self, numbers: &[f64], before: usize) -> Self {
-        let Some((rows, rest)) = numbers.split_first() else { return self };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows
-        let rows = *rows as usize;
-        self.rows = rows;
-        if let Some((search, rest)) = rest.split_first_chunk::<{ search::NUMBERS }>() {
-            self.search = self.search.map(|fresh| fresh.resumed(search, rows.saturating_sub(before)));
+    /// With what another run found, of rows of which `first` is the first one there is.
+    fn resumed(mut self, numbers: &[f64], first: usize) -> Self {
+        if let Some((search, rest)) = numbers.split_first_chunk::<{ search::NUMBERS }>() {
+            self.search = self.search.map(|fresh| fresh.resumed(search, first));
             let (crossings, _) = rest.as_chunks::<{ crossings::NUMBERS }>();
             self.crossings = crossings.iter().map(Crossing::of_numbers).collect();
         }
@@ -91,12 +102,26 @@ impl Kept {
     pub fn numbers(&self) -> Vec<f64> {
         let search = self.search.iter().flat_map(Search::numbers);
         let crossings = self.crossings.iter().flat_map(Crossing::numbers);
-        std::iter::once(self.rows as f64).chain(search).chain(crossings).collect()
+        [self.rows as f64, self.interval_s].into_iter().chain(search).chain(crossings).collect()
     }
 
     /// Which row of the segment the first one of a part is.
     pub fn first(&self, segment: &SignalSegment) -> usize {
         self.rows.saturating_sub(segment.fresh.start)
+    }
+
+    /// Refuses a part with fewer rows around the new ones than are needed.
+    pub fn require_around(&self, settings: &Settings, segment: &SignalSegment) -> Result<(), EstimateError> {
+        let Needed { before, after } = Needed::by(settings, self.interval_s);
+        let held_after = segment.time_s.len() - segment.fresh.end;
+        let found =
+            [(segment.fresh.start, before, self.first(segment) > 0), (held_after, after, !segment.ends)];
+        match found.into_iter().find(|(held, needed, more)| *more && held < needed) {
+            Some((held, needed, _)) => {
+                Err(EstimateError::FewAround { place: segment.place.clone(), held, needed })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Looks for crossings in the rows of a part, as far as the drive's slope is known in them, and keeps them; how many there

@@ -23,7 +23,7 @@ impl Extent {
         // positive, and beyond the signal is its end
         let reach = separation.round().clamp(1.0, f64::from(u32::MAX)) as usize;
         // 30 µs of 2 µs are 15 samples but for rounding, and must not get the next kernel.
-        let fits = |samples: f64| width <= samples * (1.0 + 1e-9);
+        let fits = |samples: f64| width <= samples * (1.0 + 1e-6);
         let (half, fit) = match () {
             () if fits(15.0) => (60, 90),
             () if fits(60.0) => (240, 360),

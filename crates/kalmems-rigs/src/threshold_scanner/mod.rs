@@ -163,7 +163,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
         let first = kept.first(&segment);
-        require_around(settings, &segment, first)?;
+        kept.require_around(settings, &segment)?;
         let found = kept.look(&segment, &data, &without_drive(settings, &data, &drive_slope));
         if let Some((_, tally)) = found {
             match (segment.begins, segment.ends) {
@@ -221,22 +221,8 @@ fn kept(settings: &Settings, segment: &SignalSegment, past: &mut Past) -> Result
     if let Some(kept) = past.rig.take::<Kept>() {
         return Ok(*kept);
     }
-    let begun = Kept::begun(settings, segment.interval_s)
-        .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
-    Ok(begun.resumed(&past.numbers, segment.fresh.start))
-}
-
-/// Refuses rows that come faster than those that were asked for around the new ones reach.
-fn require_around(settings: &Settings, segment: &SignalSegment, first: usize) -> Result<(), EstimateError> {
-    let Needed { before, after } = Needed::by(settings, segment.interval_s);
-    let held_after = segment.time_s.len() - segment.fresh.end;
-    let found = [(segment.fresh.start, before, first > 0), (held_after, after, !segment.ends)];
-    match found.into_iter().find(|(held, needed, more)| *more && held < needed) {
-        Some((held, needed, _)) => {
-            Err(EstimateError::FewAround { place: segment.place.clone(), held, needed })
-        }
-        None => Ok(()),
-    }
+    Kept::of(settings, segment, &past.numbers)
+        .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })
 }
 
 /// A drive that bends by more than this many standard deviations of the signal within a sample has no known slope there.

@@ -3,7 +3,7 @@
 #![allow(dead_code)] // each test uses its part
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{LockEvent, Part, Silent, Trajectory};
+use kalmems::estimate::{Crossing, LockEvent, Part, Silent, Trajectory};
 use kalmems::recording::Recording;
 use kalmems::rigs;
 use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
@@ -19,6 +19,7 @@ use std::rc::Rc;
 pub struct InParts {
     pub trajectories: Vec<Trajectory>,
     pub events: Vec<LockEvent>,
+    pub crossings: Vec<Crossing>,
     pub remarks: Vec<String>,
 }
 
@@ -29,7 +30,8 @@ pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -
     let segment = &recording.segments()[0];
     let around = estimator.around(segment.time.interval_s().unwrap());
     let rows = segment.time.len();
-    let mut all = InParts { trajectories: Vec::new(), events: Vec::new(), remarks: Vec::new() };
+    let mut all =
+        InParts { trajectories: Vec::new(), events: Vec::new(), crossings: Vec::new(), remarks: Vec::new() };
     let (mut from, mut before) = (0, 0);
     while from < rows {
         let end = if from == 0 { around.head.max(length) } else { from + length }.min(rows);
@@ -45,6 +47,7 @@ pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -
         };
         let estimate = estimator.take(&part).unwrap();
         all.remarks.extend(estimate.remarks);
+        all.crossings.extend(estimate.crossings);
         for (i, trajectory) in estimate.trajectories.into_iter().enumerate() {
             all.events.extend(&trajectory.lock.events);
             match all.trajectories.get_mut(i) {
@@ -76,6 +79,7 @@ pub fn same_bits_in_parts(experiment: &Experiment, recording: &Recording, length
         let parts = in_parts(experiment, recording, *length);
         let told: Vec<LockEvent> = whole.iter().flat_map(|t| t.lock.events.clone()).collect();
         assert_eq!(parts.events.len(), told.len(), "{:?} {told:?}", parts.events);
+        assert_eq!(parts.crossings, estimate.crossings);
         assert_eq!(parts.remarks, estimate.remarks);
         assert_eq!(parts.trajectories.len(), whole.len());
         for (part, whole) in parts.trajectories.iter().zip(whole) {
@@ -211,11 +215,17 @@ pub fn same_bits_in_a_stream(
 }
 
 /// Kills a stream at a part of its bytes and lets another one go on: together they say what one says, to 10⁻⁶ of a standard
-/// deviation, and acknowledged nothing that another one would have to say again.
-pub fn goes_on_after_a_kill(experiment: &Experiment, bytes: &[u8], at: f64, acknowledged_after_s: f64) {
+/// deviation, and acknowledged nothing that another one would have to say again. The events of the one, and of the two.
+pub fn goes_on_after_a_kill(
+    experiment: &Experiment,
+    bytes: &[u8],
+    at: f64,
+    acknowledged_after_s: f64,
+) -> [Vec<serde_json::Value>; 3] {
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
-    let whole = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), None).answers;
+    let uncut = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), None);
+    let whole = uncut.answers;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place among the bytes
     let place = (at * bytes.len() as f64) as usize;
     let broken = Broken(Pieces::of(bytes.to_vec(), 4000), place);
@@ -252,4 +262,5 @@ pub fn goes_on_after_a_kill(experiment: &Experiment, bytes: &[u8], at: f64, ackn
         assert!(second.keys().all(|time| f64::from_bits(*time) > acknowledged_s));
         assert_eq!(passed_over + second.len() as u64, whole.len() as u64);
     }
+    [uncut.events, first.events, second.events]
 }
