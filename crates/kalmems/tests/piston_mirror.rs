@@ -620,7 +620,7 @@ fn recorded(
             "[recording.reference]\nfile = \"reference.csv\"\nchannels = { position = \"position_m\" }\n",
             "",
         )
-        .replace("\"109.3 fF\"]\n", "\"109.3 fF\"]\nnearest = \"0.5005 mm\"\nfarthest = \"1.7 mm\"\n");
+        .replace("\"109.3 fF\"]\n", "\"109.3 fF\"]\nnearest = \"0.50135 mm\"\nfarthest = \"1.7 mm\"\n");
     let text = format!("{text}{filters}");
     (Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}")), path)
 }
