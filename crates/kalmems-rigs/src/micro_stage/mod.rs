@@ -309,28 +309,25 @@ impl StageEstimator<'_> {
         place: &str,
     ) -> Result<Vec<f64>, EstimateError> {
         let channel = &self.settings.hardware.channels[electrode];
-        let by_rows = |without: &dyn Fn(&[f64], &Sine, &[f64]) -> Vec<f64>| {
-            let part = |(rows, sine): &(Range<usize>, Sine)| {
-                without(&time_s[rows.clone()], sine, &values[rows.clone()])
-            };
-            sines.iter().flat_map(part).collect()
+        let place_in = |order: &[usize]| {
+            order.iter().position(|e| *e == electrode).ok_or_else(|| EstimateError::Unfit {
+                place: place.to_owned(),
+                why: format!(
+                    "the recording with the bias off has no channel `{}`; name its column there too",
+                    channel.meaning()
+                ),
+            })
         };
-        Ok(match (&self.off, channel.feedthrough) {
-            (Some((off, order)), _) => {
-                let at = order.iter().position(|e| *e == electrode).ok_or_else(|| EstimateError::Unfit {
-                    place: place.to_owned(),
-                    why: format!(
-                        "the recording with the bias off has no channel `{}`; name its column there too",
-                        channel.meaning()
-                    ),
-                })?;
-                by_rows(&|time_s, sine, values| off.cancel(at, time_s, sine, values))
+        let off = self.off.as_ref().map(|(off, order)| place_in(order).map(|at| (off, at))).transpose()?;
+        let part = |(rows, sine): &(Range<usize>, Sine)| {
+            let (time_s, values) = (&time_s[rows.clone()], &values[rows.clone()]);
+            match (off, channel.feedthrough) {
+                (Some((off, at)), _) => off.cancel(at, time_s, sine, values),
+                (None, Some(known)) => without_drive(time_s, sine, values, known),
+                (None, None) => values.to_vec(),
             }
-            (None, Some(known)) => {
-                by_rows(&|time_s, sine, values| without_drive(time_s, sine, values, known))
-            }
-            (None, None) => values.to_vec(),
-        })
+        };
+        Ok(sines.iter().flat_map(part).collect())
     }
 }
 

@@ -101,6 +101,9 @@ const WIDER: f64 = 10.0;
 /// the largest drift that was considered (Faller and Zangl, 2017, section IV), as one standard deviation.
 const RATE_SD: f64 = 0.3 / 60.0;
 
+/// Mean and covariance.
+type State<const N: usize> = ([f64; N], Covariance<f64, N>);
+
 impl Task<'_> {
     /// Chooses the model.
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
@@ -127,19 +130,19 @@ impl Task<'_> {
                 if self.filter.basics.method == Method::SteadyState {
                     return self.lock(&drifting, past, start.map(|(mean, _)| mean));
                 }
-                self.follow::<_, 5>(&drifting, &STATES, past, || match start {
-                    Some((mean, sd)) => Ok((mean, Covariance::from_standard_deviations(sd))),
-                    None => {
-                        let batch = self.batch()?;
-                        Ok((batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0])))
+                self.follow::<_, 5>(&drifting, &STATES, past, || {
+                    if let Some((mean, sd)) = start {
+                        return Ok((mean, Covariance::from_standard_deviations(sd)));
                     }
+                    let batch = self.batch()?;
+                    Ok((batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0])))
                 })
             }
         }
     }
 
     /// Where a filter of three states goes on, or at the beginning starts, and the rest position that it holds.
-    fn held(&self, past: &mut FilterPast) -> Result<(([f64; 3], Covariance<f64, 3>), Held), EstimateError> {
+    fn held(&self, past: &mut FilterPast) -> Result<(State<3>, Held), EstimateError> {
         if let (Some(left), [rest, rest_sd, taken_up]) = (past.left(), &past.numbers[..]) {
             return Ok((left, Held { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up }));
         }
@@ -208,7 +211,7 @@ impl Task<'_> {
         phasor: &P,
         states: &[StateName; N],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<([f64; N], Covariance<f64, N>), EstimateError>,
+        start: impl FnOnce() -> Result<State<N>, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
         let left = past.left();

@@ -171,10 +171,9 @@ pub fn going_on(rows: u32, on_hz: f64, amplitude: f64) -> [Vec<String>; 2] {
             let t = f64::from(k) * INTERVAL;
             let (s, c) = (TAU * hz * t).sin_cos();
             let mut line = format!("{t:.7},{:.5}", 1.2 * s + 3e-4 * noise.sample());
-            for e in 0..4 {
+            for (e, [gain, slope]) in FEEDTHROUGH.iter().enumerate() {
                 // The motion in the time of its own frequency.
                 let moved = if motion > 0.0 { signal(e, motion, t * hz / HZ) * hz / HZ } else { 0.0 };
-                let [gain, slope] = FEEDTHROUGH[e];
                 let y = moved + 1.2 * (gain * s + slope * TAU * hz * c) + NOISE * noise.sample();
                 let _ = write!(line, ",{y:.7}");
             }
