@@ -873,6 +873,19 @@ fn samples_come_from_a_file_a_pipe_or_a_connection() {
     assert_eq!(std::fs::metadata(&to_frames).unwrap().len(), 2 * 2401 * (4 + 2 + 2 + 8 * 7));
 }
 
+#[test]
+fn crossings_of_a_threshold_are_told_beside_the_estimates() {
+    let recording = root().join("examples/threshold_scanner/recording.csv");
+    let example = "examples/threshold_scanner/stream.toml";
+    let output = run(&["stream", example, "--from", recording.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let lines = text(&output.stdout);
+    assert_eq!(estimates(&lines, "hybrid").len(), 1201);
+    // Twice in a cycle of 1.6 ms, 24 ms long.
+    let crossings = lines.lines().filter(|line| line.starts_with("event,{\"event\":\"crossing\""));
+    assert!((28..=31).contains(&crossings.count()), "{lines}");
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_stream_gives_what_it_has() {

@@ -398,6 +398,39 @@ fn stretches_put_together_are_the_recording() {
     }
 }
 
+/// What is given at a time may follow from the interval of each record, which is known before anything of it is given.
+#[test]
+fn a_record_is_given_as_its_interval_asks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let mut text = "r,time_s,x_V\n".to_owned();
+    for (label, interval) in [("a", 1), ("b", 3)] {
+        for k in 0..30 {
+            writeln!(text, "{label},{},0", k * interval).unwrap();
+        }
+    }
+    std::fs::write(&path, text).unwrap();
+    let mut go_on = |_: u64, _: u64| ControlFlow::Continue(());
+    let around = Around { rows: 10, first: 5, before: 0, after: 1 };
+    let mut stretches = Stretches::open(&path, &layout("time_s", "r", &[]), around).unwrap();
+    let (mut intervals, mut given) = (Vec::new(), Vec::new());
+    loop {
+        if let Some(interval_s) = stretches.beginning(&mut go_on).unwrap() {
+            intervals.push(interval_s);
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 1 and 3
+            let more = interval_s as usize;
+            stretches.give(Around { rows: 10, first: 5 + more, before: more, after: 2 * more });
+        }
+        let Some(stretch) = stretches.next(&mut go_on).unwrap() else { break };
+        given.push((stretch.fresh.clone(), stretch.recording.rows(), stretch.ends));
+    }
+    assert_eq!(intervals, [1.0, 3.0]);
+    // 6, 10, 10 and 4 rows of the first; of the second 8 and 10, and 12, as 6 would have to come after 10.
+    let of_a = [(0..6, 8, false), (1..11, 13, false), (1..11, 13, false), (1..5, 5, true)];
+    let of_b = [(0..8, 14, false), (3..13, 19, false), (3..15, 15, true)];
+    assert_eq!(given, of_a.into_iter().chain(of_b).collect::<Vec<_>>());
+}
+
 /// Several records far longer than a stretch and than what is kept, with what each check looks for.
 #[test]
 fn long_recordings_in_stretches_have_the_findings_of_the_whole() {

@@ -24,9 +24,9 @@ impl Needed {
     /// In a recording of this interval in s.
     pub fn by(settings: &Settings, interval_s: f64) -> Self {
         let Some(detector) = settings.detector() else { return Self { before: INTERPOLATED, after: 1 } };
-        let extent = detector.extent(interval_s);
-        let known_after = extent.look_ahead();
-        let (mut before, mut after) = (extent.look_back(), 1);
+        let window = detector.window(interval_s);
+        let known_after = window.look_ahead();
+        let (mut before, mut after) = (window.look_back(), 1);
         for threshold in settings.filters.iter().filter_map(|filter| filter.threshold) {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
             let told_after = match (threshold.applied, threshold.lag_s) {
@@ -35,8 +35,8 @@ impl Needed {
                 (Applied::InPlace, _) => 0,
             };
             // A zero is within the reach of its fit from the steepest slope.
-            before = before.max(told_after.saturating_add(2 * extent.fit));
-            after = after.max((known_after + extent.fit).saturating_sub(told_after) + 1);
+            before = before.max(told_after.saturating_add(2 * window.fit));
+            after = after.max((known_after + window.fit).saturating_sub(told_after) + 1);
         }
         Self { before: before.saturating_add(INTERPOLATED), after }
     }

@@ -7,7 +7,7 @@ const FIT_WIDTHS: f64 = 2.0;
 
 /// How many samples are needed around a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Extent {
+pub struct Window {
     /// On each side of a response.
     pub half: usize,
     /// On each side of the centre of a fit.
@@ -16,7 +16,7 @@ pub struct Extent {
     pub reach: usize,
 }
 
-impl Extent {
+impl Window {
     /// For a Gaussian of this width and this distance, in samples: the smallest kernel that holds four widths on each side.
     pub fn of(width: f64, separation: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -82,9 +82,9 @@ pub trait Kernel {
     ) -> Result<Threshold<f64>, DetectError>;
 }
 
-/// The kernel of this extent, for a Gaussian of this width in samples.
-pub fn kernel(extent: Extent, width: f64) -> Result<Box<dyn Kernel + Send>, DetectError> {
-    match extent.half {
+/// The kernel of this window, for a Gaussian of this width in samples.
+pub fn kernel(window: Window, width: f64) -> Result<Box<dyn Kernel + Send>, DetectError> {
+    match window.half {
         60 => Ok(Box::new(OfSize::<60, 90>::new(width)?)),
         240 => Ok(Box::new(OfSize::<240, 360>::new(width)?)),
         _ => Ok(Box::new(OfSize::<960, 1440>::new(width)?)),

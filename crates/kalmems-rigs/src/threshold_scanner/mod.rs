@@ -34,7 +34,7 @@ use crate::recording::{Finding, Layout};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crossings::Instant;
+use crossings::{Crossing, Instant};
 use hardware::Hardware;
 use kept::{Kept, Needed};
 use segment::Samples;
@@ -165,15 +165,10 @@ impl Estimator for ThresholdEstimator<'_> {
         let first = kept.first(&segment);
         kept.require_around(settings, &segment)?;
         let found = kept.look(&segment, &data, &without_drive(settings, &data, &drive_slope));
-        if let Some((_, tally)) = found {
-            match (segment.begins, segment.ends) {
-                (true, true) => verdict::require_crossings(tally, place)?,
-                (true, false) => verdict::require_first_sign(tally, place)?,
-                (false, true) if self.refused.is_none() => {
-                    self.refused = verdict::require_crossings(tally, place).err();
-                }
-                _ => {}
-            }
+        if let Some((_, tally)) = found
+            && let Some(why) = verdict::judge(tally, &segment, place)?
+        {
+            self.refused.get_or_insert(why);
         }
         let motion = data.motion(natural_hz);
         let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
@@ -181,14 +176,8 @@ impl Estimator for ThresholdEstimator<'_> {
         let trajectories = segment::estimate(settings, samples, past, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
-        let (angle, new) = (settings.judged_angle(), found.map_or(0, |(count, _)| count));
-        estimate.crossings = crossings[crossings.len().saturating_sub(new)..]
-            .iter()
-            .map(|crossing| {
-                let Instant { time_s, sd_s, .. } = crossing.best();
-                estimate::Crossing { angle, time_s, sd_s }
-            })
-            .collect();
+        let new = found.map_or(0, |(count, _)| count);
+        estimate.crossings = told(&crossings[crossings.len().saturating_sub(new)..], settings.judged_angle());
         if is_whole {
             estimate.parts = settings.parts;
         } else if settings.parts > 1 {
@@ -204,6 +193,15 @@ impl Estimator for ThresholdEstimator<'_> {
         verdict::require_unclipped(diagnosis, (place, self.columns[1]), None)?;
         self.refused.take().map_or(Ok(()), Err)
     }
+}
+
+/// Crossings as they are told beside what the filters say.
+fn told(crossings: &[Crossing], angle: f64) -> Vec<estimate::Crossing> {
+    let told = |crossing: &Crossing| {
+        let Instant { time_s, sd_s, .. } = crossing.best();
+        estimate::Crossing { angle, time_s, sd_s }
+    };
+    crossings.iter().map(told).collect()
 }
 
 /// Cycles of the motion that have to follow the settling time.

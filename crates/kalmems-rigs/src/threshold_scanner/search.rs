@@ -1,7 +1,7 @@
 //! The search for crossings while the rows of a segment come.
 
 use super::crossings::{Crossing, Instant};
-use super::kernel::{Extent, Kernel, kernel};
+use super::kernel::{Kernel, Window, kernel};
 use super::settings::{Acceptance, DetectorSettings};
 use kalmems_core::detect::{DetectError, Hold, Peak, Threshold, angle_variance, peaks};
 use kalmems_models::capacitance::CombCurve;
@@ -49,12 +49,12 @@ const OF_A_SAMPLE: f64 = 1.0 / 12.0;
 
 /// A search on its way through a segment.
 ///
-/// A row is decided on when [`Extent::look_ahead`] rows after it are there, or the segment has ended, and by these alone; so the
+/// A row is decided on when [`Window::look_ahead`] rows after it are there, or the segment has ended, and by these alone; so the
 /// crossings do not depend on how many rows come at a time.
 pub struct Search {
     sought: Sought,
     kernel: Box<dyn Kernel + Send>,
-    extent: Extent,
+    window: Window,
     threshold: Threshold<f64>,
     /// The standard deviation of the response to noise.
     deviation: f64,
@@ -96,8 +96,8 @@ impl Search {
     /// Before the first row of a segment.
     pub fn new(sought: Sought, settings: &DetectorSettings) -> Result<Self, DetectError> {
         let width = settings.width_s / sought.interval_s;
-        let extent = settings.extent(sought.interval_s);
-        let mut kernel = kernel(extent, width)?;
+        let window = settings.window(sought.interval_s);
+        let mut kernel = kernel(window, width)?;
         let noise = sought.noise_variance.sqrt();
         let deviation = kernel.noise_deviation(noise);
         let threshold = match settings.acceptance {
@@ -106,7 +106,7 @@ impl Search {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
                 let samples = (2.0 / (sought.passes_hz * sought.interval_s)) as u32;
                 let hold = keep.map(|deviations| Hold { deviations, samples });
-                kernel.threshold(noise, per_s * sought.interval_s, extent.reach, hold)?
+                kernel.threshold(noise, per_s * sought.interval_s, window.reach, hold)?
             }
         };
         if sought.comb.steepest() < 0.0 {
@@ -115,7 +115,7 @@ impl Search {
         Ok(Self {
             sought,
             kernel,
-            extent,
+            window,
             threshold,
             deviation,
             rows: 0,
@@ -142,7 +142,7 @@ impl Search {
         (self.rising, self.falling, self.found) = (rising, falling, row(found));
         // The rows that are given again are taken again, for the responses to them alone.
         self.rows = first;
-        self.first_response = self.rows.saturating_sub(self.extent.half);
+        self.first_response = self.rows.saturating_sub(self.window.half);
         self
     }
 
@@ -168,16 +168,16 @@ impl Search {
             rising: self.rising / self.deviation,
             falling: self.falling / self.deviation,
             threshold,
-            by_noise: self.kernel.detections(threshold, self.extent.reach) * self.rows as f64,
+            by_noise: self.kernel.detections(threshold, self.window.reach) * self.rows as f64,
         }
     }
 
-    /// The crossings that rows bring out. They are the next ones, and [`Extent::look_back`] before them as far as the segment has
+    /// The crossings that rows bring out. They are the next ones, and [`Window::look_back`] before them as far as the segment has
     /// these; `ends` says that no further ones come.
     pub fn take(&mut self, rows: &Rows, ends: bool) -> Vec<Crossing> {
         self.respond(rows, ends);
         let end = rows.end();
-        let until = if ends { end } else { end.saturating_sub(self.extent.look_ahead()).max(self.decided) };
+        let until = if ends { end } else { end.saturating_sub(self.window.look_ahead()).max(self.decided) };
         let mut crossings = Vec::new();
         for peak in self.peaks(until) {
             if self.threshold.takes(&peak, self.last) {
@@ -188,7 +188,7 @@ impl Search {
         self.offset.advance(rows, self.decided, until);
         self.found += crossings.len();
         (self.rows, self.decided) = (end, until);
-        let needed = until.saturating_sub(self.extent.reach + 1);
+        let needed = until.saturating_sub(self.window.reach + 1);
         if needed > self.first_response {
             self.responses.drain(..(needed - self.first_response).min(self.responses.len()));
             self.first_response = needed;
@@ -198,7 +198,7 @@ impl Search {
 
     /// Computes the responses that new rows bring out.
     fn respond(&mut self, rows: &Rows, ends: bool) {
-        let half = self.extent.half;
+        let half = self.window.half;
         let from = self.rows.saturating_sub(2 * half).max(rows.first);
         let signal = rows.volts(from, rows.end());
         self.spare.resize(signal.len(), f64::NAN);
@@ -215,7 +215,7 @@ impl Search {
 
     /// The maxima among the rows from the decided ones to this one that no other one near outdoes.
     fn peaks(&self, until: usize) -> Vec<Peak<f64>> {
-        let Extent { reach, .. } = self.extent;
+        let Window { reach, .. } = self.window;
         let place = |row: usize| row.saturating_sub(self.first_response).min(self.responses.len());
         let keep = self.threshold.keep();
         if !self.responses[place(self.decided)..place(until)].iter().any(|response| *response > keep) {
@@ -249,8 +249,8 @@ impl Search {
             }
         };
         let jitter = self.kernel.timing_variance(noise_variance, peak.curvature);
-        let known_at = index + self.extent.look_ahead();
-        let from = index.saturating_sub(2 * self.extent.fit).max(rows.first);
+        let known_at = index + self.window.look_ahead();
+        let from = index.saturating_sub(2 * self.window.fit).max(rows.first);
         let near = rows.volts(from, known_at + 1);
         let zero = self.kernel.crossing(near, index - from, offset, noise_variance);
         Crossing {
@@ -415,13 +415,13 @@ mod tests {
         for (acceptance, separation_s) in ACCEPTANCES.map(|a| (a, 300e-6)).into_iter().chain([many]) {
             let settings = DetectorSettings { width_s: 30e-6, separation_s, acceptance };
             let whole = find(Rows { time_s: &time_s, volts: &volts, first: 0 }, sought(), &settings).unwrap();
-            let extent = settings.extent(sought().interval_s);
+            let window = settings.window(sought().interval_s);
             for length in [1, 37, 500, 39_000] {
                 let mut search = Search::new(sought(), &settings).unwrap();
                 let (mut found, mut from) = (Vec::new(), 0);
                 while from < volts.len() {
                     let end = (from + length).min(volts.len());
-                    let first = from.saturating_sub(extent.look_back());
+                    let first = from.saturating_sub(window.look_back());
                     if from % 31 == 5 {
                         search = Search::new(sought(), &settings).unwrap().resumed(&search.numbers(), first);
                     }

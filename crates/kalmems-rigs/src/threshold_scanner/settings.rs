@@ -2,7 +2,7 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use super::kernel::Extent;
+use super::kernel::Window;
 use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Quantity, Sign, Values};
 use crate::units::kind;
 
@@ -42,8 +42,8 @@ impl DetectorSettings {
 
 impl DetectorSettings {
     /// How many samples of this interval in s it needs around a crossing.
-    pub fn extent(&self, interval_s: f64) -> Extent {
-        Extent::of(self.width_s / interval_s, self.separation_s / interval_s)
+    pub fn window(&self, interval_s: f64) -> Window {
+        Window::of(self.width_s / interval_s, self.separation_s / interval_s)
     }
 }
 

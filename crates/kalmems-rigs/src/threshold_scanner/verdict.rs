@@ -1,7 +1,7 @@
 //! Whether a signal is that of the comb.
 
 use super::search::Tally;
-use crate::estimate::EstimateError;
+use crate::estimate::{EstimateError, SignalSegment};
 use crate::recording::{Finding, FindingKind};
 
 /// A response, in standard deviations of that to noise, that noise does not reach in a year.
@@ -10,8 +10,23 @@ const LOUD: f64 = 8.0;
 /// How many times as steep as its rises a signal must fall to be taken for reversed.
 const SIGN_RATIO: f64 = 1.5;
 
-/// Refuses a segment of which all is known where its signal is reversed or holds no crossing.
-pub fn require_crossings(tally: Tally, (place, column): (&str, &str)) -> Result<(), EstimateError> {
+/// Judges a signal by what was found until the end of a part: a segment that is whole, or whose beginning shows that it is wrong,
+/// is refused at once; what a longer one is refused for at its end is given back, for when all of the recording was taken.
+pub fn judge(
+    tally: Tally,
+    segment: &SignalSegment,
+    place: (&str, &str),
+) -> Result<Option<EstimateError>, EstimateError> {
+    match (segment.begins, segment.ends) {
+        (true, true) => require_crossings(tally, place).map(|()| None),
+        // That it moves may come.
+        (true, false) => require_sign(tally, tally.threshold.max(LOUD), place).map(|()| None),
+        (false, true) => Ok(require_crossings(tally, place).err()),
+        (false, false) => Ok(None),
+    }
+}
+
+fn require_crossings(tally: Tally, (place, column): (&str, &str)) -> Result<(), EstimateError> {
     require_sign(tally, tally.threshold, (place, column))?;
     let Tally { count, rising, by_noise, .. } = tally;
     // As many as noise alone has, within four standard deviations of that, and none that noise could not be.
@@ -21,11 +36,6 @@ pub fn require_crossings(tally: Tally, (place, column): (&str, &str)) -> Result<
         return Err(EstimateError::NoCrossing { place, column, count, by_noise, largest: rising });
     }
     Ok(())
-}
-
-/// Refuses a segment that goes on where its beginning shows beyond doubt that the signal is reversed. That it moves may come.
-pub fn require_first_sign(tally: Tally, place: (&str, &str)) -> Result<(), EstimateError> {
-    require_sign(tally, tally.threshold.max(LOUD), place)
 }
 
 fn require_sign(tally: Tally, least: f64, (place, column): (&str, &str)) -> Result<(), EstimateError> {
