@@ -127,9 +127,12 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
 
 #[test]
 fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
-    let experiment = experiment(&[("every = 10", "every = 1")]);
     let bytes = std::fs::read(example("recording.csv")).unwrap();
-    goes_on_after_a_kill(&experiment, &bytes, 0.7, 9e-3);
+    let stated = "start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }";
+    for start in [stated, "start = \"from_signal\""] {
+        let experiment = experiment(&[("every = 10", "every = 1"), (stated, start)]);
+        goes_on_after_a_kill(&experiment, &bytes, 0.7, 9e-3);
+    }
 }
 
 #[test]
