@@ -1,5 +1,6 @@
 //! The micro-stage against reference recordings, the Cramér–Rao bound, and recordings that are wrong.
 
+mod parts;
 mod stage;
 
 use kalmems::applications::calibration::calibrate;
@@ -7,6 +8,7 @@ use kalmems::config::{Device, Experiment, GyroscopeCalibration};
 use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
+use kalmems::recording::Recording;
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
 use kalmems::results::{CalibrationSummary, Metrics, RunInfo, WriteOptions, write_estimate};
 use kalmems::rigs;
@@ -631,4 +633,94 @@ fn slow_two_temperatures_and_the_gaps_found_in_place() {
         println!("{}: paper {}, ours {}", check.subject(), check.paper(), check.ours());
         assert!(check.holds(), "{check:?}");
     }
+}
+
+/// A record that goes on for 35 ms, with these changes to its lines, and its experiment: what of it is the drive's is known from
+/// a record without bias, or from the electrodes' table.
+fn goes_on(
+    folder: &Path,
+    from_bias_off: bool,
+    change: impl Fn(usize, String) -> Option<String>,
+    tables: &str,
+) -> Experiment {
+    let [on, off] = stage::going_on(22_000, 1700.013, MOTIONS[2][1]);
+    let on: Vec<String> = on.into_iter().enumerate().filter_map(|(k, line)| change(k, line)).collect();
+    std::fs::write(folder.join("on.csv"), on.join("\n") + "\n").unwrap();
+    std::fs::write(folder.join("off.csv"), off.join("\n") + "\n").unwrap();
+    let recordings = stage::recordings(&[ON, OFF], false).replace("segments = { column = \"record\" }\n", "");
+    let mut text = stage::true_device() + &recordings + tables;
+    if !from_bias_off {
+        text = text.replace("bias_on", "test");
+        for (name, [gain, slope]) in NAMES.iter().zip(stage::FEEDTHROUGH) {
+            let table = format!("[device.micro_stage.electrodes.{name}]\n");
+            let known = format!("{table}feedthrough = {{ gain = {gain:e}, slope = \"{slope:e} s\" }}\n");
+            text = text.replace(&table, &known);
+        }
+    }
+    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn read_first(experiment: &Experiment) -> Recording {
+    let layout = rigs::of(experiment).unwrap().layout(experiment, 0).unwrap();
+    Recording::read(&experiment.resolve(&experiment.recordings[0].file), &layout).unwrap()
+}
+
+#[test]
+fn a_recording_in_parts_gives_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    // Rows that are not there, and signals that are not.
+    let change = |k: usize, line: String| match k {
+        9_100..9_103 | 17_000 => None,
+        8_000..8_030 => Some(line.rsplit_once(',').map(|(most, _)| format!("{most},")).unwrap()),
+        _ => Some(line),
+    };
+    let smoothed = ESTIMATE.replacen("method", "smooth = true\nsmooth_lag = \"0.2 ms\"\nmethod", 1);
+    for from_bias_off in [true, false] {
+        let experiment = goes_on(folder.path(), from_bias_off, change, &smoothed);
+        let recording = read_first(&experiment);
+        let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+        let [four, ..] = &whole[0].trajectories[..] else { panic!() };
+        assert!(four.counts.bridged == 4 && four.lock.held());
+        // As good as a short record: what the drive alone shows is taken away at the end as at the beginning.
+        let rate = &four.state("rate").unwrap().mean;
+        let error = |rows: std::ops::Range<usize>| {
+            let squares = rows.clone().map(|k| {
+                let phase = TAU * 1700.013 * four.time_s[k] + stage::PHASE;
+                (rate[k] - MOTIONS[2][1] * TAU * 1700.013 * phase.cos()).powi(2)
+            });
+            (squares.sum::<f64>() / rows.len() as f64).sqrt()
+        };
+        let (first, last) = (error(400..4_000), error(18_000..21_996));
+        println!("{first:.4} and {last:.4} rad/s");
+        assert!(first < 0.02 && last < 0.02, "{first} {last}");
+        parts::same_bits_in_parts(&experiment, &recording, &[777, 4_096, 9_000]);
+    }
+}
+
+const ARRIVING: &str = "[stream]\nrate = \"625 kHz\"\n[stream.input.text]\n\
+     columns = [\"time_s\", \"drive_V\", \"c1A_V\", \"c1B_V\", \"c2A_V\", \"c2B_V\"]\n";
+
+#[test]
+fn a_stream_says_what_an_estimate_says_and_goes_on_after_a_kill() {
+    let folder = tempfile::tempdir().unwrap();
+    let lagged = ESTIMATE.replacen("method", "smooth_lag = \"0.2 ms\"\nmethod", 1) + ARRIVING;
+    let experiment = goes_on(folder.path(), true, |_, line| Some(line), &lagged);
+    let bytes = std::fs::read(folder.path().join("on.csv")).unwrap();
+    let recording = read_first(&experiment);
+    let (_, summary) = parts::same_bits_in_a_stream(&experiment, &recording, (&bytes, 50_000));
+    assert_eq!(summary.estimated, 22_000);
+    parts::goes_on_after_a_kill(&experiment, &bytes, 0.7, 8e-3);
+}
+
+#[test]
+fn a_drive_that_does_not_go_on_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    // The generator is switched off.
+    let change = |k: usize, line: String| {
+        let cells: Vec<&str> = line.splitn(3, ',').collect();
+        Some(if k > 12_000 { format!("{},0.00001,{}", cells[0], cells[2]) } else { line })
+    };
+    let experiment = goes_on(folder.path(), true, change, ESTIMATE);
+    let why = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    assert!(why.contains("steady"), "{why}");
 }

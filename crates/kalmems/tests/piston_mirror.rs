@@ -1,10 +1,11 @@
 //! The piston mirror: a recording of independent origin, and simulated ones.
 
+mod parts;
 mod piston;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{SegmentEstimate, Silent};
-use kalmems::recording::UnwrittenRecording;
+use kalmems::recording::{Recording, UnwrittenRecording};
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;
@@ -568,4 +569,97 @@ fn the_outlook_says_what_the_signal_can_tell() {
     // The phase's loop by (q/r)^{1/4}, with r four times the square of 0.393/0.151 of 2.873 Hz.
     near(values("settled_position_nm")[1], 2.873 * (0.151_f64 / 0.393).sqrt(), 0.01);
     assert!(outlook.to_text().contains("first-order filter"));
+}
+
+/// Filters of each kind, from the signal.
+const ALL_KINDS: &str = r#"
+[[estimate.filter]]
+name = "five"
+method = "ekf"
+start = "from_signal"
+smooth_lag = "3 ms"
+[[estimate.filter]]
+name = "three"
+method = "square_root_ekf"
+start = "from_signal"
+process_noise = { amplitude = "3e-16 m^2/s", frequency = "1e-8 Hz^2/s" }
+[[estimate.filter]]
+name = "loop"
+method = "steady_state"
+start = "from_signal"
+[[estimate.filter]]
+name = "direct"
+method = "direct_inversion"
+"#;
+
+/// The example's recording with a trigger, with these changes to its rows, and its experiment with these filters.
+fn recorded(
+    folder: &Path,
+    change: impl Fn(usize, f64) -> Option<f64>,
+    filters: &str,
+) -> (Experiment, PathBuf) {
+    let example = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror");
+    let columns = columns(&example.join("recording.csv"));
+    let mut text = "time_s,cap_F,trigger_V\n".to_owned();
+    for (k, (t, y)) in columns[0].iter().zip(&columns[1]).enumerate() {
+        // The drive at twice the motion's frequency, a hundredth of a hertz off.
+        let trigger = if (1000.01 * t + 0.2).fract() < 0.5 { 3.3 } else { 0.0 };
+        match change(k, *y) {
+            Some(y) if y.is_nan() => text += &format!("{t},,{trigger}\n"),
+            Some(y) => text += &format!("{t},{y:e},{trigger}\n"),
+            None => {}
+        }
+    }
+    let path = folder.join("recording.csv");
+    std::fs::write(&path, text).unwrap();
+    let text = std::fs::read_to_string(example.join("experiment.toml")).unwrap();
+    let end = text.find("[[estimate.filter]]").unwrap();
+    let text = text[..end]
+        .replace("{ signal = \"cap_F\" }", "{ signal = \"cap_F\", trigger = \"trigger_V\" }")
+        .replace(
+            "[recording.reference]\nfile = \"reference.csv\"\nchannels = { position = \"position_m\" }\n",
+            "",
+        )
+        .replace("\"109.3 fF\"]\n", "\"109.3 fF\"]\nnearest = \"0.50135 mm\"\nfarthest = \"1.7 mm\"\n");
+    let text = format!("{text}{filters}");
+    (Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}")), path)
+}
+
+fn read(experiment: &Experiment, path: &Path) -> Recording {
+    Recording::read(path, &rigs::of(experiment).unwrap().layout(experiment, 0).unwrap()).unwrap()
+}
+
+#[test]
+fn a_recording_in_parts_gives_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    // Rows that are not there, signals that are not, and some that no distance makes.
+    let change = |k: usize, y: f64| match k {
+        5_090..5_110 | 7_000 => None,
+        6_000..6_040 => Some(f64::NAN),
+        4_095..4_097 | 8_000 => Some(1e-12),
+        _ => Some(y),
+    };
+    let filters = ALL_KINDS.replacen("smooth_lag", "smooth = true\nsmooth_lag", 1);
+    let (experiment, path) = recorded(folder.path(), change, &filters);
+    let recording = read(&experiment, &path);
+    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+    let counts = whole[0].trajectories[0].counts;
+    assert_eq!((counts.bridged, counts.without_signal), (21, 43));
+    let remarks = whole[0].remarks.join("\n");
+    assert!(remarks.contains("3 samples hold") && remarks.contains("outside the table"), "{remarks}");
+    parts::same_bits_in_parts(&experiment, &recording, &[501, 4_096, 4_999]);
+}
+
+const ARRIVING: &str = "[stream]\nrate = \"20 kHz\"\n\
+     [stream.input.text]\ncolumns = [\"time_s\", \"cap_F\", \"trigger_V\"]\n";
+
+#[test]
+fn a_stream_says_what_an_estimate_says_and_goes_on_after_a_kill() {
+    let folder = tempfile::tempdir().unwrap();
+    let (experiment, path) = recorded(folder.path(), |_, y| Some(y), &format!("{ALL_KINDS}{ARRIVING}"));
+    let (recording, bytes) = (read(&experiment, &path), std::fs::read(&path).unwrap());
+    let (events, summary) = parts::same_bits_in_a_stream(&experiment, &recording, (&bytes, 5_000));
+    assert_eq!(summary.estimated, 10_001);
+    assert!(events.is_empty(), "{events:?}");
+    parts::goes_on_after_a_kill(&experiment, &bytes, 0.7, 0.21);
 }

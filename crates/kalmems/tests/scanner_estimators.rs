@@ -1,12 +1,13 @@
 //! The scanner's estimators on recordings that this program did not make, and on those that it made with other
 //! parameters than the filters are told.
 
+mod parts;
 mod scanner;
 #[path = "scanner_estimators/stream.rs"]
 mod stream;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{LockEvent, Part, Silent, Trajectory};
+use kalmems::estimate::{Silent, Trajectory};
 use kalmems::recording::Recording;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;
@@ -332,51 +333,6 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
     assert!(compared > 80, "{compared}");
 }
 
-/// Takes a recording in parts of this length and puts the answers together.
-fn in_parts(
-    experiment: &Experiment,
-    recording: &Recording,
-    length: usize,
-) -> (Vec<Trajectory>, Vec<LockEvent>) {
-    let rig = rigs::of(experiment).unwrap();
-    let mut estimator = rig.estimator(experiment, 0, &Silent).unwrap();
-    let segment = &recording.segments()[0];
-    let around = estimator.around(segment.time.interval_s().unwrap());
-    let rows = segment.time.len();
-    let (mut all, mut events): (Vec<Trajectory>, Vec<LockEvent>) = (Vec::new(), Vec::new());
-    let (mut from, mut before) = (0, 0);
-    while from < rows {
-        let end = if from == 0 { around.head.max(length) } else { from + length }.min(rows);
-        let end = if end + around.after >= rows { rows } else { end };
-        let needed = around.before + if around.smooths { before } else { 0 };
-        let there = from.saturating_sub(needed)..(end + around.after).min(rows);
-        let part = Part {
-            recording,
-            segment: &segment.part(&there),
-            fresh: from - there.start..end - there.start,
-            begins: from == 0,
-            ends: end == rows,
-        };
-        for (i, trajectory) in estimator.take(&part).unwrap().trajectories.into_iter().enumerate() {
-            events.extend(&trajectory.lock.events);
-            match all.get_mut(i) {
-                None => all.push(trajectory),
-                Some(whole) => {
-                    whole.time_s.extend(trajectory.time_s);
-                    whole.innovation.extend(trajectory.innovation);
-                    for (whole, state) in whole.states.iter_mut().zip(trajectory.states) {
-                        whole.mean.extend(state.mean);
-                        whole.sd.extend(state.sd);
-                    }
-                }
-            }
-        }
-        before = end - from;
-        from = end;
-    }
-    (all, events)
-}
-
 #[test]
 fn a_recording_in_parts_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
@@ -409,30 +365,5 @@ fn a_recording_in_parts_gives_the_same_bits() {
         Recording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, 0).unwrap()).unwrap();
     let whole = &rig.estimate(&experiment, 0, &recording, &Silent).unwrap()[0].trajectories;
     assert!(whole[0].counts.drive_from_sine > 50 && whole[0].counts.bridged > 40);
-    let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-    for length in [1_000, 4_097, 13_000] {
-        let (parts, events) = in_parts(&experiment, &recording, length);
-        let told: Vec<LockEvent> = whole.iter().flat_map(|t| t.lock.events.clone()).collect();
-        assert_eq!(events.len(), told.len(), "{events:?} {told:?}");
-        assert_eq!(parts.len(), whole.len());
-        for (part, whole) in parts.iter().zip(whole) {
-            assert_eq!(part.time_s, whole.time_s, "{} {length}", part.key);
-            assert_eq!(bits(&part.innovation), bits(&whole.innovation), "{} {length}", part.key);
-            for (a, b) in part.states.iter().zip(&whole.states) {
-                // What is smoothed knows one part more, and not all; the rest to the last bit.
-                if part.key != "ekf_smoothed" {
-                    assert_eq!(bits(&a.mean), bits(&b.mean), "{} {} {length}", part.key, a.name);
-                    assert_eq!(bits(&a.sd), bits(&b.sd), "{} {} {length}", part.key, a.name);
-                    continue;
-                }
-                // More knowledge moves the mean by what it takes off the variance.
-                for (k, (mean, whole)) in a.mean.iter().zip(&b.mean).enumerate() {
-                    let (sd, least) = (a.sd[k], b.sd[k]);
-                    assert!(sd > 0.999 * least, "{} {k}: {sd} {least}", a.name);
-                    let moved = (sd * sd - least * least).max(0.0).sqrt();
-                    assert!((mean - whole).abs() < 6.0 * moved + 0.01 * least, "{} {length} {k}", a.name);
-                }
-            }
-        }
-    }
+    parts::same_bits_in_parts(&experiment, &recording, &[1_000, 4_097, 13_000]);
 }

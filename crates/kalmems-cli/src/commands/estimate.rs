@@ -20,7 +20,7 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
         Some(out) => out.clone(),
         None => PathBuf::from("out").join(experiment.name.to_string()),
     };
-    let metrics = if workflow::is_long(&experiment, &Silent).map_err(|e| wrong(&e))? {
+    let metrics = if workflow::is_long(&experiment).map_err(|e| wrong(&e))? {
         in_parts(&experiment, arguments, &out, (started, clock))?
     } else {
         at_once(&experiment, arguments, &out, (started, clock))?

@@ -81,6 +81,9 @@ pub struct Motion {
 const UNEXPLAINED: f64 = 0.5;
 /// The mean NIS of a cycle from which on the filter itself says that something is wrong.
 const ALARM: f64 = 4.0;
+/// The part of a small move that is taken for settled in each cycle, so that a drive whose frequency was found a little wrong,
+/// or drifts, is no change of branch after an hour.
+const FOLLOWED: f64 = 1.0 / 64.0;
 
 /// Whether an angle, by its name among the states, is that of a device of one axis, which need not say which.
 pub fn is_the_only_one(angle: &&str) -> bool {
@@ -221,6 +224,7 @@ impl AxisJudge {
             };
             let moved = wrapped(cycle.phase_rad - settled);
             if moved.abs() <= PI / 2.0 {
+                self.settled = Some(settled + FOLLOWED * moved);
                 self.left = None;
                 continue;
             }
@@ -304,6 +308,25 @@ mod tests {
         let LockEvent::Flipped { of, time_s, moved_deg } = lock.events[0] else { panic!("{lock:?}") };
         assert!(of == "angle" && lock.held_of("other") && !lock.held_of("angle"));
         assert!((time_s - 5e-3).abs() < 1e-4 && (moved_deg.abs() - 180.0).abs() < 3.0, "{lock:?}");
+    }
+
+    #[test]
+    fn a_frequency_that_was_found_a_little_wrong_is_no_change_of_branch() {
+        // A part in 10⁴ is half a turn in 5000 cycles.
+        let (hz, found_hz) = (1000.0, 1000.1);
+        let time: Vec<f64> = (0..80_000).map(|i| f64::from(i) / 16e3).collect();
+        let states = [("angle", "rad", &kind::ANGLE)];
+        let samples = (&time[..], &time[..], &(0..time.len()));
+        let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &states);
+        trajectory.states[0].mean = time.iter().map(|t| 0.1 * (TAU * hz * t).sin()).collect();
+        let axes = [("angle", Motion { frequency_hz: found_hz, is_driven: true })];
+        assert!(judge_lock(&trajectory, &axes, 0.0).held());
+        for mean in &mut trajectory.states[0].mean[40_000..] {
+            *mean = -*mean;
+        }
+        let lock = judge_lock(&trajectory, &axes, 0.0);
+        let [LockEvent::Flipped { time_s, .. }] = lock.events[..] else { panic!("{lock:?}") };
+        assert!((time_s - 2.5).abs() < 2e-3, "{lock:?}");
     }
 
     #[test]

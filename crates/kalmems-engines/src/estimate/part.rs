@@ -44,7 +44,4 @@ pub struct Around {
 impl Around {
     /// The rows of a first part at most, however long a segment's beginning is.
     pub const LONGEST_HEAD: usize = 1 << 18;
-
-    /// Whole segments.
-    pub const WHOLE: Self = Self { head: usize::MAX, before: 0, after: 0, smooths: false };
 }

@@ -5,6 +5,7 @@
 //! vibrometer at the stage's edge is what gaps and gains are identified with, and what estimates are judged by.
 
 mod course;
+mod drive_sine;
 mod feedthrough;
 mod filters;
 mod hardware;
@@ -24,17 +25,19 @@ use crate::estimate::{
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::recording::Layout;
+use crate::recording::{Finding, Layout};
 use crate::reproduce::Program;
-use crate::signal::{Sine, fit_sine};
+use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
+use drive_sine::DriveSine;
 pub use feedthrough::{BiasOff, without_drive};
 pub use hardware::{ElectrodeChannel, Hardware};
 use records::{DRIVE, Records, columns, of_role, place, require_one_frequency};
 use segment::Samples;
 use settings::Settings;
 use simulation::StageSimulation;
+use std::ops::Range;
 
 /// Electrodes that a stage has for one axis.
 pub const ELECTRODES: usize = identification::ELECTRODES;
@@ -106,8 +109,17 @@ impl Rig for MicroStageRig {
             Role::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
             _ => None,
         };
-        let past = Past::default();
-        Ok(Box::new(StageEstimator { experiment, settings, described, columns, bias_off, past, progress }))
+        let (past, off) = (Past::default(), None);
+        Ok(Box::new(StageEstimator {
+            experiment,
+            settings,
+            described,
+            columns,
+            bias_off,
+            off,
+            past,
+            progress,
+        }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -145,6 +157,8 @@ struct StageEstimator<'a> {
     columns: (&'a str, Vec<(usize, &'a str)>),
     /// The recording without bias, where that is needed.
     bias_off: Option<Records>,
+    /// Its record for the present segment, and the electrodes that its signals are of.
+    off: Option<(BiasOff, Vec<usize>)>,
     past: Past,
     progress: &'a dyn Progress,
 }
@@ -154,9 +168,9 @@ impl Estimator for StageEstimator<'_> {
         !(self.described.role == Role::BiasOn && is_training(self.experiment, label))
     }
 
-    /// The drive's sine and what it makes of the signals are told from a whole record.
-    fn around(&self, _: f64) -> Around {
-        Around::WHOLE
+    fn around(&self, interval_s: f64) -> Around {
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head: self.head(interval_s), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -164,69 +178,163 @@ impl Estimator for StageEstimator<'_> {
     }
 
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
-        let (settings, (drive, signals)) = (&self.settings, &self.columns);
-        let hardware = &settings.hardware;
+        let (drive, signals) = &self.columns;
         let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
         let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
-        let segment = SignalSegment::of(part, first, settings.skip_s, &mut self.past)?;
+        let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
         segment.require_after_settling(segment.interval_s)?;
-        let name = self.described.name.as_ref();
-        let name = name.map_or_else(|| segment.recording.source().file.clone(), ToString::to_string);
-        let (time_s, place) = (segment.time_s.as_slice(), place(&name, &segment.segment.label));
+        let place = self.place(&segment);
         if let Some((column, count)) = records::clipped(segment.recording, segment.segment, &names) {
             return Err(EstimateError::Clipped { place, column, count });
         }
+        let time_s = segment.time_s.as_slice();
         let volts = segment.recording.column_of(drive, &kind::VOLTAGE)?.of(segment.segment);
         let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
         if let Some(first) = unknown.first() {
             let (column, count, first_s) = ((*drive).to_owned(), unknown.len(), time_s[*first]);
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
         }
-        let sine = fit_sine(time_s, volts, segment.interval_s).filter(Sine::is_steady);
-        let sine = sine.ok_or_else(|| EstimateError::NoSteadyDrive {
-            place: place.clone(),
-            filter: "the rig".to_owned(),
-        })?;
-        let off = match &self.bias_off {
-            Some(records) => Some(off_of(records, &segment.segment.label, &place, &sine)?),
-            None => None,
-        };
+        let kept = self.past.rig.take::<Followed>();
+        let mut followed = self.followed(kept, &segment, volts, &place)?;
+        let sine = followed.sine.sine();
+        if segment.begins || self.off.is_none() {
+            let records = self.bias_off.as_ref();
+            self.off =
+                records.map(|records| off_of(records, &segment.segment.label, &place, &sine)).transpose()?;
+        }
+        let sines = followed.sine.over(segment.fresh.end, time_s.len());
         let mut cleaned = Vec::new();
         for (electrode, column) in signals {
             let values = segment.recording.column_of(column, &kind::VOLTAGE)?.of(segment.segment);
-            if !values.iter().any(|y| y.is_finite()) {
+            if segment.begins && !values.iter().any(|y| y.is_finite()) {
                 return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
             }
-            let feedthrough = hardware.channels[*electrode].feedthrough;
-            cleaned.push(match (&off, feedthrough) {
-                (Some((off, order)), _) => {
-                    let at = order.iter().position(|e| e == electrode).ok_or_else(|| EstimateError::Unfit {
-                        place: place.clone(),
-                        why: format!(
-                            "the recording with the bias off has no channel `{}`; name its column there too",
-                            hardware.channels[*electrode].meaning()
-                        ),
-                    })?;
-                    off.cancel(at, time_s, &sine, values)
-                }
-                (None, Some(known)) => without_drive(time_s, &sine, values, known),
-                (None, None) => values.to_vec(),
-            });
+            cleaned.push(self.cleaned(*electrode, (time_s, values), &sines, &place)?);
         }
         let samples = Samples {
             place: &place,
             time_s,
             taken: segment.samples(),
             drive: volts,
-            drive_sine: sine,
+            drive_hz: followed.first_hz,
             electrodes: &signals.iter().map(|(electrode, _)| *electrode).collect::<Vec<_>>(),
             signals: cleaned,
         };
-        let trajectories = segment::estimate(settings, &samples, &mut self.past, self.progress)?;
-        let motion = Motion { frequency_hz: sine.frequency_hz, is_driven: true };
+        let trajectories = segment::estimate(&self.settings, &samples, &mut self.past, self.progress)?;
+        let motion = Motion { frequency_hz: followed.first_hz, is_driven: true };
+        self.past.numbers = std::iter::once(followed.first_hz).chain(followed.sine.numbers()).collect();
+        self.past.rig.put(Box::new(followed));
         let axis = Axis { angle: "angle", motion, drive: Some(sine) };
         Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
     }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        let names: Vec<&str> = self.columns.1.iter().map(|(_, column)| *column).collect();
+        match records::clipped_where(diagnosis, &names, |label| self.wants(label)) {
+            Some((column, count)) => Err(EstimateError::Clipped { place: place.to_owned(), column, count }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What is known of the drive of a record.
+struct Followed {
+    /// The frequency that it had at the record's beginning, in Hz.
+    first_hz: f64,
+    /// The sine that it follows.
+    sine: DriveSine,
+}
+
+/// Rows of a record's beginning at least, and cycles of the free tilt, that tell the sine of the drive; later on as many rows
+/// tell how it goes on.
+const HEAD: (usize, f64) = (4096, 12.0);
+
+impl StageEstimator<'_> {
+    fn place(&self, segment: &SignalSegment) -> String {
+        let name = self.described.name.as_ref();
+        let name = name.map_or_else(|| segment.recording.source().file.clone(), ToString::to_string);
+        place(&name, &segment.segment.label)
+    }
+
+    /// The rows of a record's beginning, those of the settling time among them.
+    fn head(&self, interval_s: f64) -> usize {
+        rows(self.settings.skip_s / interval_s).max(self.block(interval_s)).min(Around::LONGEST_HEAD)
+    }
+
+    /// The rows of a block that tells how the drive goes on.
+    fn block(&self, interval_s: f64) -> usize {
+        let (least, cycles) = HEAD;
+        let cycles_s = cycles / self.settings.hardware.natural_hz();
+        rows(cycles_s / interval_s).clamp(least, Around::LONGEST_HEAD)
+    }
+
+    /// What the drive follows until the end of a part.
+    fn followed(
+        &self,
+        kept: Option<Box<Followed>>,
+        segment: &SignalSegment,
+        volts: &[f64],
+        place: &str,
+    ) -> Result<Followed, EstimateError> {
+        let not_steady =
+            || EstimateError::NoSteadyDrive { place: place.to_owned(), filter: "the rig".to_owned() };
+        let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
+        let resumed = || match self.past.numbers[..] {
+            [first_hz, ref rest @ ..] if !segment.begins => {
+                DriveSine::resumed(rest).map(|sine| Followed { first_hz, sine })
+            }
+            _ => None,
+        };
+        let mut fresh = segment.fresh.clone();
+        let mut followed = if let Some(followed) = kept.map(|kept| *kept).or_else(resumed) {
+            followed
+        } else {
+            let head = fresh.start..fresh.end.min(fresh.start + self.head(interval_s));
+            fresh.start = head.end;
+            let block = (interval_s, self.block(interval_s));
+            let sine = DriveSine::of_head(&time_s[head.clone()], &volts[head], block);
+            let sine = sine.ok_or_else(not_steady)?;
+            Followed { first_hz: sine.sine().frequency_hz, sine }
+        };
+        followed.sine.take(time_s, volts, fresh).map_err(|_| not_steady())?;
+        Ok(followed)
+    }
+
+    /// The signal of an electrode without what the drive makes of it, whose sines these rows have.
+    fn cleaned(
+        &self,
+        electrode: usize,
+        (time_s, values): (&[f64], &[f64]),
+        sines: &[(Range<usize>, Sine)],
+        place: &str,
+    ) -> Result<Vec<f64>, EstimateError> {
+        let channel = &self.settings.hardware.channels[electrode];
+        let place_in = |order: &[usize]| {
+            order.iter().position(|e| *e == electrode).ok_or_else(|| EstimateError::Unfit {
+                place: place.to_owned(),
+                why: format!(
+                    "the recording with the bias off has no channel `{}`; name its column there too",
+                    channel.meaning()
+                ),
+            })
+        };
+        let off = self.off.as_ref().map(|(off, order)| place_in(order).map(|at| (off, at))).transpose()?;
+        let part = |(rows, sine): &(Range<usize>, Sine)| {
+            let (time_s, values) = (&time_s[rows.clone()], &values[rows.clone()]);
+            match (off, channel.feedthrough) {
+                (Some((off, at)), _) => off.cancel(at, time_s, sine, values),
+                (None, Some(known)) => without_drive(time_s, sine, values, known),
+                (None, None) => values.to_vec(),
+            }
+        };
+        Ok(sines.iter().flat_map(part).collect())
+    }
+}
+
+/// A count of rows.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
+fn rows(count: f64) -> usize {
+    count.ceil() as usize
 }
 
 /// Whether a record serves the identification alone.
@@ -269,13 +377,13 @@ fn as_estimate_error(error: IdentifyError) -> EstimateError {
 }
 
 /// The record without bias that belongs to one with bias, and the electrodes that its signals are of.
-fn off_of<'a>(
-    records: &'a Records,
+fn off_of(
+    records: &Records,
     label: &str,
     place: &str,
     drive: &Sine,
-) -> Result<(BiasOff, &'a [usize]), EstimateError> {
+) -> Result<(BiasOff, Vec<usize>), EstimateError> {
     let (off, electrodes) = identification::off_of(records, label, place).map_err(as_estimate_error)?;
     require_one_frequency([(place, drive), (off.label.as_str(), &off.drive)]).map_err(as_estimate_error)?;
-    Ok((off, electrodes))
+    Ok((off, electrodes.to_vec()))
 }

@@ -4,7 +4,7 @@ use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
 use crate::estimate::Progress;
 use crate::identify::{IdentifyError, Material};
-use crate::recording::{FindingKind, Layout, ReadError, Recording, Segment};
+use crate::recording::{Finding, FindingKind, Layout, ReadError, Recording, Segment};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;
 
@@ -242,9 +242,18 @@ pub fn place(name: &str, label: &str) -> String {
 
 /// The first of these columns that is clipped in a record, and in how many samples.
 pub fn clipped(recording: &Recording, segment: &Segment, columns: &[&str]) -> Option<(String, usize)> {
-    recording.diagnosis().iter().find_map(|finding| {
+    clipped_where(recording.diagnosis(), columns, |label| label == segment.label)
+}
+
+/// The same of what was found in a recording, in records that are wanted by their label.
+pub fn clipped_where(
+    diagnosis: &[Finding],
+    columns: &[&str],
+    wanted: impl Fn(&str) -> bool,
+) -> Option<(String, usize)> {
+    diagnosis.iter().find_map(|finding| {
         let column = finding.column.as_deref().filter(|column| columns.contains(column))?;
-        let here = finding.segment.as_ref().is_none_or(|label| *label == segment.label);
+        let here = finding.segment.as_ref().is_none_or(|label| wanted(label));
         (finding.kind == FindingKind::Saturation && here).then(|| (column.to_owned(), finding.count))
     })
 }

@@ -9,12 +9,12 @@ use crate::estimate::{
     self, AnyFilter, EstimateError, FilterPast, Motion, Past, Progress, StateName, Trajectory,
     TrajectoryKind, answers,
 };
-use crate::signal::{Sine, fit_sine_at};
+use crate::signal::fit_sine_at;
 use crate::units::kind;
 use kalmems_core::Covariance;
 use std::f64::consts::TAU;
 
-/// One record as the filters see it.
+/// A part of a record as the filters see it.
 #[derive(Clone, Debug)]
 pub struct Samples<'a> {
     /// The record, for messages.
@@ -25,8 +25,8 @@ pub struct Samples<'a> {
     pub taken: estimate::Samples,
     /// The drive at each sample in V.
     pub drive: &'a [f64],
-    /// The sine that it follows.
-    pub drive_sine: Sine,
+    /// The frequency that it had at the record's beginning, in Hz.
+    pub drive_hz: f64,
     /// Which electrodes there are signals of, as places in the hardware.
     pub electrodes: &'a [usize],
     /// The signals of these in V, without what the drive alone makes of them.
@@ -46,8 +46,8 @@ pub fn estimate(
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let motion = Motion { frequency_hz: samples.drive_sine.frequency_hz, is_driven: true };
-    let start_s = samples.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
+    let motion = Motion { frequency_hz: samples.drive_hz, is_driven: true };
+    let start_s = past.start_s + settings.skip_s;
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
@@ -84,16 +84,21 @@ fn one(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let channels = channels(settings, filter, samples)?;
-    let mean = match filter.start {
-        Some(start) => start,
-        None => start_from(&channels, samples, filter)?,
+    let left = past.left();
+    let begin = || {
+        let (mean, covariance) = match (left, filter.start) {
+            (Some(left), _) => left,
+            (None, start) => {
+                let mean = start.map_or_else(|| start_from(&channels, samples, filter), Ok)?;
+                (mean, Covariance::from_standard_deviations(filter.start_sd))
+            }
+        };
+        Ok(AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance))
     };
-    let covariance = Covariance::from_standard_deviations(filter.start_sd);
-    let start = AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance);
     let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
-    answers((&filter.basics, past), || Ok(start), (&mut course, &samples.taken), &STATES, progress)
+    answers((&filter.basics, past), begin, (&mut course, &samples.taken), &STATES, progress)
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.
@@ -131,7 +136,7 @@ fn start_from(
     samples: &Samples,
     filter: &FilterSettings,
 ) -> Result<[f64; 2], EstimateError> {
-    let frequency_hz = samples.drive_sine.frequency_hz;
+    let frequency_hz = samples.drive_hz;
     let first = samples.time_s.first().copied().unwrap_or(0.0);
     let end = samples.time_s.partition_point(|t| *t <= first + CYCLES / frequency_hz);
     let found = channels.iter().find_map(|channel| {

@@ -38,7 +38,8 @@ pub use data::SegmentData;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
 use range::without_impossible;
-use remarks::remarks;
+use remarks::Tally;
+use segment::PartData;
 use settings::Settings;
 pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
 use trigger::motion_frequency;
@@ -139,9 +140,9 @@ struct PistonEstimator<'a> {
 }
 
 impl Estimator for PistonEstimator<'_> {
-    /// The frequency and what is beyond the electrodes' range are told from a whole segment.
-    fn around(&self, _: f64) -> Around {
-        Around::WHOLE
+    fn around(&self, interval_s: f64) -> Around {
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head: self.head(interval_s), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -149,13 +150,16 @@ impl Estimator for PistonEstimator<'_> {
     }
 
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
-        let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
+        let (settings, columns) = (&self.settings, &self.columns);
         let hardware = &settings.hardware;
-        let segment = SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, past)?;
+        let segment =
+            SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
-        let motion_hz = columns.trigger.map(|column| {
+        let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
+        let head = 0..head;
+        let motion_hz = columns.trigger.filter(|_| segment.begins).map(|column| {
             let values = segment.recording.column_of(column, &kind::VOLTAGE)?.of(segment.segment);
-            motion_frequency(time_s, values, interval_s).map_err(|why| {
+            motion_frequency(&time_s[head.clone()], &values[head.clone()], interval_s).map_err(|why| {
                 let (place, column) = (segment.place.clone(), column.to_owned());
                 EstimateError::Trigger { place, column, why: why.to_string() }
             })
@@ -167,16 +171,35 @@ impl Estimator for PistonEstimator<'_> {
             noise_variance: hardware.noise_variance(interval_s),
             motion_hz: motion_hz.transpose()?,
         };
-        require_fast_enough(hardware, &recorded, &segment.place)?;
-        let kept = without_impossible(hardware, &recorded);
-        let signal = kept.as_ref().map_or(segment.signal, |(kept, _)| kept);
-        let data = SegmentData { signal, ..recorded };
-        let place = (segment.place.as_str(), &segment.samples());
-        let (trajectories, motion) = segment::estimate(settings, &data, place, past, self.progress)?;
+        if segment.begins {
+            require_fast_enough(hardware, &recorded, &segment.place)?;
+        }
+        let (kept, beyond) = without_impossible(hardware, &recorded, &segment.fresh);
+        let data = SegmentData { signal: kept.as_deref().unwrap_or(segment.signal), ..recorded };
+        let part = PartData { data, samples: segment.samples(), head, place: &segment.place };
+        let (trajectories, motion) = segment::estimate(settings, &part, &mut self.past, self.progress)?;
         segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-        let beyond = kept.as_ref().map(|(_, beyond)| *beyond);
-        let remarks = remarks(hardware, &recorded, beyond, &trajectories);
+        let mut tally = self.past.rig.take::<Tally>().unwrap_or_default();
+        tally.add(hardware, beyond, &trajectories);
+        let remarks = if segment.ends { tally.remarks(hardware, &data, &trajectories) } else { Vec::new() };
+        self.past.rig.put(tally);
         Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
+    }
+}
+
+/// Samples of a segment's beginning at least that a start from the signal may look at, and how long they last in s.
+const HEAD: (usize, f64) = (4096, 2.0 * start::WINDOW_S);
+
+impl PistonEstimator<'_> {
+    /// The samples of a segment's beginning that tell the start, the settling time among them; more would not tell it
+    /// better than the filters need it.
+    fn head(&self, interval_s: f64) -> usize {
+        let (least, least_s) = HEAD;
+        let stated_s = self.settings.hardware.mechanics.map_or(0.0, |m| 2.0 * start::CYCLES / m.resonance_hz);
+        let head_s = least_s.max(stated_s).max(self.settings.skip_s);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let head = (head_s / interval_s).ceil() as usize;
+        head.clamp(least, Around::LONGEST_HEAD)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::data::SegmentData;
 use super::plates::capacitance_range;
 use super::settings::Hardware;
+use std::ops::Range;
 
 /// How many standard deviations of its noise a sample may be beyond the capacitances of the device: one in 10⁹ is.
 const BEYOND: f64 = 6.0;
@@ -12,16 +13,30 @@ const BEYOND: f64 = 6.0;
 pub struct Beyond {
     /// How many.
     pub count: usize,
-    /// The first of them, as a place in the segment.
-    pub first: usize,
+    /// Time in s and capacitance in F of the first of them.
+    pub first: [f64; 2],
     /// How far the farthest of them is beyond, in F, with its sign.
     pub largest_f: f64,
 }
 
-/// The signal without those samples, and what they were; `None` where there is none.
+impl Beyond {
+    /// With those that came later.
+    pub fn add(&mut self, later: &Self) {
+        self.count += later.count;
+        if later.largest_f.abs() > self.largest_f.abs() {
+            self.largest_f = later.largest_f;
+        }
+    }
+}
+
+/// The signal without those samples, where there are any, and what they were among the fresh rows.
 ///
 /// They say nothing of the distance: such a sample is a fault of the readout, and no estimator takes it for the motion.
-pub fn without_impossible(hardware: &Hardware, data: &SegmentData) -> Option<(Vec<f64>, Beyond)> {
+pub fn without_impossible(
+    hardware: &Hardware,
+    data: &SegmentData,
+    fresh: &Range<usize>,
+) -> (Option<Vec<f64>>, Option<Beyond>) {
     let [low, high] = capacitance_range(&hardware.plates, hardware.table_m);
     let margin = BEYOND * data.noise_variance.sqrt();
     // 0 within the range.
@@ -34,22 +49,20 @@ pub fn without_impossible(hardware: &Hardware, data: &SegmentData) -> Option<(Ve
             0.0
         }
     };
-    let first = data.signal.iter().position(|y| beyond(*y) != 0.0)?;
-    let mut found = Beyond { count: 0, first, largest_f: 0.0 };
-    let kept = data
-        .signal
-        .iter()
-        .map(|y| {
-            let off = beyond(*y);
-            if off == 0.0 {
-                return *y;
+    if data.signal.iter().all(|y| beyond(*y) == 0.0) {
+        return (None, None);
+    }
+    let mut found: Option<Beyond> = None;
+    for k in fresh.clone() {
+        let (y, off) = (data.signal[k], beyond(data.signal[k]));
+        if off != 0.0 {
+            let one = Beyond { count: 1, first: [data.time_s[k], y], largest_f: off };
+            match &mut found {
+                Some(found) => found.add(&one),
+                None => found = Some(one),
             }
-            found.count += 1;
-            if off.abs() > found.largest_f.abs() {
-                found.largest_f = off;
-            }
-            f64::NAN
-        })
-        .collect();
-    Some((kept, found))
+        }
+    }
+    let kept = data.signal.iter().map(|y| if beyond(*y) == 0.0 { *y } else { f64::NAN });
+    (Some(kept.collect()), found)
 }

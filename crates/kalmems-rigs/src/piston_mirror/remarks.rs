@@ -13,22 +13,77 @@ const GAIN: f64 = 1e-4;
 /// In people's unit.
 const NM: f64 = 1e9;
 
-/// The remarks on the estimates of a segment; `data` has the signal as it was recorded.
-pub fn remarks(
-    hardware: &Hardware,
-    data: &SegmentData,
+/// What is counted of a segment until its end, where the remarks are made.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
     beyond: Option<Beyond>,
-    trajectories: &[Trajectory],
-) -> Vec<String> {
-    let followed = trajectories.iter().find_map(Followed::of);
-    let mut said = Vec::new();
-    if let Some(followed) = &followed {
-        said.extend(of_gain(hardware, data, followed));
+    /// One per trajectory.
+    of: Vec<Counted>,
+}
+
+/// What is counted of one trajectory.
+#[derive(Clone, Debug, Default)]
+struct Counted {
+    updates: usize,
+    outside: Option<Outside>,
+}
+
+/// Positions outside the table of the capacitance.
+#[derive(Clone, Copy, Debug)]
+struct Outside {
+    count: usize,
+    near: f64,
+    far: f64,
+}
+
+impl Tally {
+    /// Counts what a part of the segment has.
+    pub fn add(&mut self, hardware: &Hardware, beyond: Option<Beyond>, trajectories: &[Trajectory]) {
+        match (&mut self.beyond, beyond) {
+            (Some(all), Some(later)) => all.add(&later),
+            (None, later) => self.beyond = later,
+            (Some(_), None) => {}
+        }
+        self.of.resize_with(trajectories.len(), Counted::default);
+        for (counted, trajectory) in self.of.iter_mut().zip(trajectories) {
+            counted.updates += trajectory.counts.updates;
+            counted.count_outside(hardware, trajectory);
+        }
     }
-    said.extend(beyond.map(|beyond| of_range(hardware, data, beyond, followed.as_ref())));
-    said.extend(trajectories.iter().filter_map(|t| outside_table(hardware, t)));
-    said.extend(of_bandwidth(hardware, data, followed.as_ref()));
-    said
+
+    /// The remarks on the estimates of a segment that ends with these trajectories; `data` has its noise.
+    pub fn remarks(
+        &self,
+        hardware: &Hardware,
+        data: &SegmentData,
+        trajectories: &[Trajectory],
+    ) -> Vec<String> {
+        let counted = || self.of.iter().zip(trajectories);
+        let followed = counted().find_map(|(counted, trajectory)| Followed::of(trajectory, counted.updates));
+        let mut said = Vec::new();
+        if let Some(followed) = &followed {
+            said.extend(of_gain(hardware, data, followed));
+        }
+        said.extend(self.beyond.map(|beyond| of_range(hardware, data, beyond, followed.as_ref())));
+        said.extend(counted().filter_map(|(counted, t)| Some(outside_table(hardware, t, counted.outside?))));
+        said.extend(of_bandwidth(hardware, data, followed.as_ref()));
+        said
+    }
+}
+
+impl Counted {
+    fn count_outside(&mut self, hardware: &Hardware, trajectory: &Trajectory) {
+        let [nearest, farthest] = hardware.table_m;
+        // Direct inversion has noise of its own, which is no distance.
+        let (Some(_), Some(position)) = (trajectory.state("amplitude"), trajectory.state("position")) else {
+            return;
+        };
+        for d in position.mean.iter().copied().filter(|d| *d < nearest || *d > farthest) {
+            let outside = self.outside.get_or_insert(Outside { count: 0, near: f64::INFINITY, far: 0.0 });
+            outside.count += 1;
+            (outside.near, outside.far) = (outside.near.min(d), outside.far.max(d));
+        }
+    }
 }
 
 /// What a filter that claims something says at its end.
@@ -40,13 +95,13 @@ struct Followed {
 }
 
 impl Followed {
-    fn of(trajectory: &Trajectory) -> Option<Self> {
+    fn of(trajectory: &Trajectory, updates: usize) -> Option<Self> {
         let last =
             |name: &str| trajectory.state(name)?.mean.last().copied().filter(|value| value.is_finite());
         let (amplitude, phase, position) = (last("amplitude")?, last("phase")?, last("position")?);
         let position_sd = *trajectory.state("position")?.sd.last()?;
         let rest = position - amplitude * phase.cos();
-        Some(Self { amplitude, rest, position_sd, updates: trajectory.counts.updates })
+        Some(Self { amplitude, rest, position_sd, updates })
     }
 }
 
@@ -81,7 +136,7 @@ fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: O
     let first = format!(
         "{} samples hold a capacitance that the device has at no distance of its table, the first {:.4e} F at {} s; \
          it has {} to {} fF. They were left out, predicted and not corrected",
-        beyond.count, data.signal[beyond.first], data.time_s[beyond.first], range[0], range[1]
+        beyond.count, beyond.first[1], beyond.first[0], range[0], range[1]
     );
     let Some(followed) = followed else { return first };
     // What one of them would move: the gain P·Hᵀ/R of a settled filter, times what it is off.
@@ -93,28 +148,21 @@ fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: O
     )
 }
 
-fn outside_table(hardware: &Hardware, trajectory: &Trajectory) -> Option<String> {
+fn outside_table(hardware: &Hardware, trajectory: &Trajectory, outside: Outside) -> String {
     let [nearest, farthest] = hardware.table_m;
-    // Direct inversion has noise of its own, which is no distance.
-    trajectory.state("amplitude")?;
-    let position = trajectory.state("position")?;
-    let outside = || position.mean.iter().copied().filter(|d| *d < nearest || *d > farthest);
-    let count = outside().count();
-    let (near, far) = outside().fold((f64::INFINITY, 0.0_f64), |(n, f), d| (n.min(d), f.max(d)));
+    let Outside { count, near, far } = outside;
     let (worst, end) = if near < nearest { (near, nearest) } else { (far, farthest) };
-    (count > 0).then(|| {
-        format!(
-            "{}: {count} samples lie outside the table of the capacitance, from {} to {} mm, the farthest at {:.4} \
-             mm. There the series is extrapolated: its last term alone is worth {} nm of the distance, against {} \
-             nm at the table's end",
-            trajectory.name,
-            significant(nearest * 1e3),
-            significant(farthest * 1e3),
-            worst * 1e3,
-            significant(last_term_m(&hardware.plates, worst) * NM),
-            significant(last_term_m(&hardware.plates, end) * NM),
-        )
-    })
+    format!(
+        "{}: {count} samples lie outside the table of the capacitance, from {} to {} mm, the farthest at {:.4} mm. \
+         There the series is extrapolated: its last term alone is worth {} nm of the distance, against {} nm at the \
+         table's end",
+        trajectory.name,
+        significant(nearest * 1e3),
+        significant(farthest * 1e3),
+        worst * 1e3,
+        significant(last_term_m(&hardware.plates, worst) * NM),
+        significant(last_term_m(&hardware.plates, end) * NM),
+    )
 }
 
 fn of_bandwidth(hardware: &Hardware, data: &SegmentData, followed: Option<&Followed>) -> Option<String> {

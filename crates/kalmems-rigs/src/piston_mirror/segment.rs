@@ -17,59 +17,79 @@ use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
-/// Runs the wanted filters over the new samples of a segment, which `place` names in messages, and says how fast it moves.
+/// Runs the wanted filters over the new samples of a segment, and says how fast it moves.
 pub fn estimate(
     settings: &Settings,
-    data: &SegmentData,
-    (place, samples): (&str, &Samples),
+    part: &PartData,
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<(Vec<Trajectory>, estimate::Motion), EstimateError> {
     let mut all = Vec::new();
-    let mut frequency_hz = None;
     for (index, filter) in settings.filters.iter().enumerate() {
-        let task = Task { settings, filter, data, place, samples, progress };
-        let mut trajectories = task.run(past.filter(index))?;
-        for trajectory in &mut trajectories {
-            frequency_hz = frequency_hz.or_else(|| found_frequency(trajectory));
-            for phase in trajectory.states.iter_mut().filter(|state| state.name == "phase") {
-                phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
-            }
+        let mut trajectories = Task { settings, filter, part, progress }.run(past.filter(index))?;
+        let phases = trajectories.iter_mut().flat_map(|trajectory| &mut trajectory.states);
+        for phase in phases.filter(|state| state.name == "phase") {
+            phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
         }
         all.push(trajectories);
     }
-    // Where no filter says it, the signal does.
-    let frequency_hz = match frequency_hz {
-        Some(frequency_hz) => frequency_hz,
-        None => {
-            Task { settings, filter: &settings.filters[0], data, place, samples, progress }.batch()?.mean[1]
-        }
+    // What is known of it when the head is over serves the whole segment.
+    let frequency_hz = match past.numbers[..] {
+        [frequency_hz] => frequency_hz,
+        _ => match all.iter().flatten().find_map(|trajectory| found_frequency(trajectory, part.head.len())) {
+            Some(frequency_hz) => frequency_hz,
+            // Where no filter says it, the signal does.
+            None => Task { settings, filter: &settings.filters[0], part, progress }.batch()?.mean[1],
+        },
     };
+    past.numbers = vec![frequency_hz];
     let motion = estimate::Motion { frequency_hz, is_driven: false };
-    let start_s = data.time_s.first().copied().unwrap_or(0.0) + settings.skip_s;
+    let start_s = past.start_s + settings.skip_s;
     for (index, trajectories) in all.iter_mut().enumerate() {
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let judge = &mut past.filter(index).answer(answer).judge;
-            trajectory.lock = judge.judge(trajectory, &[("position", motion)], start_s, samples.ends);
+            let ends = part.samples.ends;
+            trajectory.lock = judge.judge(trajectory, &[("position", motion)], start_s, ends);
         }
     }
     Ok((all.into_iter().flatten().collect(), motion))
 }
 
-/// The last frequency that a filter gave in Hz, where it can be one.
-fn found_frequency(trajectory: &Trajectory) -> Option<f64> {
-    let last = trajectory.state("frequency")?.mean.last().copied();
+/// Samples of a segment, on the way to an estimate.
+#[derive(Clone, Debug)]
+pub struct PartData<'a> {
+    /// Those that are there.
+    pub data: SegmentData<'a>,
+    /// Which of them are new.
+    pub samples: Samples,
+    /// Those of the segment's beginning that a start from the signal looks at; none in a later part.
+    pub head: Range<usize>,
+    /// What messages call the segment.
+    pub place: &'a str,
+}
+
+impl<'a> PartData<'a> {
+    /// The samples of the segment's beginning.
+    fn head(&self) -> SegmentData<'a> {
+        let head = self.head.clone();
+        SegmentData { time_s: &self.data.time_s[head.clone()], signal: &self.data.signal[head], ..self.data }
+    }
+}
+
+/// The frequency in Hz that a filter gives after so many samples, or after all that there are; where it can be one.
+fn found_frequency(trajectory: &Trajectory, samples: usize) -> Option<f64> {
+    let frequencies = &trajectory.state("frequency")?.mean;
+    let last = frequencies.get(samples.min(frequencies.len()).checked_sub(1)?).copied();
     last.filter(|frequency| frequency.is_finite() && *frequency > 0.0)
 }
 
-/// One filter over one segment.
+/// One filter over one part of a segment.
 struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
-    data: &'a SegmentData<'a>,
-    place: &'a str,
-    samples: &'a Samples,
+    part: &'a PartData<'a>,
     progress: &'a dyn Progress,
 }
 
@@ -80,6 +100,9 @@ const WIDER: f64 = 10.0;
 /// What a start from the signal allows the amplitude's rate to be, relative to the amplitude, in 1/s: 30 % per minute,
 /// the largest drift that was considered (Faller and Zangl, 2017, section IV), as one standard deviation.
 const RATE_SD: f64 = 0.3 / 60.0;
+
+/// Mean and covariance.
+type State<const N: usize> = ([f64; N], Covariance<f64, N>);
 
 impl Task<'_> {
     /// Chooses the model.
@@ -92,62 +115,78 @@ impl Task<'_> {
                 if let Some((mean, sd, rest)) = start {
                     let covariance = Covariance::from_standard_deviations(sd);
                     let steady = Steady::new(plates, rest, density);
-                    return self.follow::<_, 3>(&steady, &names, past, (mean, covariance));
+                    return self.follow::<_, 3>(&steady, &names, past, || Ok((mean, covariance)));
                 }
-                let batch = self.batch()?;
-                let [a, f, phase, ..] = batch.mean;
-                let (rest, rest_sd) = self.rest(&batch);
-                let steady = Steady::new(plates, rest, density);
-                let covariance = widened(&batch.covariance);
-                let mut trajectories =
-                    self.follow::<_, 3>(&steady, &names, past, ([a, f, phase], covariance))?;
-                let taken_up = amplitude_per_rest(&plates, [a, rest]);
+                let (start, held) = self.held(past)?;
+                let steady = Steady::new(plates, held.rest, density);
+                let mut trajectories = self.follow::<_, 3>(&steady, &names, past, || Ok(start))?;
                 for trajectory in &mut trajectories {
-                    with_rest(trajectory, rest_sd, taken_up);
+                    held.add_to(trajectory);
                 }
                 Ok(trajectories)
             }
             Motion::Drifting { density, start } => {
-                let (mean, covariance) = if let Some((mean, sd)) = start {
-                    (mean, Covariance::from_standard_deviations(sd))
-                } else {
-                    let batch = self.batch()?;
-                    (batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0]))
-                };
                 let drifting = Drifting::new(plates, density);
                 if self.filter.basics.method == Method::SteadyState {
-                    let mean = if start.is_some() { mean } else { self.settled(mean) };
-                    return self.lock(&drifting, past, mean);
+                    return self.lock(&drifting, past, start.map(|(mean, _)| mean));
                 }
-                self.follow::<_, 5>(&drifting, &STATES, past, (mean, covariance))
+                self.follow::<_, 5>(&drifting, &STATES, past, || {
+                    if let Some((mean, sd)) = start {
+                        return Ok((mean, Covariance::from_standard_deviations(sd)));
+                    }
+                    let batch = self.batch()?;
+                    Ok((batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0])))
+                })
             }
         }
     }
 
-    /// The phase-locked loop from a state.
+    /// Where a filter of three states goes on, or at the beginning starts, and the rest position that it holds.
+    fn held(&self, past: &mut FilterPast) -> Result<(State<3>, Held), EstimateError> {
+        if let (Some(left), [rest, rest_sd, taken_up]) = (past.left(), &past.numbers[..]) {
+            return Ok((left, Held { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up }));
+        }
+        let batch = self.batch()?;
+        let [a, f, phase, ..] = batch.mean;
+        let (rest, rest_sd) = self.rest(&batch);
+        let taken_up = amplitude_per_rest(&self.settings.hardware.plates, [a, rest]);
+        past.numbers = vec![rest, rest_sd, taken_up];
+        Ok((([a, f, phase], widened(&batch.covariance)), Held { rest, rest_sd, taken_up }))
+    }
+
+    /// The phase-locked loop from a state, or from what the signal says.
     fn lock(
         &self,
         drifting: &Drifting,
         past: &mut FilterPast,
-        mean: [f64; 5],
+        start: Option<[f64; 5]>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let detector = PhasorDetector { series: self.settings.hardware.plates };
-        let process = drifting.over(self.data.interval_s);
-        let lock = PhaseLock::new(detector, &process, mean, self.data.noise_variance).map_err(|why| {
-            EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
-        })?;
-        let mut course = PhasorCourse::new(drifting, self.data);
-        let (filter, course) = (&self.filter.basics, (&mut course, self.samples));
-        Ok(vec![follow((filter, past), || Ok(lock), course, &STATES, self.progress)?])
+        let data = &self.part.data;
+        // The gain is that for the motion at the segment's beginning.
+        let mean = match (past.numbers[..].try_into(), start) {
+            (Ok(mean), _) | (Err(_), Some(mean)) => mean,
+            (Err(_), None) => self.settled(self.batch()?.mean),
+        };
+        past.numbers = mean.to_vec();
+        let begin = || {
+            let detector = PhasorDetector { series: self.settings.hardware.plates };
+            let process = drifting.over(data.interval_s);
+            PhaseLock::new(detector, &process, mean, data.noise_variance).map_err(|why| {
+                EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
+            })
+        };
+        let mut course = PhasorCourse::new(drifting, data);
+        let (filter, course) = (&self.filter.basics, (&mut course, &self.part.samples));
+        Ok(vec![follow((filter, past), begin, course, &STATES, self.progress)?])
     }
 
     /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that
     /// is not longer than what a start looks at, or the fit does not settle.
     fn over_settling_time(&self, from: [f64; 5]) -> Option<BatchStart> {
-        let first_s = self.data.time_s.first().copied()?;
-        let end = self.data.time_s.partition_point(|t| *t < first_s + self.settings.skip_s);
-        let window =
-            SegmentData { time_s: &self.data.time_s[..end], signal: &self.data.signal[..end], ..*self.data };
+        let head = self.part.head();
+        let first_s = head.time_s.first().copied()?;
+        let end = head.time_s.partition_point(|t| *t < first_s + self.settings.skip_s);
+        let window = SegmentData { time_s: &head.time_s[..end], signal: &head.signal[..end], ..head };
         batch_fit(&self.settings.hardware.plates, &window, from, true).ok()
     }
 
@@ -172,18 +211,23 @@ impl Task<'_> {
         phasor: &P,
         states: &[StateName; N],
         past: &mut FilterPast,
-        (mean, covariance): ([f64; N], Covariance<f64, N>),
+        start: impl FnOnce() -> Result<State<N>, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
-        let start = AnyFilter::of(filter.method, filter.points, mean, covariance);
-        let mut course = PhasorCourse::new(phasor, self.data);
-        answers((filter, past), || Ok(start), (&mut course, self.samples), states, self.progress)
+        let left = past.left();
+        let begin = || {
+            let (mean, covariance) = left.map_or_else(start, Ok)?;
+            Ok(AnyFilter::of(filter.method, filter.points, mean, covariance))
+        };
+        let mut course = PhasorCourse::new(phasor, &self.part.data);
+        answers((filter, past), begin, (&mut course, &self.part.samples), states, self.progress)
     }
 
     /// Where the first samples say that the motion starts.
     fn batch(&self) -> Result<BatchStart, EstimateError> {
-        batch_start(&self.settings.hardware.plates, self.data).map_err(|why| EstimateError::NoStart {
-            place: self.place.to_owned(),
+        let (plates, head) = (&self.settings.hardware.plates, self.part.head());
+        batch_start(plates, &head).map_err(|why| EstimateError::NoStart {
+            place: self.part.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: why.to_string(),
         })
@@ -195,14 +239,15 @@ impl Task<'_> {
         let plates = &self.settings.hardware.plates;
         let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
         let states = [("position", "m", &kind::LENGTH)];
+        let PartData { data, samples, .. } = self.part;
         let mut trajectory = Trajectory::blank(
             names,
             TrajectoryKind::LockIn,
-            (self.data.time_s, self.data.signal, &self.samples.fresh),
+            (data.time_s, data.signal, &samples.fresh),
             &states,
         );
-        let noise = self.data.noise_variance.sqrt();
-        for (k, capacitance) in self.data.signal[self.samples.fresh.clone()].iter().enumerate() {
+        let noise = data.noise_variance.sqrt();
+        for (k, capacitance) in data.signal[samples.fresh.clone()].iter().enumerate() {
             match distance_at(plates, *capacitance) {
                 Some(distance) => {
                     trajectory.states[0].mean[k] = distance;
@@ -215,21 +260,34 @@ impl Task<'_> {
     }
 }
 
-/// Adds what the uncertainty of a held rest position makes of position, velocity and amplitude to what the filter
-/// says of them. The amplitude takes up what it can of a wrong rest position, per metre of it.
-fn with_rest(trajectory: &mut Trajectory, rest_sd: f64, taken_up: f64) {
-    let state = |name: &str| trajectory.state(name).map(|state| state.mean.clone()).unwrap_or_default();
-    let (phases, frequencies) = (state("phase"), state("frequency"));
-    for state in &mut trajectory.states {
-        for ((sd, phase), frequency) in state.sd.iter_mut().zip(&phases).zip(&frequencies) {
-            let (sine, cosine) = phase.sin_cos();
-            let per_metre = match state.name {
-                "amplitude" => taken_up,
-                "position" => 1.0 + taken_up * cosine,
-                "velocity" => -TAU * frequency * taken_up * sine,
-                _ => continue,
-            };
-            *sd = sd.hypot(per_metre * rest_sd);
+/// A rest position that a filter holds.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    /// The rest position in m.
+    rest: f64,
+    /// Its standard deviation in m.
+    rest_sd: f64,
+    /// What the amplitude takes up of a wrong one, per metre of it.
+    taken_up: f64,
+}
+
+impl Held {
+    /// Adds what the uncertainty of the rest position makes of position, velocity and amplitude to what the filter says
+    /// of them. The amplitude takes up what it can of a wrong rest position.
+    fn add_to(&self, trajectory: &mut Trajectory) {
+        let state = |name: &str| trajectory.state(name).map(|state| state.mean.clone()).unwrap_or_default();
+        let (phases, frequencies) = (state("phase"), state("frequency"));
+        for state in &mut trajectory.states {
+            for ((sd, phase), frequency) in state.sd.iter_mut().zip(&phases).zip(&frequencies) {
+                let (sine, cosine) = phase.sin_cos();
+                let per_metre = match state.name {
+                    "amplitude" => self.taken_up,
+                    "position" => 1.0 + self.taken_up * cosine,
+                    "velocity" => -TAU * frequency * self.taken_up * sine,
+                    _ => continue,
+                };
+                *sd = sd.hypot(per_metre * self.rest_sd);
+            }
         }
     }
 }

@@ -41,7 +41,10 @@ pub enum NoBatchStart {
 impl std::fmt::Display for NoBatchStart {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoSine => f.write_str("its first samples show no oscillation of the distance"),
+            Self::NoSine => f.write_str(
+                "its first samples show no oscillation of the distance; a longer settling time (`estimate.skip`) gives a \
+                 slow motion more of them",
+            ),
             Self::NotFitted => f.write_str("no sinusoidal motion fits its first samples"),
             Self::Poor { mean_square } => write!(
                 f,
@@ -53,9 +56,9 @@ impl std::fmt::Display for NoBatchStart {
 }
 
 /// The first samples that are looked at, in s: ten cycles of a mirror at 500 Hz.
-const WINDOW_S: f64 = 20e-3;
+pub const WINDOW_S: f64 = 20e-3;
 /// Cycles that the window must hold at least; it grows until it does.
-const CYCLES: f64 = 6.0;
+pub const CYCLES: f64 = 6.0;
 /// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves
 /// thousands.
 const POOR: f64 = 4.0;

@@ -100,7 +100,12 @@ impl Follower<'_> {
         start: impl FnOnce() -> Result<([f64; N], Covariance<f64, N>), EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let FilterBasics { method, points, .. } = *self.filter;
-        let begin = || start().map(|(mean, covariance)| AnyFilter::of(method, points, mean, covariance));
+        // Where it goes on, nothing is there to start from.
+        let left = past.left();
+        let begin = || {
+            let (mean, covariance) = left.map_or_else(start, Ok)?;
+            Ok(AnyFilter::of(method, points, mean, covariance))
+        };
         let mut trajectories = self.follow(plant, states, past, begin)?;
         if method == Method::Model {
             for trajectory in &mut trajectories {
@@ -147,7 +152,11 @@ impl Task<'_> {
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let points = self.filter.basics.points;
-        let begin = || self.start().map(|(mean, covariance)| SquareRootUkf::new(mean, covariance, points));
+        let left = past.left();
+        let begin = || {
+            let (mean, covariance) = left.map_or_else(|| self.start(), Ok)?;
+            Ok(SquareRootUkf::new(mean, covariance, points))
+        };
         self.follower().follow(plant, &self.filter.states(), past, begin)
     }
 

@@ -55,13 +55,10 @@ impl<E, W: Into<WorkflowError>> From<W> for PartsError<E> {
 }
 
 /// Whether a recording that the rig wants is too long to be held in memory, or, being no file, cannot be asked how long it
-/// is, and none of its filters needs all of it at once.
-pub fn is_long(experiment: &Experiment, progress: &dyn Progress) -> Result<bool, WorkflowError> {
+/// is.
+pub fn is_long(experiment: &Experiment) -> Result<bool, WorkflowError> {
     let rig = of(experiment)?;
     for index in rig.wanted(experiment)? {
-        if rig.estimator(experiment, index, progress)?.around(1.0) == Around::WHOLE {
-            return Ok(false);
-        }
         let described = experiment.recording(index)?;
         let path = experiment.resolve(&described.file);
         require(experiment, &described.file, Key::from("recording").index(index).child("file"))?;

@@ -20,7 +20,7 @@ pub use output::{Outputs, SYNC};
 pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream};
-use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, Silent, Trajectory};
+use crate::estimate::{EstimateError, Part, Past, SegmentEstimate, Silent, Trajectory};
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
@@ -73,15 +73,6 @@ pub enum StreamError {
          `smooth = true` out; `smooth_lag = \"100 us\"` smooths while they arrive"
     )]
     Smooths,
-    /// The rig looks at whole recordings.
-    #[error(
-        "the filters of `{rig}` look at whole recordings; record the samples and use `kalmems estimate`, or leave out what \
-         needs all of them"
-    )]
-    NotLive {
-        /// The rig.
-        rig: &'static str,
-    },
 }
 
 /// What came of a stream.
@@ -121,9 +112,6 @@ pub fn stream(
     let mut estimator = rig.estimator(experiment, index, &Silent)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
-    if around == Around::WHOLE {
-        return Err(StreamError::NotLive { rig: rig.name() });
-    }
     // To smooth over the whole there must be an end.
     if around.smooths {
         return Err(StreamError::Smooths);

@@ -232,7 +232,8 @@ pub fn goes_on_after_a_kill(
     let whole = uncut.answers;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place among the bytes
     let place = (at * bytes.len() as f64) as usize;
-    let broken = Broken(Pieces::of(bytes.to_vec(), 4000), place);
+    // In some hundred pieces, so that the state is written several times.
+    let broken = Broken(Pieces::of(bytes.to_vec(), bytes.len() as u64 / 300), place);
     let first = streamed(experiment, Box::new(broken), Some(&state));
     assert!(first.ended.as_ref().unwrap_err().to_string().contains("the cable was pulled"));
     let acknowledged_s = first.acknowledged_s.expect("nothing was acknowledged");

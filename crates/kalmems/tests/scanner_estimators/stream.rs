@@ -1,56 +1,13 @@
 //! Samples that are estimated while they arrive.
 
 use super::example;
+use super::parts::{Pieces, Streamed, goes_on_after_a_kill, same_bits_in_a_stream, streamed};
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs;
-use kalmems::stream::{Outputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::io::{self, Read, Write};
-use std::rc::Rc;
-
-/// Gives bytes in pieces of whatever length.
-struct Pieces {
-    bytes: Vec<u8>,
-    at: usize,
-    chance: Pcg64,
-    longest: u64,
-}
-
-impl Pieces {
-    fn of(bytes: Vec<u8>, longest: u64) -> Self {
-        Self { bytes, at: 0, chance: Pcg64::new(1, 2), longest }
-    }
-}
-
-impl Read for Pieces {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let length = 1 + usize::try_from(self.chance.next_u64() % self.longest).unwrap();
-        let count = length.min(buffer.len()).min(self.bytes.len() - self.at);
-        buffer[..count].copy_from_slice(&self.bytes[self.at..self.at + count]);
-        self.at += count;
-        Ok(count)
-    }
-}
-
-/// Memory that is read while somebody else holds it.
-#[derive(Clone, Default)]
-struct Shared(Rc<RefCell<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.borrow_mut().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
 
 /// The example with these changes.
 fn experiment(changes: &[(&str, &str)]) -> Experiment {
@@ -63,50 +20,15 @@ fn experiment(changes: &[(&str, &str)]) -> Experiment {
     Experiment::parse(&text, &path).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Each answer's lines: times, and means and standard deviations of the states.
-type Lines = BTreeMap<String, Vec<Vec<f64>>>;
-
-fn run(
-    experiment: &Experiment,
-    input: Box<dyn Read + Send>,
-) -> (Lines, Vec<serde_json::Value>, StreamSummary) {
-    let lines = Shared::default();
-    let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
-    let summary = stream(experiment, input, outputs, None, &|| false).unwrap_or_else(|e| panic!("{e}"));
-    let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
-    let (mut answers, mut events) = (Lines::new(), Vec::new());
-    for line in text.lines().filter(|line| !line.starts_with('#')) {
-        let (key, rest) = line.split_once(',').unwrap();
-        if key == "event" {
-            events.push(serde_json::from_str(rest).unwrap());
-        } else {
-            let numbers = rest.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
-            answers.entry(key.to_owned()).or_default().push(numbers);
-        }
-    }
-    (answers, events, summary)
-}
-
 #[test]
 fn a_stream_says_what_an_estimate_says_sample_by_sample() {
     let experiment = experiment(&[("every = 10", "every = 1")]);
     let rig = rigs::of(&experiment).unwrap();
     let path = example("recording.csv");
     let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
-    let whole = &rig.estimate(&experiment, 0, &recording, &Silent).unwrap()[0].trajectories;
     let bytes = std::fs::read(&path).unwrap();
     for longest in [60, 100_000] {
-        let (answers, events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
-        assert_eq!(answers.len(), 2);
-        for trajectory in whole {
-            let lines = &answers[&trajectory.key];
-            assert_eq!(lines.len(), trajectory.time_s.len(), "{}", trajectory.key);
-            for (k, line) in lines.iter().enumerate() {
-                let told = std::iter::once(trajectory.time_s[k])
-                    .chain(trajectory.states.iter().flat_map(|state| [state.mean[k], state.sd[k]]));
-                assert!(line.iter().zip(told).all(|(a, b)| a.to_bits() == b.to_bits()), "{k}: {line:?}");
-            }
-        }
+        let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
         assert_eq!(summary.estimated, 24_001);
         assert_eq!(summary.latency.count(), 24_001);
         // The motion passes zero twice in a cycle, 16 ms long, in each of the two answers.
@@ -155,7 +77,9 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
         held = waiting;
         frames.extend(ready.into_iter().map(|(_, frame): (usize, Vec<u8>)| frame));
     }
-    let (answers, _, summary) = run(&experiment, Box::new(Pieces::of(frames.concat(), 300)));
+    let Streamed { answers, ended, .. } =
+        streamed(&experiment, Box::new(Pieces::of(frames.concat(), 300)), None);
+    let summary = ended.unwrap_or_else(|e| panic!("{e}"));
     let order = summary.received.order;
     assert_eq!((order.dropped, order.duplicated, order.late, order.too_late), (dropped, duplicated, late, 0));
     assert!(dropped > 1100 && duplicated > 180 && late > 180);
@@ -191,8 +115,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
 fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     let said = |changes: &[(&str, &str)], words: &[&str]| {
         let input = Box::new(Pieces::of(Vec::new(), 10));
-        let error =
-            stream(&experiment(changes), input, Outputs::default(), None, &|| false).unwrap_err().to_string();
+        let error = streamed(&experiment(changes), input, None).ended.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
     said(&[("smooth_lag = \"100 us\"", "smooth = true")], &["whole recordings", "kalmems estimate"]);
@@ -202,63 +125,25 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     said(&[], &["no row"]);
 }
 
-/// Gives bytes slowly, and breaks at a place.
-struct Broken(Pieces, usize);
-
-impl Read for Broken {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.0.at >= self.1 {
-            return Err(io::Error::other("the cable was pulled"));
-        }
-        std::thread::sleep(std::time::Duration::from_millis(2));
-        self.0.read(buffer)
+#[test]
+fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let stated = "start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }";
+    for start in [stated, "start = \"from_signal\""] {
+        let experiment = experiment(&[("every = 10", "every = 1"), (stated, start)]);
+        goes_on_after_a_kill(&experiment, &bytes, 0.7, 9e-3);
     }
 }
 
 #[test]
-fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
-    let experiment = experiment(&[("every = 10", "every = 1")]);
-    let bytes = std::fs::read(example("recording.csv")).unwrap();
+fn another_experiment_does_not_go_on() {
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
-    let lines_of = |input: Box<dyn Read + Send>, state: Option<&std::path::Path>| {
-        let lines = Shared::default();
-        let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
-        let ended = stream(&experiment, input, outputs, state, &|| false);
-        let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
-        (text, ended)
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let run = |experiment: &Experiment| {
+        streamed(experiment, Box::new(Pieces::of(bytes.clone(), 100_000)), Some(&state)).ended
     };
-    let of = |text: &str, key: &str| -> BTreeMap<u64, [f64; 2]> {
-        let lines = text.lines().filter_map(|line| line.strip_prefix(key)?.strip_prefix(','));
-        let numbers = lines.map(|rest| rest.split(',').map(|c| c.parse().unwrap_or(f64::NAN)).collect());
-        numbers.map(|n: Vec<f64>| (n[0].to_bits(), [n[1], n[2]])).collect()
-    };
-    let (whole, _) = lines_of(Box::new(Pieces::of(bytes.clone(), 1000)), None);
-    let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
-    let (first, ended) = lines_of(Box::new(broken), Some(&state));
-    assert!(ended.unwrap_err().to_string().contains("the cable was pulled"));
-    let acknowledged = first.lines().filter_map(|line| line.strip_prefix("acknowledged,")).next_back();
-    let acknowledged: f64 = acknowledged.expect("nothing was acknowledged").parse().unwrap();
-    assert!(acknowledged > 9e-3, "{acknowledged}");
-    // The sender sends all of it again; what was acknowledged is passed over.
-    let (second, ended) = lines_of(Box::new(Pieces::of(bytes, 1000)), Some(&state));
-    let passed_over = ended.unwrap().received.passed_over;
-    for key in ["ekf", "ekf_lagged"] {
-        let [whole, first, second] = [&whole, &first, &second].map(|text| of(text, key));
-        assert_eq!(whole.len(), 24_001);
-        for (time, [angle, sd]) in &whole {
-            let (from, place) =
-                if f64::from_bits(*time) <= acknowledged { (&first, "before") } else { (&second, "after") };
-            let found = from.get(time).unwrap_or_else(|| panic!("{key} {place} {}", f64::from_bits(*time)));
-            assert!((found[0] - angle).abs() < 1e-6 * sd, "{key} {place}: {} {angle}", found[0]);
-            assert!((found[1] / sd - 1.0).abs() < 1e-6);
-        }
-        assert!(second.keys().all(|time| f64::from_bits(*time) > acknowledged));
-        assert_eq!(passed_over + second.len() as u64, 24_001);
-    }
-    // Another experiment does not go on from it.
-    let other = self::experiment(&[]);
-    let ended =
-        stream(&other, Box::new(Pieces::of(Vec::new(), 1)), Outputs::default(), Some(&state), &|| false);
+    run(&experiment(&[])).unwrap_or_else(|e| panic!("{e}"));
+    let ended = run(&experiment(&[("every = 10", "every = 1")]));
     assert!(ended.unwrap_err().to_string().contains("another experiment"));
 }

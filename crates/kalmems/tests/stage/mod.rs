@@ -22,7 +22,7 @@ pub const HZ: f64 = 1700.0;
 /// Drives in V and amplitudes of the angle in rad.
 pub const MOTIONS: [[f64; 2]; 4] = [[1.0, 1.366e-3], [1.1, 1.613e-3], [1.2, 1.880e-3], [1.3, 2.166e-3]];
 /// The phase of the rate against a drive that is a sine.
-const PHASE: f64 = -0.542;
+pub const PHASE: f64 = -0.542;
 const AIR: f64 = 8.8542e-12;
 
 pub fn plates() -> [TiltingPlate<f64>; 4] {
@@ -158,6 +158,40 @@ impl Laboratory {
             std::fs::write(folder.join(name), text).unwrap();
         }
     }
+}
+
+/// One record of this many rows that goes on, its lines with the bias on and a shorter one's with the bias off: the generator
+/// a little faster while the bias is on, and the motion with it.
+pub fn going_on(rows: u32, on_hz: f64, amplitude: f64) -> [Vec<String>; 2] {
+    let mut noise = WhiteNoise::new(7, 1);
+    let header = "time_s,drive_V,c1A_V,c1B_V,c2A_V,c2B_V";
+    let mut of = |rows: u32, hz: f64, motion: f64| {
+        let mut lines = vec![header.to_owned()];
+        for k in 0..rows {
+            let t = f64::from(k) * INTERVAL;
+            let (s, c) = (TAU * hz * t).sin_cos();
+            let mut line = format!("{t:.7},{:.5}", 1.2 * s + 3e-4 * noise.sample());
+            for (e, [gain, slope]) in FEEDTHROUGH.iter().enumerate() {
+                // The motion in the time of its own frequency.
+                let moved = if motion > 0.0 { signal(e, motion, t * hz / HZ) * hz / HZ } else { 0.0 };
+                let y = moved + 1.2 * (gain * s + slope * TAU * hz * c) + NOISE * noise.sample();
+                let _ = write!(line, ",{y:.7}");
+            }
+            lines.push(line);
+        }
+        lines
+    };
+    [of(rows, on_hz, amplitude), of(3000, HZ, 0.0)]
+}
+
+/// The device table with the gaps and gains that the signals are made with.
+pub fn true_device() -> String {
+    let mut text = device();
+    for (gap, gain) in GAPS.iter().zip(GAINS) {
+        text = text.replacen("\"19.2 um\"", &format!("\"{gap:e} m\""), 1);
+        text = text.replacen("\"-2.40752e7 V ohm\"", &format!("\"{gain} V ohm\""), 1);
+    }
+    text
 }
 
 /// The device table of the stage, with nominal gaps and gains.

@@ -49,12 +49,13 @@ pub fn correction(
             time_s: &record.time_s,
             taken: estimate::Samples::whole(record.time_s.len(), read.interval_s),
             drive: &drive,
-            drive_sine: record.drive,
+            drive_hz: record.drive.frequency_hz,
             electrodes: &on.electrodes,
             signals: found.signals_without_drive(record, &on.electrodes),
         };
-        let trajectories = segment::estimate(&settings, &samples, &mut Past::default(), progress)
-            .map_err(as_identify_error)?;
+        let mut past = Past::from(record.time_s.first().copied().unwrap_or(0.0));
+        let trajectories =
+            segment::estimate(&settings, &samples, &mut past, progress).map_err(as_identify_error)?;
         let Some(state) = trajectories.first().and_then(|trajectory| trajectory.state("rate")) else {
             continue;
         };

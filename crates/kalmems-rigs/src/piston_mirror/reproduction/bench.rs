@@ -2,11 +2,11 @@
 
 use super::super::data::SegmentData;
 use super::super::plates::{COEFFICIENTS, Plates};
-use super::super::segment;
+use super::super::segment::{self, PartData};
 use super::super::settings::{Motion, Settings};
 use super::published::{circuit, results};
 use crate::config::Experiment;
-use crate::estimate::{Past, Progress, Samples, Trajectory};
+use crate::estimate::{Around, Past, Progress, Samples, Trajectory};
 use crate::reproduce::ReproduceError;
 use crate::simulate::WhiteNoise;
 use std::f64::consts::TAU;
@@ -128,9 +128,13 @@ impl Run {
                 mean[2] = PHASE;
             }
         }
-        let place = ("the simulated recording", &Samples::whole(time_s.len(), interval_s));
-        let (trajectories, _) =
-            segment::estimate(&settings, &data, place, &mut Past::default(), progress).ok()?;
+        let whole = PartData {
+            data,
+            samples: Samples::whole(time_s.len(), interval_s),
+            head: 0..time_s.len().min(Around::LONGEST_HEAD),
+            place: "the simulated recording",
+        };
+        let (trajectories, _) = segment::estimate(&settings, &whole, &mut Past::default(), progress).ok()?;
         let judged = trajectories.into_iter().filter_map(|trajectory| {
             let scored = trajectory.scored(SKIP_S);
             let estimated = &trajectory.state("position")?.mean;
