@@ -3,7 +3,7 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use kalmems::config::Experiment;
-use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
+use kalmems::stream::{AheadSummary, Outputs, StreamError, StreamSummary, stream};
 use serial2::SerialPort;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -86,6 +86,20 @@ fn text(summary: &StreamSummary) -> String {
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");
+        }
+    }
+    if let Some(AheadSummary { counts, overdue }) = &summary.ahead {
+        text += &format!("{} zero phases told before they happened", counts.told);
+        for (count, what) in [
+            (counts.late, "told later than asked for"),
+            (counts.missed, "not told"),
+            (*overdue, "written when they had happened, if samples arrive when they are taken"),
+        ] {
+            text += &format!(", {count} {what}");
+        }
+        text += "\n";
+        if counts.without_drive > 0 {
+            text += &format!("{} samples at which the drive was not foreseeable\n", counts.without_drive);
         }
     }
     for finding in &summary.diagnosis {

@@ -1,8 +1,8 @@
 //! What is kept of a segment from one part of it to the next.
 
-use super::Trajectory;
 use super::driven::DrivePast;
 use super::lock::LockJudge;
+use super::{Foreteller, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
@@ -14,6 +14,8 @@ pub struct Past {
     pub start_s: f64,
     /// What is kept of its drive.
     pub drive: DrivePast,
+    /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
+    pub motion_rate: Option<f64>,
     /// What the rig itself keeps.
     pub rig: Slot,
     filters: Vec<FilterPast>,
@@ -23,6 +25,14 @@ impl Past {
     /// Of a segment that begins at this time in s.
     pub fn from(start_s: f64) -> Self {
         Self { start_s, ..Self::default() }
+    }
+
+    /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
+    pub fn foreteller(&mut self) -> Option<(&mut Foreteller, bool)> {
+        self.filters.iter_mut().find_map(|filter| {
+            let mirrored = filter.is_mirrored() == Some(true);
+            filter.foreteller.as_mut().map(|foreteller| (foreteller, mirrored))
+        })
     }
 
     /// What is kept of a filter, by its place in the list.
@@ -43,6 +53,9 @@ pub struct PastState {
     start_s: Bits,
     /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
     drive: Option<[Bits; 5]>,
+    /// The rate of the motion that phases are told by.
+    #[serde(default)]
+    motion_rate: Option<Bits>,
     filters: Vec<FilterState>,
 }
 
@@ -53,6 +66,9 @@ struct FilterState {
     covariance: Vec<Bits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
+    /// The times of the zero phases that were told last, in s.
+    #[serde(default)]
+    told: [Option<Bits>; 2],
 }
 
 /// A number by its bits, so that no digit is lost in text.
@@ -78,7 +94,8 @@ impl Past {
         let filters = self.filters.iter().map(|filter| {
             let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
-            FilterState { mean: bits(mean), covariance: bits(covariance), mirrored }
+            let told = filter.told_s().map(|told_s| told_s.map(Bits::from));
+            FilterState { mean: bits(mean), covariance: bits(covariance), mirrored, told }
         });
         PastState {
             start_s: self.start_s.into(),
@@ -86,6 +103,7 @@ impl Past {
                 [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
                     .map(Bits::from)
             }),
+            motion_rate: self.motion_rate.map(Bits::from),
             filters: filters.collect(),
         }
     }
@@ -98,6 +116,7 @@ impl Past {
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
+            told_s: filter.told.map(|told| told.map(f64::from)),
             ..FilterPast::default()
         });
         let sine = state.drive.map(|numbers| {
@@ -107,6 +126,7 @@ impl Past {
         Self {
             start_s: state.start_s.into(),
             drive: DrivePast::resumed(sine),
+            motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
             rig: Slot::default(),
         }
@@ -136,6 +156,10 @@ pub struct FilterPast {
     pub run: Slot,
     /// What its way keeps.
     pub course: Slot,
+    /// What foretells zero phases, where they are asked for.
+    pub foreteller: Option<Foreteller>,
+    /// The times of the zero phases that another run told last.
+    told_s: [Option<f64>; 2],
     /// Mean and lower covariance where the filter was left.
     pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
     /// One per answer.
@@ -151,6 +175,16 @@ pub(crate) struct AnswerPast {
 }
 
 impl FilterPast {
+    /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
+    pub fn told_s(&self) -> [Option<f64>; 2] {
+        self.foreteller.as_ref().map_or(self.told_s, Foreteller::told_s)
+    }
+
+    /// Whether the motion of the first axis is mirrored, once that is known.
+    pub fn is_mirrored(&self) -> Option<bool> {
+        self.answers.first()?.mirrored.first().copied().flatten()
+    }
+
     pub(crate) fn answer(&mut self, index: usize) -> &mut AnswerPast {
         while self.answers.len() <= index {
             self.answers.push(AnswerPast::default());

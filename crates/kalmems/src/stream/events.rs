@@ -1,6 +1,6 @@
 //! What happens in a trajectory that goes on.
 
-use crate::estimate::{LockEvent, Trajectory};
+use crate::estimate::{Foretold, LockEvent, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -19,6 +19,14 @@ pub enum Event {
         sd_s: f64,
         /// Whether it rises.
         rising: bool,
+    },
+    /// An angle will pass zero.
+    ZeroPhaseAhead {
+        /// The angle, by its name among the states.
+        of: &'static str,
+        /// When and how.
+        #[serde(flatten)]
+        foretold: Foretold,
     },
     /// The filter lost the motion, or changed the branch.
     Lock(LockEvent),
@@ -46,9 +54,10 @@ pub enum Event {
 }
 
 impl Event {
-    /// When, in s.
+    /// When, in s; of what is foretold, from when on it was known.
     pub fn time_s(&self) -> f64 {
         match self {
+            Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Alarm { time_s, .. }
             | Self::AlarmOver { time_s, .. }

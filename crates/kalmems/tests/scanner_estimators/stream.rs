@@ -262,3 +262,114 @@ fn what_was_acknowledged_is_not_lost_when_a_run_is_killed() {
         stream(&other, Box::new(Pieces::of(Vec::new(), 1)), Outputs::default(), Some(&state), &|| false);
     assert!(ended.unwrap_err().to_string().contains("another experiment"));
 }
+
+/// The example with zero phases told that long before.
+fn foretelling(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment {
+    let table = format!("[stream.trigger]\nahead = \"{ahead}\"\n{more}\n\n[stream.input.text]");
+    let mut all = vec![("every = 10", "every = 1"), ("[stream.input.text]", table.as_str())];
+    all.extend_from_slice(changes);
+    experiment(&all)
+}
+
+/// A zero phase, as it was told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Told {
+    told_s: f64,
+    time_s: f64,
+    sd_s: f64,
+    rising: bool,
+}
+
+fn ahead(events: &[serde_json::Value]) -> Vec<Told> {
+    let ahead = events.iter().filter(|event| event["event"] == "zero_phase_ahead");
+    ahead
+        .map(|event| {
+            let number = |key: &str| event[key].as_f64().unwrap();
+            assert!(event["estimator"] == "ekf" && event["of"] == "angle");
+            let rising = event["rising"].as_bool().unwrap();
+            Told { told_s: number("told_s"), time_s: number("time_s"), sd_s: number("sd_s"), rising }
+        })
+        .collect()
+}
+
+/// The true zero phases of a table of times, angles and rates, each with whether it rises.
+fn passages(rows: &[[f64; 3]]) -> Vec<(f64, bool)> {
+    let mut found = Vec::new();
+    for pair in rows.windows(2) {
+        let [[t, x, v], [u, y, w]] = [pair[0], pair[1]];
+        if (x < 0.0) == (y < 0.0) {
+            continue;
+        }
+        // The zero of Hermite's cubic, by halving.
+        let h = u - t;
+        let at = |s: f64| {
+            let (a, b) = (1.0 - s, s);
+            a * a * (1.0 + 2.0 * b) * x + b * b * (1.0 + 2.0 * a) * y + h * a * b * (a * v - b * w)
+        };
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = f64::midpoint(low, high);
+            if (at(middle) < 0.0) == (x < 0.0) { low = middle } else { high = middle }
+        }
+        found.push((t + low * h, y >= 0.0));
+    }
+    found
+}
+
+fn truth() -> Vec<[f64; 3]> {
+    let text = std::fs::read_to_string(example("reference.csv")).unwrap();
+    let row = |line: &str| -> [f64; 3] {
+        let mut cells = line.split(',').map(|cell| cell.parse().unwrap());
+        std::array::from_fn(|_| cells.next().unwrap())
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// The errors of what was told in its standard deviations. Each true passage between the times was told exactly once, in its
+/// direction, and nothing else was told.
+fn normalised(told: &[Told], passages: &[(f64, bool)], (from_s, to_s): (f64, f64)) -> Vec<f64> {
+    let within = |time_s: f64| (from_s..to_s).contains(&time_s);
+    let mut told: Vec<&Told> = told.iter().filter(|told| within(told.time_s)).collect();
+    told.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let passages: Vec<&(f64, bool)> = passages.iter().filter(|(time_s, _)| within(*time_s)).collect();
+    assert_eq!(told.len(), passages.len());
+    let pairs = told.into_iter().zip(passages);
+    pairs
+        .map(|(told, (time_s, rising))| {
+            assert!(told.rising == *rising && (told.time_s - time_s).abs() < 1e-6, "{told:?} {time_s}");
+            (told.time_s - time_s) / told.sd_s
+        })
+        .collect()
+}
+
+#[test]
+fn zero_phases_are_told_before_they_happen_each_once() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let passages = passages(&truth());
+    // A sixth of a cycle, and more than four.
+    for (text, ahead_s) in [("10 us", 10e-6), ("270 us", 270e-6)] {
+        let experiment = foretelling(text, "", &[]);
+        let mut whole = None;
+        for longest in [60, 1000, 100_000] {
+            let (_, events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
+            let told = ahead(&events);
+            let counts = summary.ahead.unwrap().counts;
+            let h = 1e-6;
+            // Begun at the end of the settling time, the first come with less than was asked for.
+            let short = told.iter().filter(|told| told.time_s - told.told_s < ahead_s + h).count();
+            assert!(told.iter().take(short).all(|told| told.told_s < 8e-3 + 64e-6), "{short}");
+            assert_eq!((counts.told, counts.late), (told.len() as u64, short as u64));
+            assert_eq!((counts.missed, counts.without_drive), (0, 0));
+            let longest_s = told.iter().map(|told| told.time_s - told.told_s).fold(0.0, f64::max);
+            assert!(longest_s < ahead_s + 2.6 * h, "{longest_s}");
+            let errors = normalised(&told, &passages, (8e-3, 24e-3));
+            assert!((500..504).contains(&errors.len()), "{}", errors.len());
+            let within = errors.iter().filter(|e| e.abs() <= 3.0).count() as f64 / errors.len() as f64;
+            let nees = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+            let sd_s = told.last().unwrap().sd_s;
+            println!("{text}: {} told, {within:.4} within 3 sd, NEES {nees:.3}, sd {sd_s:.2e} s", told.len());
+            assert!(within >= 0.99, "{within}");
+            assert_eq!(*whole.get_or_insert(told.clone()), told);
+        }
+    }
+}
