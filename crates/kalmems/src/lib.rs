@@ -28,24 +28,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod applications;
-pub mod circuit;
-pub mod config;
-pub mod estimate;
-pub mod evaluate;
-pub mod export;
-pub mod fit;
-pub mod identify;
-pub mod inspect;
-pub mod outlook;
-pub mod recording;
-pub mod report;
-pub mod reproduce;
 pub mod results;
-pub mod rigs;
-pub mod signal;
-pub mod simulate;
 pub mod stream;
 pub mod study;
-pub mod units;
-pub mod workflow;
+
+pub use kalmems_engines::{
+    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, recording,
+    report, reproduce, signal, simulate, units,
+};
+pub use kalmems_rigs::{self as rigs, workflow};

@@ -3,7 +3,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{SegmentEstimate, Silent};
-use kalmems::export::{ExportError, Exported, Request, Target, export, write_export};
+use kalmems::export::{self, ExportError, Exported, Request, Target, write_export};
 use kalmems::recording::Recording;
 use kalmems::rigs;
 use kalmems::signal::cubic_between;
@@ -41,6 +41,10 @@ fn example(path: &str) -> Experiment {
 
 const SCANNER: &str = "shared_scanner/microcontroller.toml";
 const THRESHOLD: &str = "threshold_scanner/experiment.toml";
+
+fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+    export::export(rigs::of(experiment).unwrap(), experiment, request)
+}
 
 fn request(target: Target, filter: &str) -> Request {
     Request { target, filter: filter.to_owned(), interval_s: None, update_every: NonZeroU32::MIN, samples: 0 }

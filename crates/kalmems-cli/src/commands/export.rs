@@ -4,6 +4,7 @@ use crate::args::{ExportArguments, Language};
 use crate::{Ending, print};
 use kalmems::config::Experiment;
 use kalmems::export::{Request, Target, export, write_export};
+use kalmems::rigs;
 use kalmems::units::{Value, kind};
 use std::path::PathBuf;
 
@@ -21,7 +22,8 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
         update_every: arguments.update_every,
         samples: arguments.samples,
     };
-    let exported = export(&experiment, &request).map_err(|e| wrong(&e))?;
+    let exported = export(rigs::of(&experiment).map_err(|e| wrong(&e))?, &experiment, &request)
+        .map_err(|e| wrong(&e))?;
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => PathBuf::from("out").join("exported").join(experiment.name.to_string()),

@@ -2,7 +2,7 @@
 
 use super::names::prefix;
 use super::page::page;
-use super::{Metrics, Output, OutputError, RUN_FILE};
+use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::recording::Source;
@@ -11,16 +11,7 @@ use crate::workflow::Outcome;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
-
-/// When a run began, and how long it took: all that differs between two runs of the same input.
-#[derive(Clone, Copy, Debug)]
-pub struct RunInfo {
-    /// When it began.
-    pub started: SystemTime,
-    /// How long it took until its results were written.
-    pub took: Duration,
-}
+use std::time::UNIX_EPOCH;
 
 /// How results are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

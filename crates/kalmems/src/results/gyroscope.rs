@@ -1,6 +1,6 @@
 //! The files of a gyroscope's calibration.
 
-use super::files::RunInfo;
+use super::RunInfo;
 use super::{Output, RUN_FILE, WriteError};
 use crate::applications::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
 use crate::config::GyroscopeCalibration;

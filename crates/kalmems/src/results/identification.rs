@@ -1,6 +1,6 @@
 //! The files of an identification.
 
-use super::files::RunInfo;
+use super::RunInfo;
 use super::{Output, RUN_FILE, WriteError};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::recording::Source;

@@ -11,30 +11,28 @@ mod long;
 mod metrics;
 mod names;
 mod outlook;
-mod output;
 mod page;
 mod simulation;
 mod spectrum;
 mod summary;
 
 pub use figures::figures as estimate_figures;
-pub use files::{RunInfo, WriteError, WriteOptions, write_estimate};
+pub use files::{WriteError, WriteOptions, write_estimate};
 pub use grey_png::{PictureError, read_grey, write_grey};
 pub use gyroscope::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
+pub use kalmems_engines::output::{Output, OutputError, RUN_FILE, RunInfo};
 pub use long::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
     Verdict,
 };
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
-pub use output::{Output, OutputError, RUN_FILE};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub use spectrum::{
     ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
     SpectrumReferenceMetrics, spectrum_figures, write_jcamp, write_spectrum,
 };
-pub(crate) use summary::significant;
 pub use summary::{Notice, notices, summary_table};

@@ -3,7 +3,7 @@
 use super::metrics::angles_of;
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
 use crate::evaluate::{MotionErrors, PartErrors};
-use crate::report::{Column, Severity, Table};
+use crate::report::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -192,16 +192,6 @@ fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 
     ]
 }
 
-/// Three significant digits without an exponent.
-pub(crate) fn significant(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
-    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}")
-}
-
 /// What a reader must know before trusting a figure, the worst first.
 pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     let mut notices = Vec::new();
@@ -334,18 +324,4 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
         }
     }
     said
-}
-
-#[cfg(test)]
-mod tests {
-    use super::significant;
-
-    #[test]
-    fn three_digits() {
-        for (value, text) in
-            [(0.018_063, "0.0181"), (2.694, "2.69"), (123.45, "123"), (1e-5, "0.0000100"), (0.0, "0")]
-        {
-            assert_eq!(significant(value), text);
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! Samples from bytes, as text or as frames.
 
-use crate::config::{Field, FieldType, StreamFormat};
+use crate::config::{Field, StreamFormat};
 use kalmems_formats::{Cells, Fault, Shift};
 
 /// One sample as it came.
@@ -59,10 +59,10 @@ impl Decoder {
                 in_a_long_line: false,
             },
             StreamFormat::Frames { sync, fields } => Format::Frames {
-                sync: sync.0.clone(),
+                sync: sync.bytes().to_vec(),
                 fields: fields.clone(),
                 shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
-                length: sync.0.len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
+                length: sync.bytes().len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
             },
         };
         Self { format, rest: Vec::new(), damage: Damage::default() }
@@ -183,45 +183,6 @@ fn frames(
         from += length;
     }
     from
-}
-
-impl FieldType {
-    /// A number of this type, little-endian; not a number where there are not enough bytes.
-    fn number(self, raw: &[u8]) -> f64 {
-        fn of<const N: usize>(raw: &[u8]) -> [u8; N] {
-            raw.try_into().unwrap_or([0; N])
-        }
-        match self {
-            Self::I8 => f64::from(i8::from_le_bytes(of(raw))),
-            Self::U8 => f64::from(u8::from_le_bytes(of(raw))),
-            Self::I16 => f64::from(i16::from_le_bytes(of(raw))),
-            Self::U16 => f64::from(u16::from_le_bytes(of(raw))),
-            Self::I32 => f64::from(i32::from_le_bytes(of(raw))),
-            Self::U32 => f64::from(u32::from_le_bytes(of(raw))),
-            Self::I64 => i64::from_le_bytes(of(raw)) as f64,
-            Self::U64 => u64::from_le_bytes(of(raw)) as f64,
-            Self::F32 => f64::from(f32::from_le_bytes(of(raw))),
-            Self::F64 => f64::from_le_bytes(of(raw)),
-        }
-    }
-}
-
-impl StreamFormat {
-    /// The names of the columns of numbers, in their order.
-    pub fn columns(&self) -> Vec<String> {
-        match self {
-            Self::Text { columns } => columns.clone(),
-            Self::Frames { fields, .. } => {
-                fields.iter().filter(|f| !f.is_sequence()).map(|f| f.name.clone()).collect()
-            }
-        }
-    }
-
-    /// How many numbers the sequence of the frames has before it begins again, where they count.
-    pub fn sequence_bits(&self) -> Option<u32> {
-        let Self::Frames { fields, .. } = self else { return None };
-        fields.iter().find(|field| field.is_sequence()).map(|field| field.kind.bits())
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,79 @@
+//! The experiment file: a device and its recordings, described once, in TOML.
+//!
+//! Every value is text with a unit, checked for its dimension and its sign. An unknown key or word is refused
+//! with the nearest known one. A message names the file, the line, the key, what was found, what was
+//! expected, and what to write:
+//!
+//! ```
+//! use kalmems_engines::config::Experiment;
+//! let error = Experiment::parse("nmae = \"scan\"", "experiment.toml".as_ref()).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
+//!      known keys: name, description, device, recording, estimate, identify, simulate, stream"
+//! );
+//! ```
+
+mod device;
+mod error;
+mod estimate;
+mod experiment;
+mod filter;
+mod format;
+mod gyroscope;
+mod hybrid;
+mod identify;
+mod image;
+mod key;
+pub mod kinds;
+mod name;
+mod quantity;
+mod reader;
+mod recording;
+mod regulated;
+mod schema;
+mod sign;
+mod simulate;
+mod source;
+mod spectrum;
+mod stream;
+#[cfg(test)]
+mod tests;
+mod values;
+
+pub use device::*;
+pub use error::{ConfigError, Fault, Place, Position};
+pub use estimate::{Crossings, Estimate, Peak};
+pub use experiment::Experiment;
+pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub use format::{DecimalMark, FileFormat, FileKind, Separator};
+pub(crate) use gyroscope::is_per_record;
+pub use gyroscope::{
+    Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
+};
+pub use hybrid::{Applied, Threshold, Timing, Variant};
+pub use identify::{FeedthroughBy, Identify, Trusted};
+pub use image::{Fill, Image, ImageAxis, Intensity};
+pub use key::Key;
+pub use key::Step;
+pub use name::Name;
+pub use quantity::Quantity;
+pub use reader::read_source;
+pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
+pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
+pub use schema::schema_of;
+pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};
+pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
+pub use simulate::{
+    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
+    PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions,
+    SweepDrive, TonesDrive,
+};
+pub use source::Source;
+pub use spectrum::{
+    Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,
+    PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
+    SpectrumReference, SpectrumTransform, TransformMethod,
+};
+pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
+pub use values::{AnyValue, Entry, Values};

@@ -1,0 +1,390 @@
+//! Reads a parsed TOML document into types, and says exactly where and why it cannot.
+//!
+//! The deserializer of the `toml` crate reports faults as text without the way to the key. This one keeps
+//! them typed, with key and place, and visits keys in the order of the file, so that the first fault in the
+//! file is the one reported.
+
+use super::error::shown;
+use super::key::Step;
+use super::schema::remedy;
+use super::source::Source;
+use super::{ConfigError, Fault, Key};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::de::value::StrDeserializer;
+use serde::de::{
+    DeserializeSeed, Deserializer, EnumAccess, Expected, IntoDeserializer, MapAccess, SeqAccess, Unexpected,
+    VariantAccess, Visitor,
+};
+use std::fmt;
+use std::ops::Range;
+use std::slice;
+use toml::Spanned;
+use toml::de::{DeString, DeTable, DeValue};
+
+/// A fault, and what is known of its place so far.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub fault: Fault,
+    pub key: Key,
+    /// The byte of the text; `None` where the whole file is meant.
+    pub byte: Option<usize>,
+}
+
+impl Failure {
+    /// What to write instead is filled in by whoever knows the schema.
+    pub fn new(fault: Fault) -> Self {
+        Self { fault, key: Key::default(), byte: None }
+    }
+
+    /// The innermost place counts: one that is set already stays.
+    fn at(mut self, span: Range<usize>) -> Self {
+        self.byte.get_or_insert(span.start);
+        self
+    }
+
+    fn under(mut self, name: &str) -> Self {
+        self.key.prepend(Step::Name(name.to_owned()));
+        self
+    }
+
+    fn under_index(mut self, index: usize) -> Self {
+        self.key.prepend(Step::Index(index));
+        self
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.key, self.fault)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+impl serde::de::Error for Failure {
+    fn custom<T: fmt::Display>(why: T) -> Self {
+        Self::new(Fault::Value { why: why.to_string() })
+    }
+
+    fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        let found = match found {
+            Unexpected::Bool(b) => format!("`{b}`"),
+            Unexpected::Signed(n) => format!("the number `{n}`"),
+            Unexpected::Unsigned(n) => format!("the number `{n}`"),
+            Unexpected::Float(n) => format!("the number `{n:?}`"),
+            Unexpected::Str(s) => format!("the text `{}`", shown(s)),
+            Unexpected::Seq => "a list".to_owned(),
+            Unexpected::Map => "a table".to_owned(),
+            other => other.to_string(),
+        };
+        Self::new(Fault::Type { found, expected: expected.to_string(), remedy: String::new() })
+    }
+
+    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
+        Self::new(Fault::unknown_key(field, expected.iter().copied()))
+    }
+
+    fn unknown_variant(variant: &str, expected: &'static [&'static str]) -> Self {
+        Self::new(Fault::unknown_word(variant, expected.iter().copied()))
+    }
+
+    fn missing_field(field: &'static str) -> Self {
+        Self::new(Fault::MissingKey { remedy: String::new() }).under(field)
+    }
+}
+
+/// Reads a file into a type, and says of a fault where it is and what to write.
+pub fn read_source<T: DeserializeOwned + JsonSchema>(source: &Source) -> Result<T, ConfigError> {
+    let document = source.document()?;
+    let read = read::<T>(document.get_ref());
+    drop(document);
+    read.map_err(|Failure { mut fault, key, byte }| {
+        if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+            *what = remedy::<T>(&key);
+        }
+        source.error(key, byte, fault)
+    })
+}
+
+/// Reads the document.
+fn read<T: DeserializeOwned>(document: &DeTable<'_>) -> Result<T, Failure> {
+    T::deserialize(TableReader { table: document })
+}
+
+/// The document itself: a table without a place of its own.
+struct TableReader<'a> {
+    table: &'a DeTable<'a>,
+}
+
+impl<'de> Deserializer<'de> for TableReader<'_> {
+    type Error = Failure;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        visitor.visit_map(Entries::of(self.table))
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf option unit
+        unit_struct newtype_struct seq tuple tuple_struct map struct enum identifier ignored_any
+    }
+}
+
+/// One value of the document.
+#[derive(Clone, Copy)]
+struct Reader<'a> {
+    value: &'a Spanned<DeValue<'a>>,
+}
+
+impl Reader<'_> {
+    fn refuse<T>(self, expected: impl Into<String>) -> Result<T, Failure> {
+        let found = match self.value.get_ref() {
+            DeValue::String(s) => format!("the text `{}`", shown(s)),
+            DeValue::Integer(n) => format!("the number `{}`", shown(n.as_str())),
+            DeValue::Float(n) => format!("the number `{}`", shown(n.as_str())),
+            DeValue::Boolean(b) => format!("`{b}`"),
+            DeValue::Datetime(_) => "a date".to_owned(),
+            DeValue::Array(_) => "a list".to_owned(),
+            DeValue::Table(_) => "a table".to_owned(),
+        };
+        let fault = Fault::Type { found, expected: expected.into(), remedy: String::new() };
+        Err(Failure::new(fault).at(self.value.span()))
+    }
+}
+
+impl<'de> Deserializer<'de> for Reader<'_> {
+    type Error = Failure;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        let too_large = || {
+            Failure::new(Fault::Value { why: "the number is too large; write it with an exponent".into() })
+        };
+        let result = match self.value.get_ref() {
+            DeValue::String(s) => visitor.visit_str(s),
+            DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix())
+                .map_err(|_| too_large())
+                .and_then(|n| visitor.visit_i64(n)),
+            DeValue::Float(n) => {
+                n.as_str().parse().map_err(|_| too_large()).and_then(|n| visitor.visit_f64(n))
+            }
+            DeValue::Boolean(b) => visitor.visit_bool(*b),
+            DeValue::Datetime(_) => {
+                let found = Unexpected::Other("a date");
+                Err(serde::de::Error::invalid_type(found, &visitor))
+            }
+            DeValue::Array(array) => visitor.visit_seq(Items { items: array.iter(), index: 0 }),
+            DeValue::Table(table) => visitor.visit_map(Entries::of(table)),
+        };
+        result.map_err(|failure| failure.at(self.value.span()))
+    }
+
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        if self.value.get_ref().is_bool() {
+            self.deserialize_any(visitor)
+        } else {
+            self.refuse("`true` or `false`, without quotes")
+        }
+    }
+
+    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        if self.value.get_ref().is_float() || self.value.get_ref().is_integer() {
+            self.deserialize_any(visitor)
+        } else {
+            self.refuse("a number, without quotes")
+        }
+    }
+
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        if self.value.get_ref().is_str() {
+            self.deserialize_any(visitor)
+        } else {
+            self.refuse("text in quotes")
+        }
+    }
+
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        self.deserialize_str(visitor)
+    }
+
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        match self.value.get_ref() {
+            DeValue::Array(_) => self.deserialize_any(visitor),
+            DeValue::Table(_) => self.refuse("a list of tables"),
+            _ => self.refuse("a list in square brackets"),
+        }
+    }
+
+    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        if self.value.get_ref().is_table() { self.deserialize_any(visitor) } else { self.refuse("a table") }
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Failure> {
+        match self.value.get_ref() {
+            DeValue::Table(_) => self.deserialize_any(visitor),
+            _ => self.refuse(format!("a table with keys from: {}", fields.join(", "))),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+        visitor.visit_some(self)
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, Failure> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    /// A word, or a table with exactly one entry that names the variant.
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Failure> {
+        let choice = match self.value.get_ref() {
+            DeValue::String(word) => Choice { word, span: self.value.span(), content: None, reader: self },
+            DeValue::Table(table) => {
+                let entries = Entries::of(table).entries;
+                let [(key, content)] = entries.as_slice() else {
+                    let found = entries.iter().map(|(key, _)| shown(key.get_ref())).collect();
+                    let known = variants.iter().map(|v| (*v).to_owned()).collect();
+                    return Err(Failure::new(Fault::OneOf { found, known }).at(self.value.span()));
+                };
+                Choice { word: key.get_ref(), span: key.span(), content: Some(*content), reader: self }
+            }
+            _ => return self.refuse(format!("one of the words: {}", variants.join(", "))),
+        };
+        visitor.visit_enum(choice)
+    }
+
+    serde::forward_to_deserialize_any! {
+        i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 char bytes byte_buf unit unit_struct tuple tuple_struct
+        identifier ignored_any
+    }
+}
+
+/// The entries of a table in the order of the file.
+struct Entries<'a> {
+    entries: Vec<(&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>)>,
+    next: usize,
+}
+
+impl<'a> Entries<'a> {
+    fn of(table: &'a DeTable<'a>) -> Self {
+        let mut entries: Vec<_> = table.iter().collect();
+        entries.sort_by_key(|(key, _)| key.span().start);
+        Self { entries, next: 0 }
+    }
+}
+
+impl<'de> MapAccess<'de> for Entries<'_> {
+    type Error = Failure;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Failure> {
+        let Some((key, _)) = self.entries.get(self.next) else { return Ok(None) };
+        let name: StrDeserializer<'_, Failure> = key.get_ref().as_ref().into_deserializer();
+        seed.deserialize(name).map(Some).map_err(|failure| failure.under(key.get_ref()).at(key.span()))
+    }
+
+    fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, Failure> {
+        let Some((key, value)) = self.entries.get(self.next) else {
+            return Err(serde::de::Error::custom("no entry is left"));
+        };
+        self.next += 1;
+        seed.deserialize(Reader { value }).map_err(|failure| failure.at(value.span()).under(key.get_ref()))
+    }
+}
+
+/// The entries of a list.
+struct Items<'a> {
+    items: slice::Iter<'a, Spanned<DeValue<'a>>>,
+    index: usize,
+}
+
+impl<'de> SeqAccess<'de> for Items<'_> {
+    type Error = Failure;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Failure> {
+        let Some(value) = self.items.next() else { return Ok(None) };
+        let index = self.index;
+        self.index += 1;
+        seed.deserialize(Reader { value })
+            .map(Some)
+            .map_err(|failure| failure.at(value.span()).under_index(index))
+    }
+}
+
+/// One of several words, with what stands under it where it is the name of a table.
+struct Choice<'a> {
+    word: &'a str,
+    span: Range<usize>,
+    content: Option<&'a Spanned<DeValue<'a>>>,
+    reader: Reader<'a>,
+}
+
+impl<'de> EnumAccess<'de> for Choice<'_> {
+    type Error = Failure;
+    type Variant = Self;
+
+    fn variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<(T::Value, Self), Failure> {
+        let name: StrDeserializer<'_, Failure> = self.word.into_deserializer();
+        match seed.deserialize(name) {
+            Ok(variant) => Ok((variant, self)),
+            Err(mut failure) => {
+                // The name of a table is a key, not a word.
+                if self.content.is_some() {
+                    if let Fault::UnknownWord { found, suggestion, known } = failure.fault {
+                        failure.fault = Fault::UnknownKey { found, suggestion, known };
+                    }
+                    failure = failure.under(self.word);
+                }
+                Err(failure.at(self.span))
+            }
+        }
+    }
+}
+
+impl<'de> VariantAccess<'de> for Choice<'_> {
+    type Error = Failure;
+
+    fn unit_variant(self) -> Result<(), Failure> {
+        match self.content {
+            None => Ok(()),
+            Some(_) => self.reader.refuse(format!("the word `\"{}\"` alone", self.word)),
+        }
+    }
+
+    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Failure> {
+        match self.content {
+            Some(value) => seed
+                .deserialize(Reader { value })
+                .map_err(|failure| failure.at(value.span()).under(self.word)),
+            None => self.reader.refuse("a table, not its name alone"),
+        }
+    }
+
+    fn tuple_variant<V: Visitor<'de>>(self, _len: usize, visitor: V) -> Result<V::Value, Failure> {
+        self.reader.deserialize_seq(visitor)
+    }
+
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Failure> {
+        match self.content {
+            Some(value) => Reader { value }
+                .deserialize_struct("", fields, visitor)
+                .map_err(|failure| failure.under(self.word)),
+            None => self.reader.refuse("a table, not its name alone"),
+        }
+    }
+}

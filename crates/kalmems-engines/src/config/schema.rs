@@ -1,0 +1,117 @@
+//! The JSON schemas of experiment, calibration, image and spectrum files, and what those of other files are made with, from
+//! the types that read them.
+
+use super::key::Step;
+use super::{Experiment, GyroscopeCalibration, Image, Key, SpectrumFile};
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use schemars::transform::{RecursiveTransform, Transform};
+use serde_json::Value;
+
+/// The JSON schema of an experiment file: for editors, and for checking a file without this program.
+pub fn schema() -> Value {
+    schema_of::<Experiment>("A kalmems experiment")
+}
+
+/// The JSON schema of the calibration file of a gyroscope.
+pub fn gyroscope_schema() -> Value {
+    schema_of::<GyroscopeCalibration>("A kalmems calibration of a gyroscope")
+}
+
+/// The JSON schema of an image file.
+pub fn image_schema() -> Value {
+    schema_of::<Image>("A kalmems image")
+}
+
+/// The JSON schema of a spectrum file.
+pub fn spectrum_schema() -> Value {
+    schema_of::<SpectrumFile>("A kalmems spectrum")
+}
+
+/// The JSON schema of what a type reads, under a title.
+pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
+    let mut schema = generate::<T>(false);
+    schema["title"] = title.into();
+    schema
+}
+
+fn generate<T: JsonSchema>(inline: bool) -> Value {
+    let mut settings = SchemaSettings::draft2020_12();
+    settings.inline_subschemas = inline;
+    let mut schema = settings.into_generator().into_root_schema_for::<T>();
+    RecursiveTransform(remove_null).transform(&mut schema);
+    schema.to_value()
+}
+
+/// TOML has no null: an optional key is left out.
+fn remove_null(schema: &mut schemars::Schema) {
+    if let Some(Value::Array(types)) = schema.get_mut("type") {
+        types.retain(|t| t != "null");
+        if let [single] = types.as_slice() {
+            let single = single.clone();
+            schema.insert("type".to_owned(), single);
+        }
+    }
+    if let Some(Value::Array(words)) = schema.get_mut("enum") {
+        words.retain(|word| !word.is_null());
+    }
+    let Some(Value::Array(choices)) = schema.get_mut("anyOf") else { return };
+    choices.retain(|choice| choice.get("type").is_none_or(|t| t != "null"));
+    if let [Value::Object(single)] = choices.as_slice() {
+        let single = single.clone();
+        schema.remove("anyOf");
+        for (key, value) in single {
+            // The description of the field says more than that of its type.
+            if schema.get(&key).is_none() {
+                schema.insert(key, value);
+            }
+        }
+    }
+}
+
+/// What to write at a key, with an example from the schema; for a key that must be there.
+pub(super) fn remedy<T: JsonSchema>(key: &Key) -> String {
+    let schema = generate::<T>(true);
+    key.steps().iter().try_fold(&schema, |here, step| below(here, step)).map_or_else(String::new, |here| {
+        match example(here) {
+            // An entry of a list has no name to write it to.
+            Some(example) if key.last().is_empty() => format!("write `{example}`"),
+            Some(example) => format!("write `{} = {example}`", key.last()),
+            None => format!("add {}", tables(here, &key.header())),
+        }
+    })
+}
+
+fn example(schema: &Value) -> Option<String> {
+    if let Some(example) = schema.get("examples").and_then(|examples| examples.get(0)) {
+        return toml::Value::try_from(example).ok().map(|example| example.to_string());
+    }
+    (schema.get("type")? == "string").then(|| "\"...\"".to_owned())
+}
+
+/// The header of a table, or those of all tables of which there must be one.
+fn tables(schema: &Value, key: &Key) -> String {
+    if schema.get("type").is_some_and(|t| t == "array") {
+        return format!("a table headed `[[{key}]]`, with double brackets");
+    }
+    let Some(variants) = schema.get("oneOf").and_then(Value::as_array) else {
+        return format!("the table `[{key}]`");
+    };
+    let names = variants.iter().filter_map(|v| v.get("properties")?.as_object()?.keys().next());
+    let headers: Vec<String> = names.map(|name| format!("`[{key}.{name}]`")).collect();
+    if headers.is_empty() {
+        return format!("the table `[{key}]`");
+    }
+    format!("one of the tables {}", headers.join(", "))
+}
+
+/// The schema of what stands one step further down.
+fn below<'a>(schema: &'a Value, step: &Step) -> Option<&'a Value> {
+    let Step::Name(name) = step else { return schema.get("items") };
+    let direct = schema.get("properties").and_then(|properties| properties.get(name));
+    let mut variants =
+        ["oneOf", "anyOf"].into_iter().filter_map(|word| schema.get(word)?.as_array()).flatten();
+    direct
+        .or_else(|| variants.find_map(|variant| variant.get("properties")?.get(name)))
+        .or_else(|| schema.get("additionalProperties").filter(|inner| inner.is_object()))
+}

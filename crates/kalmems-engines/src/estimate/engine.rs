@@ -1,0 +1,313 @@
+//! The one loop that takes a filter through a segment.
+
+use super::smoothing::Linked;
+use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
+use crate::units::Kind;
+use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Mat, Measurement};
+use std::ops::{ControlFlow, Range};
+use std::time::Instant;
+
+/// What a filter meets on its way through one segment: how to get from one sample to the next, and what was
+/// measured there.
+pub trait Course<const N: usize> {
+    /// How the signal depends on the state.
+    type Measurement: Measurement<f64, N, 1>;
+
+    /// Time of each sample in s.
+    fn time_s(&self) -> &[f64];
+
+    /// The signal; not a number where it is missing.
+    fn signal(&self) -> &[f64];
+
+    /// The measurement and its noise variance.
+    fn measurement(&self) -> (&Self::Measurement, f64);
+
+    /// What is said of each sample beside the states, where there is something.
+    fn derived(&self) -> Option<Derived<N>> {
+        None
+    }
+
+    /// Foretells what will happen, from a filter that is corrected by sample `k`, where that is asked for.
+    fn foretell<F: Filter<f64, N>>(&mut self, filter: &F, k: usize) {
+        let _ = (filter, k);
+    }
+
+    /// Enters what is known of the whole at the end of a filter's way, where there is something.
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        let _ = trajectory;
+    }
+
+    /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
+    fn advance<F: Filter<f64, N>>(
+        &mut self,
+        filter: &mut F,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError>;
+
+    /// Corrects a filter by what is known at sample `k`: by the signal, if there is one.
+    #[inline(never)]
+    fn correct<F: Filter<f64, N>>(
+        &mut self,
+        filter: &mut F,
+        k: usize,
+        counts: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let _ = counts;
+        let y = self.signal()[k];
+        if !y.is_finite() {
+            return Ok(None);
+        }
+        let (measurement, variance) = self.measurement();
+        filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
+    }
+}
+
+/// Quantities that follow from the states, such as a position from an amplitude and a phase.
+#[derive(Clone, Copy, Debug)]
+pub struct Derived<const N: usize> {
+    /// What they are.
+    pub names: [StateName; 2],
+    /// What they need to know beside the states.
+    pub parameter: f64,
+    /// How they follow.
+    pub compute: Compute<N>,
+}
+
+/// Mean and standard deviation of two quantities, from a parameter, the mean of the states and their covariance.
+pub type Compute<const N: usize> = fn(f64, &[f64; N], &Covariance<f64, N>) -> [(f64, f64); 2];
+
+impl<const N: usize> Derived<N> {
+    /// The names of the states, and of what follows from them.
+    pub(super) fn after(derived: Option<&Self>, states: &[StateName; N]) -> Vec<StateName> {
+        states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
+    }
+
+    /// Enters what follows from the states of sample `k` behind them.
+    pub(super) fn keep(
+        derived: Option<&Self>,
+        trajectory: &mut Trajectory,
+        k: usize,
+        mean: &[f64; N],
+        covariance: &Covariance<f64, N>,
+    ) {
+        let Some(derived) = derived else { return };
+        let values = (derived.compute)(derived.parameter, mean, covariance);
+        for (state, (mean, sd)) in trajectory.states.iter_mut().skip(N).zip(values) {
+            state.mean[k] = mean;
+            state.sd[k] = sd;
+        }
+    }
+}
+
+/// Samples between two looks at the progress.
+const CHUNK: usize = 65_536;
+
+/// A state of a trajectory: its name, its SI unit as column names have it, and what it is.
+pub type StateName = (&'static str, &'static str, &'static Kind);
+
+impl Trajectory {
+    /// A trajectory without a number yet, over these samples of a signal.
+    pub fn blank(
+        (key, name): (&str, &str),
+        kind: TrajectoryKind,
+        (time_s, signal, samples): (&[f64], &[f64], &Range<usize>),
+        states: &[StateName],
+    ) -> Self {
+        let n = samples.len();
+        let blank = || vec![f64::NAN; n];
+        Self {
+            key: key.to_owned(),
+            name: name.to_owned(),
+            kind,
+            states: states
+                .iter()
+                .map(|&(name, unit, kind)| StateSeries { name, unit, kind, mean: blank(), sd: blank() })
+                .collect(),
+            signal: signal[samples.clone()].to_vec(),
+            innovation: blank(),
+            innovation_sd: blank(),
+            nis: blank(),
+            log_likelihood: blank(),
+            crossings_log_likelihood: 0.0,
+            counts: Counts { samples: n, ..Counts::default() },
+            lock: Lock::default(),
+            mirrored: false,
+            failure: None,
+            seconds_per_step: f64::NAN,
+            time_s: time_s[samples.clone()].to_vec(),
+        }
+    }
+
+    /// Puts another part behind, which follows this one.
+    pub(super) fn append(&mut self, mut later: Self) {
+        for (state, later) in self.states.iter_mut().zip(&mut later.states) {
+            state.mean.append(&mut later.mean);
+            state.sd.append(&mut later.sd);
+        }
+        self.each_series(&mut later, Vec::append);
+    }
+
+    /// Takes what belongs to the first samples off, as many as are asked for.
+    #[must_use]
+    pub fn take_front(&mut self, count: usize) -> Self {
+        let mut front = self.hollow();
+        let split = |rest: &mut Vec<f64>, front: &mut Vec<f64>| {
+            front.extend(rest.drain(..count.min(rest.len())));
+        };
+        for (rest, front) in self.states.iter_mut().zip(&mut front.states) {
+            split(&mut rest.mean, &mut front.mean);
+            split(&mut rest.sd, &mut front.sd);
+        }
+        self.each_series(&mut front, split);
+        front
+    }
+
+    /// The same without its series of numbers.
+    pub(super) fn hollow(&self) -> Self {
+        let empty = |state: &StateSeries| StateSeries { mean: Vec::new(), sd: Vec::new(), ..*state };
+        Self {
+            key: self.key.clone(),
+            name: self.name.clone(),
+            states: self.states.iter().map(empty).collect(),
+            signal: Vec::new(),
+            innovation: Vec::new(),
+            innovation_sd: Vec::new(),
+            nis: Vec::new(),
+            log_likelihood: Vec::new(),
+            lock: self.lock.clone(),
+            time_s: Vec::new(),
+            ..*self
+        }
+    }
+
+    /// Does something with each series of numbers of this and another trajectory, but the states'.
+    fn each_series(&mut self, other: &mut Self, mut each: impl FnMut(&mut Vec<f64>, &mut Vec<f64>)) {
+        each(&mut self.time_s, &mut other.time_s);
+        each(&mut self.signal, &mut other.signal);
+        each(&mut self.innovation, &mut other.innovation);
+        each(&mut self.innovation_sd, &mut other.innovation_sd);
+        each(&mut self.nis, &mut other.nis);
+        each(&mut self.log_likelihood, &mut other.log_likelihood);
+    }
+}
+
+/// A filter on its way through a segment.
+#[derive(Clone)]
+pub struct Followed<F, const N: usize> {
+    filter: Linked<F, N>,
+    /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
+    entry: Linked<F, N>,
+    begun: bool,
+    failure: Option<Failure>,
+}
+
+impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
+    /// From the segment's first sample on.
+    pub fn new(filter: F) -> Self {
+        // Remembers what only a smoother needs; so that a filter is compiled once for both.
+        let filter = Linked::new(filter);
+        Self { entry: filter.clone(), filter, begun: false, failure: None }
+    }
+
+    /// From a sample on at which a filter was left with this mean and lower covariance, row by row.
+    pub(super) fn resumed(filter: F, (mean, lower): &(Vec<f64>, Vec<f64>)) -> Result<Self, FilterError> {
+        let mut followed = Self::new(filter);
+        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
+        let mean = std::array::from_fn(|i| of(mean, i));
+        let state = Gaussian { mean, covariance: Covariance::from_lower(covariance) };
+        followed.filter.predict(&TakenOver::from(state), &())?;
+        followed.begun = true;
+        Ok(followed)
+    }
+
+    /// Mean and lower covariance of the filter, row by row.
+    pub(super) fn state(&self) -> (Vec<f64>, Vec<f64>) {
+        let covariance = self.filter.covariance();
+        let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance.get(i, j));
+        (self.filter.mean().to_vec(), lower.collect())
+    }
+
+    /// The filter at the first row of the part that was taken last.
+    pub(super) fn entry(&self) -> &Linked<F, N> {
+        &self.entry
+    }
+
+    /// Takes the filter through the new samples of a course and records what it says. `None` where the work was stopped.
+    ///
+    /// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
+    /// says where and why, and has no numbers from there on.
+    pub fn follow<C: Course<N>>(
+        &mut self,
+        names: (&str, &str),
+        course: &mut C,
+        fresh: &Range<usize>,
+        states: &[StateName; N],
+        progress: &dyn Progress,
+    ) -> Option<Trajectory> {
+        let mut trajectory = Trajectory::blank(
+            names,
+            TrajectoryKind::Filtered,
+            (course.time_s(), course.signal(), fresh),
+            &Derived::after(course.derived().as_ref(), states),
+        );
+        let n = fresh.len();
+        progress.begin(names.1, n as u64);
+        let started = Instant::now();
+        trajectory.failure = self.failure;
+        for k in 0..n {
+            if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(()) {
+                return None;
+            }
+            if self.failure.is_some() {
+                break;
+            }
+            if let Err(why) = self.step(course, (fresh.start, k), &mut trajectory) {
+                self.failure = Some(Failure { time_s: trajectory.time_s[k], why });
+                trajectory.failure = self.failure;
+            }
+        }
+        course.conclude(&mut trajectory);
+        trajectory.seconds_per_step = started.elapsed().as_secs_f64() / n.max(1) as f64;
+        if progress.reached(n as u64) == ControlFlow::Break(()) {
+            return None;
+        }
+        Some(trajectory)
+    }
+
+    /// One sample: prediction from the last one, update if there is a signal.
+    fn step<C: Course<N>>(
+        &mut self,
+        course: &mut C,
+        (first, k): (usize, usize),
+        trajectory: &mut Trajectory,
+    ) -> Result<(), FilterError> {
+        let filter = &mut self.filter;
+        if self.begun {
+            filter.forget();
+            course.advance(filter, first + k, &mut trajectory.counts)?;
+        }
+        self.begun = true;
+        if k == 0 {
+            self.entry.clone_from(filter);
+        }
+        match course.correct(filter, first + k, &mut trajectory.counts)? {
+            Some(innovation) => {
+                trajectory.innovation[k] = innovation.residual[0];
+                trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
+                trajectory.nis[k] = innovation.nis;
+                trajectory.log_likelihood[k] = innovation.log_likelihood();
+                trajectory.counts.updates += usize::from(innovation.taken);
+            }
+            None => trajectory.counts.without_signal += 1,
+        }
+        for (i, state) in trajectory.states.iter_mut().take(N).enumerate() {
+            state.mean[k] = filter.mean()[i];
+            state.sd[k] = filter.covariance().standard_deviation(i);
+        }
+        Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
+        course.foretell(&self.filter, first + k);
+        Ok(())
+    }
+}

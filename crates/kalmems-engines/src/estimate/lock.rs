@@ -1,0 +1,318 @@
+//! Whether a filter followed the motion, told from the recording alone.
+
+use super::Trajectory;
+use crate::signal::fit_cycles;
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// The judgement over a segment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Lock {
+    /// What happened after the settling time, in order of time; empty for a filter that held on.
+    pub events: Vec<LockEvent>,
+}
+
+/// Something that a good estimate never does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum LockEvent {
+    /// Over a whole cycle of the motion the prediction left more than half of the signal unexplained, and far
+    /// more than the filter expected. The axes of a device share the signal, so that all of them lose it.
+    Lost {
+        /// When the cycle began, in s.
+        time_s: f64,
+        /// The root mean square innovation over the signal's standard deviation in that cycle.
+        unexplained: f64,
+    },
+    /// The estimated motion has moved by more than a quarter of a cycle against the drive since it was last
+    /// settled: it went over to another branch, most often the mirrored one.
+    Flipped {
+        /// The angle that did, by its name among the states.
+        #[serde(skip_serializing_if = "is_the_only_one")]
+        of: &'static str,
+        /// When the cycle began, in s.
+        time_s: f64,
+        /// By how much it has moved, in degrees of the motion's cycle.
+        moved_deg: f64,
+    },
+}
+
+impl Lock {
+    /// Whether nothing happened.
+    pub fn held(&self) -> bool {
+        self.events.is_empty()
+    }
+
+    /// Whether nothing happened to this angle, by its name among the states.
+    pub fn held_of(&self, angle: &str) -> bool {
+        self.events.iter().all(|event| matches!(event, LockEvent::Flipped { of, .. } if *of != angle))
+    }
+}
+
+impl std::fmt::Display for LockEvent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Lost { time_s, unexplained } => write!(
+                f,
+                "lost the signal at {:.3} ms: the prediction leaves {:.0} % of it unexplained over a cycle",
+                time_s * 1e3,
+                unexplained * 100.0
+            ),
+            Self::Flipped { of, time_s, moved_deg } => write!(
+                f,
+                "changed branch at {:.3} ms: the motion{} has moved by {moved_deg:.0}° against the drive",
+                time_s * 1e3,
+                if is_the_only_one(of) { String::new() } else { format!(" of {of}") }
+            ),
+        }
+    }
+}
+
+/// How fast the motion goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Cycles per second.
+    pub frequency_hz: f64,
+    /// Whether a steady drive sets it; otherwise it is what the device would do by itself.
+    pub is_driven: bool,
+}
+
+/// The share of the signal that may stay unexplained.
+const UNEXPLAINED: f64 = 0.5;
+/// The mean NIS of a cycle from which on the filter itself says that something is wrong.
+const ALARM: f64 = 4.0;
+
+/// Whether an angle, by its name among the states, is that of a device of one axis, which need not say which.
+pub fn is_the_only_one(angle: &&str) -> bool {
+    *angle == "angle"
+}
+
+/// Judges a trajectory's lock from `start_s` on, cycle by cycle of each axis's motion.
+///
+/// Each axis is the name of its angle among the states, and how fast it goes. A signal without motion cannot be lost: both
+/// its share and the NIS must be too large over a cycle of the slowest axis. Whether a motion keeps its phase can be told
+/// only where a steady drive sets its frequency.
+pub fn judge_lock(trajectory: &Trajectory, axes: &[(&'static str, Motion)], start_s: f64) -> Lock {
+    LockJudge::default().judge(trajectory, axes, start_s, true)
+}
+
+impl LockEvent {
+    /// When, in s.
+    pub fn time_s(&self) -> f64 {
+        match self {
+            Self::Lost { time_s, .. } | Self::Flipped { time_s, .. } => *time_s,
+        }
+    }
+}
+
+/// Judges a trajectory that comes in parts.
+#[derive(Default)]
+pub struct LockJudge {
+    signal: SignalJudge,
+    axes: Vec<AxisJudge>,
+}
+
+impl LockJudge {
+    /// What happened in the cycles that end in this part; `ends` says that no further one comes. See [`judge_lock`].
+    pub fn judge(
+        &mut self,
+        trajectory: &Trajectory,
+        axes: &[(&'static str, Motion)],
+        start_s: f64,
+        ends: bool,
+    ) -> Lock {
+        let slowest_hz = axes.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
+        let mut events = Vec::new();
+        self.signal.judge(trajectory, slowest_hz, start_s, ends, &mut events);
+        self.axes.resize_with(axes.len(), AxisJudge::default);
+        for ((of, motion), judge) in axes.iter().zip(&mut self.axes).filter(|((_, m), _)| m.is_driven) {
+            judge.judge(of, trajectory, motion.frequency_hz, start_s, &mut events);
+        }
+        events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+        Lock { events }
+    }
+}
+
+/// Whether the signal is lost, and the samples of the cycle that has not ended.
+#[derive(Default)]
+struct SignalJudge {
+    was_lost: bool,
+    time_s: Vec<f64>,
+    /// Signal, innovation and NIS.
+    values: Vec<[f64; 3]>,
+}
+
+impl SignalJudge {
+    /// The first cycle of each stretch in which the signal was lost.
+    fn judge(
+        &mut self,
+        trajectory: &Trajectory,
+        motion_hz: f64,
+        start_s: f64,
+        ends: bool,
+        events: &mut Vec<LockEvent>,
+    ) {
+        let Trajectory { time_s, signal, innovation, nis, .. } = trajectory;
+        let scored = time_s.partition_point(|t| *t < start_s)..time_s.len();
+        self.time_s.extend_from_slice(&time_s[scored.clone()]);
+        self.values.extend(scored.map(|k| [signal[k], innovation[k], nis[k]]));
+        let mut first = 0;
+        while let Some(begins_s) = self.time_s.get(first) {
+            let end = first + self.time_s[first..].partition_point(|t| *t < begins_s + 1.0 / motion_hz);
+            if end == self.time_s.len() && !ends {
+                break;
+            }
+            let values = &self.values[first..end];
+            let updates = || values.iter().filter(|[_, _, nis]| nis.is_finite());
+            let count = updates().count();
+            if count >= 8 {
+                let mean = |f: &dyn Fn(&[f64; 3]) -> f64| updates().map(f).sum::<f64>() / count as f64;
+                let level = mean(&|[signal, ..]| *signal);
+                let spread = mean(&|[signal, ..]| (signal - level).powi(2));
+                let unexplained = (mean(&|[_, innovation, _]| innovation.powi(2)) / spread).sqrt();
+                // Once lost, it is found again only when the prediction is twice as good, so that one loss is told once.
+                let share = if self.was_lost { UNEXPLAINED / 2.0 } else { UNEXPLAINED };
+                let is_lost = unexplained > share && mean(&|[_, _, nis]| *nis) > ALARM;
+                if is_lost && !self.was_lost {
+                    events.push(LockEvent::Lost { time_s: *begins_s, unexplained });
+                }
+                self.was_lost = is_lost;
+            }
+            first = end.max(first + 1);
+        }
+        self.time_s.drain(..first.min(self.time_s.len()));
+        self.values.drain(..first.min(self.values.len()));
+    }
+}
+
+/// Where the motion was when it was settled, and the samples of the cycle that has not ended.
+#[derive(Default)]
+struct AxisJudge {
+    /// Cycles that were looked at, those that could not be fitted included.
+    cycles: u32,
+    settled: Option<f64>,
+    left: Option<f64>,
+    before: f64,
+    time_s: Vec<f64>,
+    angle: Vec<f64>,
+}
+
+impl AxisJudge {
+    /// Where the motion left its phase by more than a quarter cycle, and how far it had gone when it was steady
+    /// again (within a twelfth of a cycle from one cycle to the next).
+    fn judge(
+        &mut self,
+        of: &'static str,
+        trajectory: &Trajectory,
+        motion_hz: f64,
+        start_s: f64,
+        events: &mut Vec<LockEvent>,
+    ) {
+        let angle = trajectory.state(of).map_or(&[][..], |state| &state.mean);
+        let from = trajectory.time_s.partition_point(|t| *t < start_s).min(angle.len());
+        self.time_s.extend_from_slice(&trajectory.time_s[from..angle.len()]);
+        self.angle.extend_from_slice(&angle[from..]);
+        let at_s = |cycles: u32| start_s + f64::from(cycles) / motion_hz;
+        for cycle in fit_cycles(&self.time_s, &self.angle, motion_hz, at_s(self.cycles)) {
+            let before = std::mem::replace(&mut self.before, cycle.phase_rad);
+            let Some(settled) = self.settled else {
+                self.settled = Some(cycle.phase_rad);
+                continue;
+            };
+            let moved = wrapped(cycle.phase_rad - settled);
+            if moved.abs() <= PI / 2.0 {
+                self.left = None;
+                continue;
+            }
+            let time_s = *self.left.get_or_insert(cycle.start_s);
+            if wrapped(cycle.phase_rad - before).abs() < PI / 6.0 {
+                events.push(LockEvent::Flipped { of, time_s, moved_deg: moved.to_degrees() });
+                self.settled = Some(cycle.phase_rad);
+                self.left = None;
+            }
+        }
+        let Some(last_s) = self.time_s.last() else { return };
+        while at_s(self.cycles + 1) <= *last_s {
+            self.cycles += 1;
+        }
+        let done = self.time_s.partition_point(|t| *t < at_s(self.cycles));
+        self.time_s.drain(..done);
+        self.angle.drain(..done);
+    }
+}
+
+fn wrapped(angle: f64) -> f64 {
+    angle - 2.0 * PI * (angle / (2.0 * PI)).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::TrajectoryKind;
+    use crate::units::kind;
+    use std::f64::consts::TAU;
+
+    const MOTION_HZ: f64 = 15_675.0;
+
+    fn judge(amplitude: impl Fn(f64) -> f64, innovation: impl Fn(f64) -> f64) -> Lock {
+        let time: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 1e-6).collect();
+        let states = [("angle", "rad", &kind::ANGLE), ("other", "rad", &kind::ANGLE)];
+        let samples = (&time[..], &time[..], &(0..time.len()));
+        let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &states);
+        let swing = |hz: f64, t: f64| (TAU * hz * t).sin();
+        trajectory.states[0].mean = time.iter().map(|t| amplitude(*t) * swing(MOTION_HZ, *t)).collect();
+        trajectory.states[1].mean = time.iter().map(|t| 0.1 * swing(MOTION_HZ / 3.0, *t)).collect();
+        trajectory.innovation = time.iter().map(|t| innovation(*t)).collect();
+        trajectory.nis = trajectory.innovation.iter().map(|v| (v / 0.014).powi(2)).collect();
+        trajectory.signal = trajectory.states[0].mean.iter().map(|a| 30.0 * a * a).collect();
+        let axes = [("angle", MOTION_HZ), ("other", MOTION_HZ / 3.0)]
+            .map(|(of, frequency_hz)| (of, Motion { frequency_hz, is_driven: true }));
+        let whole = judge_lock(&trajectory, &axes, 1e-3);
+        // In parts, whatever their length, the same is found.
+        let (mut judge, mut parts) = (LockJudge::default(), Vec::new());
+        for length in [1, 7, 64, 999, 5000].into_iter().cycle() {
+            let rest = trajectory.time_s.len();
+            let part = trajectory.take_front(length);
+            parts.append(&mut judge.judge(&part, &axes, 1e-3, length >= rest).events);
+            if length >= rest {
+                break;
+            }
+        }
+        parts.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+        assert_eq!(parts.len(), whole.events.len());
+        for (a, b) in parts.iter().zip(&whole.events) {
+            assert!((a.time_s() - b.time_s()).abs() < 1e-9, "{a} and {b}");
+        }
+        whole
+    }
+
+    #[test]
+    fn a_steady_estimate_holds() {
+        assert!(judge(|_| 0.15, |_| 0.014).held());
+        // Noise alone, larger than the motion, is nothing to lose.
+        assert!(judge(|_| 1e-4, |_| 0.014).held());
+        // What happens before the settling time is not held against it.
+        assert!(
+            judge(|t| if t < 0.9e-3 { -0.15 } else { 0.15 }, |t| if t < 0.9e-3 { 1.0 } else { 0.0 }).held()
+        );
+    }
+
+    #[test]
+    fn a_change_of_branch_is_told_with_its_time() {
+        let lock = judge(|t| 0.15 * ((5e-3 - t) / 1e-3).clamp(-1.0, 1.0), |_| 0.014);
+        assert_eq!(lock.events.len(), 1, "{lock:?}");
+        let LockEvent::Flipped { of, time_s, moved_deg } = lock.events[0] else { panic!("{lock:?}") };
+        assert!(of == "angle" && lock.held_of("other") && !lock.held_of("angle"));
+        assert!((time_s - 5e-3).abs() < 1e-4 && (moved_deg.abs() - 180.0).abs() < 3.0, "{lock:?}");
+    }
+
+    #[test]
+    fn a_lost_signal_is_told_once_with_its_time() {
+        let lock = judge(|_| 0.15, |t| if t > 4e-3 { 0.3 } else { 0.01 });
+        assert_eq!(lock.events.len(), 1, "{lock:?}");
+        let LockEvent::Lost { time_s, .. } = lock.events[0] else { panic!("{lock:?}") };
+        // The slower motion's cycle.
+        assert!((time_s - 4e-3).abs() < 2e-4, "{lock:?}");
+        assert!(!lock.held_of("other") && !lock.held_of("angle"));
+    }
+}

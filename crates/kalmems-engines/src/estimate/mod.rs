@@ -1,0 +1,42 @@
+//! Estimation: from samples to trajectories.
+//!
+//! Nothing here, and nothing that calls it, reads a reference: see [`crate::evaluate`].
+
+mod answers;
+mod any_filter;
+mod constant_gain;
+pub mod driven;
+mod engine;
+mod error;
+mod filter_basics;
+mod foretell;
+mod literal_ukf;
+mod lock;
+mod model_alone;
+mod part;
+mod past;
+mod progress;
+mod segments;
+mod smoothing;
+mod taken_over;
+mod tracked;
+mod trajectory;
+
+pub use answers::{Samples, answers, follow};
+pub use any_filter::AnyFilter;
+pub use constant_gain::ConstantGain;
+pub use engine::{Compute, Course, Derived, StateName};
+pub use error::EstimateError;
+pub use filter_basics::{FilterBasics, process_noise};
+pub use foretell::{Beside, Foreteller, Foretelling, Foretold, ForetoldCounts};
+pub use literal_ukf::{LiteralUkf, Misprint};
+pub use lock::is_the_only_one;
+pub use lock::{Lock, LockEvent, Motion, judge_lock};
+pub use model_alone::ModelAlone;
+pub use part::{Around, Part};
+pub use past::{FilterPast, Past, PastState, Slot};
+pub use progress::{Progress, Silent};
+pub use segments::{Axis, SegmentEstimate, SignalSegment};
+pub use taken_over::TakenOver;
+pub use tracked::{Parameter, Tracked};
+pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

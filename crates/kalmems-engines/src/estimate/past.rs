@@ -1,0 +1,222 @@
+//! What is kept of a segment from one part of it to the next.
+
+use super::driven::DrivePast;
+use super::lock::LockJudge;
+use super::{Foreteller, Trajectory};
+use crate::signal::{Sine, extremes_of_rate};
+use serde::{Deserialize, Serialize};
+use std::any::Any;
+
+/// What is kept of a segment.
+#[derive(Default)]
+pub struct Past {
+    /// When the segment began, in s.
+    pub start_s: f64,
+    /// What is kept of its drive.
+    pub drive: DrivePast,
+    /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
+    pub motion_rate: Option<f64>,
+    /// What the rig itself keeps.
+    pub rig: Slot,
+    filters: Vec<FilterPast>,
+}
+
+impl Past {
+    /// Of a segment that begins at this time in s.
+    pub fn from(start_s: f64) -> Self {
+        Self { start_s, ..Self::default() }
+    }
+
+    /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
+    pub fn foreteller(&mut self) -> Option<(&mut Foreteller, bool)> {
+        self.filters.iter_mut().find_map(|filter| {
+            let mirrored = filter.is_mirrored() == Some(true);
+            filter.foreteller.as_mut().map(|foreteller| (foreteller, mirrored))
+        })
+    }
+
+    /// What is kept of a filter, by its place in the list.
+    pub fn filter(&mut self, index: usize) -> &mut FilterPast {
+        while self.filters.len() <= index {
+            self.filters.push(FilterPast::default());
+        }
+        &mut self.filters[index]
+    }
+}
+
+/// What is written of a past, for another run to go on from it: numbers alone.
+///
+/// Where a filter keeps roots, they are made anew from its covariance. What a smoother and a judgement of the lock had begun
+/// begins again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PastState {
+    start_s: Bits,
+    /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
+    drive: Option<[Bits; 5]>,
+    /// The rate of the motion that phases are told by.
+    #[serde(default)]
+    motion_rate: Option<Bits>,
+    filters: Vec<FilterState>,
+}
+
+/// What is written of one filter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct FilterState {
+    mean: Vec<Bits>,
+    covariance: Vec<Bits>,
+    /// Whether each axis of each answer is mirrored.
+    mirrored: Vec<Vec<Option<bool>>>,
+    /// The times of the zero phases that were told last, in s.
+    #[serde(default)]
+    told: [Option<Bits>; 2],
+}
+
+/// A number by its bits, so that no digit is lost in text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bits(u64);
+
+impl From<f64> for Bits {
+    fn from(number: f64) -> Self {
+        Self(number.to_bits())
+    }
+}
+
+impl From<Bits> for f64 {
+    fn from(bits: Bits) -> Self {
+        Self::from_bits(bits.0)
+    }
+}
+
+impl Past {
+    /// What another run needs to go on from here.
+    pub fn state(&self) -> PastState {
+        let bits = |values: &[f64]| values.iter().copied().map(Bits::from).collect();
+        let filters = self.filters.iter().map(|filter| {
+            let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
+            let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
+            let told = filter.told_s().map(|told_s| told_s.map(Bits::from));
+            FilterState { mean: bits(mean), covariance: bits(covariance), mirrored, told }
+        });
+        PastState {
+            start_s: self.start_s.into(),
+            drive: self.drive.known().map(|sine| {
+                [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
+                    .map(Bits::from)
+            }),
+            motion_rate: self.motion_rate.map(Bits::from),
+            filters: filters.collect(),
+        }
+    }
+
+    /// A past that goes on from a state.
+    pub fn resumed(state: &PastState) -> Self {
+        let numbers = |bits: &[Bits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
+        let filters = state.filters.iter().map(|filter| FilterPast {
+            left: (!filter.mean.is_empty()).then(|| (numbers(&filter.mean), numbers(&filter.covariance))),
+            answers: (filter.mirrored.iter())
+                .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
+                .collect(),
+            told_s: filter.told.map(|told| told.map(f64::from)),
+            ..FilterPast::default()
+        });
+        let sine = state.drive.map(|numbers| {
+            let [offset, amplitude, frequency_hz, phase_rad, residual_rms] = numbers.map(f64::from);
+            Sine { offset, amplitude, frequency_hz, phase_rad, residual_rms }
+        });
+        Self {
+            start_s: state.start_s.into(),
+            drive: DrivePast::resumed(sine),
+            motion_rate: state.motion_rate.map(f64::from),
+            filters: filters.collect(),
+            rig: Slot::default(),
+        }
+    }
+}
+
+/// Room for something whose type its owner alone knows.
+#[derive(Default)]
+pub struct Slot(Option<Box<dyn Any + Send>>);
+
+impl Slot {
+    /// Takes it out; `None` where there is nothing of this type.
+    pub fn take<T: Any>(&mut self) -> Option<Box<T>> {
+        self.0.take()?.downcast().ok()
+    }
+
+    /// Puts it there.
+    pub fn put<T: Any + Send>(&mut self, kept: Box<T>) {
+        self.0 = Some(kept);
+    }
+}
+
+/// What is kept of one filter.
+#[derive(Default)]
+pub struct FilterPast {
+    /// The filter on its way.
+    pub run: Slot,
+    /// What its way keeps.
+    pub course: Slot,
+    /// What foretells zero phases, where they are asked for.
+    pub foreteller: Option<Foreteller>,
+    /// The times of the zero phases that another run told last.
+    told_s: [Option<f64>; 2],
+    /// Mean and lower covariance where the filter was left.
+    pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
+    /// One per answer.
+    answers: Vec<AnswerPast>,
+}
+
+/// What is kept of one answer of a filter.
+#[derive(Default)]
+pub struct AnswerPast {
+    pub judge: LockJudge,
+    /// Whether the motion of each axis is mirrored, once that is known.
+    mirrored: Vec<Option<bool>>,
+}
+
+impl FilterPast {
+    /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
+    pub fn told_s(&self) -> [Option<f64>; 2] {
+        self.foreteller.as_ref().map_or(self.told_s, Foreteller::told_s)
+    }
+
+    /// Whether the motion of the first axis is mirrored, once that is known.
+    pub fn is_mirrored(&self) -> Option<bool> {
+        self.answers.first()?.mirrored.first().copied().flatten()
+    }
+
+    /// What is kept of an answer, from 0 in the order of the trajectories.
+    pub fn answer(&mut self, index: usize) -> &mut AnswerPast {
+        while self.answers.len() <= index {
+            self.answers.push(AnswerPast::default());
+        }
+        &mut self.answers[index]
+    }
+}
+
+impl AnswerPast {
+    /// Gives the motion whose angle and rate begin at `first` the sign of its first turning point after the drive's peak.
+    ///
+    /// θ → −θ is an exact symmetry of plant and sensor, and the filters keep it: had the filter started mirrored, its
+    /// answer would be the mirrored one to the last bit. So the answer is mirrored, and says so. The voltages of the
+    /// demodulator and the parameters are the same in both. What came before the turning point was seen is mirrored with
+    /// it as far as it is part of the same piece.
+    pub fn orient(&mut self, trajectory: &mut Trajectory, first: usize, positive: bool, peak_s: f64) {
+        let axis = first / 2;
+        if self.mirrored.len() <= axis {
+            self.mirrored.resize(axis + 1, None);
+        }
+        if self.mirrored[axis].is_none() {
+            let from = trajectory.time_s.partition_point(|t| *t < peak_s);
+            let rates = &trajectory.states[first + 1].mean[from..];
+            let extremes = extremes_of_rate(&trajectory.time_s[from..], rates);
+            self.mirrored[axis] = extremes.first().map(|extreme| extreme.maximum != positive);
+        }
+        if self.mirrored[axis] == Some(true) {
+            trajectory.mirrored = true;
+            for mean in trajectory.states[first..first + 2].iter_mut().flat_map(|state| &mut state.mean) {
+                *mean = -*mean;
+            }
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! What a filter says over time.
+
+use super::Lock;
+use crate::units::Kind;
+use kalmems_core::FilterError;
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::ops::Range;
+
+/// A filter's answer over one segment of a recording, one entry per sample.
+#[derive(Clone, Debug)]
+pub struct Trajectory {
+    /// The filter, as a key of files and tables, such as `ekf`.
+    pub key: String,
+    /// The filter, for people.
+    pub name: String,
+    /// What kind of answer it is.
+    pub kind: TrajectoryKind,
+    /// When, in s.
+    pub time_s: Vec<f64>,
+    /// The states, each with its uncertainty.
+    pub states: Vec<StateSeries>,
+    /// The signal that the innovations are of, in SI; not a number where it is missing.
+    pub signal: Vec<f64>,
+    /// y − h(x⁻): measured minus predicted, in the signal's unit; not a number where there was no update.
+    pub innovation: Vec<f64>,
+    /// The standard deviation that the filter gives the innovation, likewise.
+    pub innovation_sd: Vec<f64>,
+    /// The normalised innovation squared, likewise.
+    pub nis: Vec<f64>,
+    /// ln p(y | past) of each update, likewise.
+    pub log_likelihood: Vec<f64>,
+    /// Σ ln p(θ_th | what came before) over the crossings of a threshold, each at its time and by the same variance for
+    /// every filter, told of them or not; 0 where there are none.
+    pub crossings_log_likelihood: f64,
+    /// How many updates there were, and what stood in their way.
+    pub counts: Counts,
+    /// Whether the filter followed the motion.
+    pub lock: Lock,
+    /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
+    pub mirrored: bool,
+    /// Where the filter stopped, if it did; from there on there are no numbers.
+    pub failure: Option<Failure>,
+    /// How long a step took, prediction, update and recording together; a measurement, not a result.
+    pub seconds_per_step: f64,
+}
+
+/// What an answer rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrajectoryKind {
+    /// The model alone; it takes no notice of the signal.
+    ModelAlone,
+    /// The signal alone, sample by sample or cycle by cycle. It predicts nothing, so that it has no innovations.
+    LockIn,
+    /// Both, at each sample from what was measured until then.
+    Filtered,
+    /// Both, at each sample from what was measured later as well. Its innovations are those of its filter.
+    Smoothed,
+}
+
+/// One state over time.
+#[derive(Clone, Debug)]
+pub struct StateSeries {
+    /// Its name, as in an experiment file.
+    pub name: &'static str,
+    /// Its SI unit as column names have it.
+    pub unit: &'static str,
+    /// What it is.
+    pub kind: &'static Kind,
+    /// The mean.
+    pub mean: Vec<f64>,
+    /// The standard deviation; empty for a model that claims none.
+    pub sd: Vec<f64>,
+}
+
+/// What happened to the samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Samples in the segment.
+    pub samples: usize,
+    /// Samples that corrected the state.
+    pub updates: usize,
+    /// Samples whose signal is missing or not finite: predicted, not corrected.
+    pub without_signal: usize,
+    /// Samples that are not there although time passed: predicted in steps of the usual interval.
+    pub bridged: usize,
+    /// Samples whose drive is missing and was taken from the sine that the rest of the drive follows.
+    pub drive_from_sine: usize,
+    /// Samples at which the drive bends too sharply for what it adds to the signal to be known: not corrected either.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub drive_bends: usize,
+    /// Crossings of a threshold that the filter was told of.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings: usize,
+    /// Those of them that were too far from what it expected, and did not correct it.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings_refused: usize,
+}
+
+impl Counts {
+    /// Adds those of a later part.
+    pub fn add(&mut self, later: &Self) {
+        self.samples += later.samples;
+        self.updates += later.updates;
+        self.without_signal += later.without_signal;
+        self.bridged += later.bridged;
+        self.drive_from_sine += later.drive_from_sine;
+        self.drive_bends += later.drive_bends;
+        self.crossings += later.crossings;
+        self.crossings_refused += later.crossings_refused;
+    }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// Where and why a filter stopped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Failure {
+    /// The time of the sample, in s.
+    pub time_s: f64,
+    /// Why.
+    pub why: FilterError,
+}
+
+/// The mean NIS and where it would lie for a filter that is right.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Consistency {
+    /// The mean of the normalised innovation squared; 1 on average for a scalar signal and a filter that is
+    /// right.
+    pub mean_nis: f64,
+    /// The lower end of its 95 % interval under that hypothesis.
+    pub lower: f64,
+    /// The upper end.
+    pub upper: f64,
+    /// How many updates went into it.
+    pub updates: usize,
+    /// Σ ln p(y | past) over the same updates.
+    pub log_likelihood: f64,
+}
+
+impl Consistency {
+    /// From the sums over so many updates; `None` where there is none.
+    fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
+        let n = updates as f64;
+        let chi = ChiSquared::new(n).ok()?;
+        let [lower, upper] = [0.025, 0.975].map(|p| chi.inverse_cdf(p) / n);
+        Some(Self { mean_nis: sum_nis / n, lower, upper, updates, log_likelihood })
+    }
+
+    /// Over the updates of both.
+    #[must_use]
+    pub fn pooled(self, other: &Self) -> Self {
+        let sum = |c: &Self| c.mean_nis * c.updates as f64;
+        let likelihood = self.log_likelihood + other.log_likelihood;
+        Self::of(sum(&self) + sum(other), self.updates + other.updates, likelihood).unwrap_or(self)
+    }
+
+    /// Whether the mean lies in its interval.
+    pub fn holds(&self) -> bool {
+        self.lower <= self.mean_nis && self.mean_nis <= self.upper
+    }
+}
+
+impl Trajectory {
+    /// One state by name.
+    pub fn state(&self, name: &str) -> Option<&StateSeries> {
+        self.states.iter().find(|state| state.name == name)
+    }
+
+    /// Whether it says how uncertain it is; the model alone and the lock-in do not.
+    pub fn claims(&self) -> bool {
+        self.states.iter().all(|state| !state.sd.is_empty())
+    }
+
+    /// Takes its standard deviations away: zeros would look like a claim.
+    pub fn claim_nothing(&mut self) {
+        self.states.iter_mut().for_each(|state| state.sd.clear());
+    }
+
+    /// The samples from `skip_s` after the first on: those that are scored.
+    pub fn scored(&self, skip_s: f64) -> Range<usize> {
+        self.scored_after(self.time_s.first().copied().unwrap_or(0.0), skip_s)
+    }
+
+    /// The samples from `skip_s` after this time on, both in s: likewise, of a segment that began then.
+    pub fn scored_after(&self, start_s: f64, skip_s: f64) -> Range<usize> {
+        // Half an ulp of a decimal time must not decide about a sample.
+        let start = self.time_s.partition_point(|t| *t < start_s + skip_s * (1.0 - 1e-12));
+        start..self.time_s.len()
+    }
+
+    /// The mean NIS over the updates in a range of samples, with its 95 % interval: n·NIS is χ² with n degrees
+    /// of freedom if innovations are white and of the stated variance. `None` where there was no update.
+    pub fn consistency(&self, range: Range<usize>) -> Option<Consistency> {
+        let nis = self.nis.get(range.clone())?;
+        let finite = nis.iter().filter(|v| v.is_finite());
+        let (updates, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
+        let log_likelihood = self.log_likelihood.get(range)?.iter().filter(|v| v.is_finite()).sum();
+        Consistency::of(sum, updates, log_likelihood)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_interval_of_the_mean_is_that_of_chi_squared() {
+        use statrs::distribution::{ChiSquared, ContinuousCDF};
+        // χ²₁₀₀ quantiles from published tables: 74.222 and 129.561.
+        let chi = ChiSquared::new(100.0).unwrap();
+        assert!((chi.inverse_cdf(0.025) - 74.222).abs() < 1e-3);
+        assert!((chi.inverse_cdf(0.975) - 129.561).abs() < 1e-3);
+        // For many degrees of freedom 1 ± 1.96·√(2/n).
+        let chi = ChiSquared::new(16_001.0).unwrap();
+        assert!((chi.inverse_cdf(0.975) / 16_001.0 - 1.0 - 1.96 * (2.0_f64 / 16_001.0).sqrt()).abs() < 2e-4);
+    }
+}

@@ -1,0 +1,50 @@
+//! The angle of a mirror, from where its beam falls.
+
+use crate::config::{DetectedAngle, Device, Experiment};
+use kalmems_core::Scalar;
+
+/// y·G = L·tan(m·θ): what a position-sensing detector of gain G at the distance L makes of a mirror's angle θ.
+///
+/// m is 1 where the angle is taken for the mirror's (Chen, dissertation, 2018, equation 72), and 2 where it is that of
+/// the beam, which a mirror turns by twice its own.
+///
+/// ```
+/// use kalmems_engines::evaluate::BeamPosition;
+/// let detector = BeamPosition { gain: 0.5e-3, distance: 32.7e-3, multiple: 1.0 };
+/// assert!((detector.angle(detector.volts(0.12)) - 0.12).abs() < 1e-15);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeamPosition {
+    /// G in m/V.
+    pub gain: f64,
+    /// L in m.
+    pub distance: f64,
+    /// m.
+    pub multiple: f64,
+}
+
+impl BeamPosition {
+    /// The detector of a device that has one.
+    pub fn of(experiment: &Experiment) -> Option<Self> {
+        let Device::ThresholdScanner(scanner) = &experiment.device else { return None };
+        scanner.position_detector.as_ref().map(|detector| Self {
+            gain: detector.gain.si(),
+            distance: detector.distance.si(),
+            multiple: match detector.angle {
+                DetectedAngle::Mirror => 1.0,
+                DetectedAngle::Beam => 2.0,
+            },
+        })
+    }
+
+    /// θ in rad.
+    pub fn angle(&self, volts: f64) -> f64 {
+        (volts * self.gain / self.distance).atan() / self.multiple
+    }
+
+    /// y in V.
+    pub fn volts(&self, angle: f64) -> f64 {
+        let turned = self.multiple * angle;
+        Scalar::sin(turned) / Scalar::cos(turned) * self.distance / self.gain
+    }
+}

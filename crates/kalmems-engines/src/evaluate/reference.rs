@@ -1,0 +1,299 @@
+//! What is known of the motion independently.
+
+use super::{BeamPosition, EdgeVelocity, ValueReference, ValueState};
+use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::estimate::Trajectory;
+use crate::recording::{Layout, ReadError, Recording};
+use crate::signal::{GAP, hermite, usual_interval};
+use crate::units::{Kind, kind};
+use std::ops::ControlFlow;
+
+/// An angle measured, or known, independently of the signal; a position of a device that moves along a line.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The states of an estimate that it is compared with: the angle's name, and the rate's.
+    pub states: [&'static str; 2],
+    /// When the instrument said so, less its delay, in s.
+    pub time_s: Vec<f64>,
+    /// The angle in rad, or the position in m; not a number where it is missing.
+    pub angle: Vec<f64>,
+    /// The rate in rad/s or m/s, where the reference has one.
+    pub rate: Option<Vec<f64>>,
+}
+
+/// The recording of a reference, with the columns that are meant.
+#[derive(Clone, Debug)]
+pub struct ReferenceRecording {
+    recording: Recording,
+    columns: ReferenceColumns,
+}
+
+/// What the columns of a reference mean.
+#[derive(Clone, Debug)]
+pub(super) struct ReferenceColumns {
+    angles: Vec<AngleColumns>,
+    values: Vec<ValueColumn>,
+    pub(super) delay_s: f64,
+}
+
+/// An angle, and the columns that know it.
+#[derive(Clone, Debug)]
+struct AngleColumns {
+    states: [&'static str; 2],
+    angle: String,
+    rate: Option<String>,
+    /// What turns the column into an angle, where it holds the position of a beam.
+    beam: Option<BeamPosition>,
+}
+
+/// The channel of a reference that is a beam's position.
+const POSITION: &str = "position";
+/// The channel of a reference that is how fast a stage's edge moves.
+const EDGE: &str = "edge_velocity";
+/// A quantity that is no angle, and the column that knows it.
+#[derive(Clone, Debug)]
+struct ValueColumn {
+    state: &'static ValueState,
+    column: String,
+    /// What turns the column into an angular rate, where it holds the velocity of an edge.
+    edge: Option<EdgeVelocity>,
+}
+
+/// Why a reference cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReferenceError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The file is.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+}
+
+/// What the reference of a device with one angle may know: its angle, and its rate.
+pub const ONE_ANGLE: [[&str; 2]; 1] = [["angle", "rate"]];
+
+impl ReferenceRecording {
+    /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
+    /// reference has one; and of these values the first, and others where it has them.
+    pub fn read(
+        experiment: &Experiment,
+        index: usize,
+        angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<Option<Self>, ReferenceError> {
+        let described = experiment.recording(index)?;
+        let Some(reference) = &described.reference else { return Ok(None) };
+        let file = experiment.resolve(reference.file(described));
+        Self::read_by(experiment, index, angles, values, |layout| {
+            Recording::read_with(&file, layout, progress)
+        })
+    }
+
+    /// The same, with another way to read the file.
+    pub fn read_by(
+        experiment: &Experiment,
+        index: usize,
+        angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
+        read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
+    ) -> Result<Option<Self>, ReferenceError> {
+        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
+            return Ok(None);
+        };
+        Ok(Some(Self { recording: read(&layout)?, columns }))
+    }
+}
+
+impl ReferenceColumns {
+    /// Those of a recording's reference, where the experiment names one, and how its file is to be read.
+    pub(super) fn of(
+        experiment: &Experiment,
+        index: usize,
+        angles: &[[&'static str; 2]],
+        values: &'static [ValueState],
+    ) -> Result<Option<(Layout, Self)>, ReferenceError> {
+        let described = experiment.recording(index)?;
+        let Some(reference) = &described.reference else { return Ok(None) };
+        let key = || Key::from("recording").index(index).child("reference").child("channels");
+        let beam = BeamPosition::of(experiment);
+        let edge = EdgeVelocity::of(experiment);
+        let of_beam = beam.iter().map(|_| POSITION).chain(edge.iter().map(|_| EDGE));
+        let known = || {
+            angles
+                .iter()
+                .flatten()
+                .copied()
+                .chain(of_beam.clone())
+                .chain(values.iter().map(|value| value.name))
+        };
+        if let Some((other, _)) = reference.channels.iter().find(|(name, _)| !known().any(|k| k == *name)) {
+            let names: Vec<String> = known().map(|name| format!("`{name}`")).collect();
+            let (last, first) =
+                names.split_last().map_or(("", &[][..]), |(last, first)| (last.as_str(), first));
+            let names = format!("{} and {last}", first.join(", "));
+            let why = format!("`{other}` is not a channel of this reference; known are {names}");
+            return Err(experiment.error(key().child(other), Fault::Value { why }).into());
+        }
+        let angles = angles.iter().map(|&states| {
+            let [angle, rate] = states.map(|name| reference.channels.column(name).map(str::to_owned));
+            let position = reference.channels.column(POSITION).map(str::to_owned);
+            let (angle, beam) = match (angle, position) {
+                (None, Some(position)) => (Some(position), beam),
+                (angle, _) => (angle, None),
+            };
+            let angle = angle.ok_or_else(|| {
+                let name = states[0];
+                let remedy = format!("name its column, such as `{name} = \"{name}_rad\"`");
+                experiment.error(key().child(name), Fault::MissingKey { remedy })
+            })?;
+            Ok(AngleColumns { states, angle, rate, beam })
+        });
+        let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
+        let of_values = values.iter().enumerate().filter_map(|(i, state)| {
+            let column = reference.channels.column(state.name).map(str::to_owned);
+            if i > 0 {
+                return column.map(|column| Ok(ValueColumn { state, column, edge: None }));
+            }
+            let of_edge = edge.filter(|_| column.is_none());
+            let column = column.or_else(|| of_edge.and(reference.channels.column(EDGE).map(str::to_owned)));
+            Some(column.map(|column| ValueColumn { state, column, edge: of_edge }).ok_or_else(|| {
+                let name = state.name;
+                let remedy = format!("name its column, such as `{name} = \"true_{name}\"`");
+                experiment.error(key().child(name), Fault::MissingKey { remedy })
+            }))
+        });
+        let values = of_values.collect::<Result<Vec<_>, ConfigError>>()?;
+        let of_angles = angles.iter().flat_map(|a| [Some(&a.angle), a.rate.as_ref()]).flatten();
+        let columns: Vec<&str> =
+            of_angles.chain(values.iter().map(|value| &value.column)).map(String::as_str).collect();
+        let layout = described.reference_layout(reference, &columns);
+        Ok(Some((layout, Self { angles, values, delay_s: reference.delay_s() })))
+    }
+}
+
+impl ReferenceRecording {
+    /// Rows of a reference with these columns.
+    pub(super) const fn new(recording: Recording, columns: ReferenceColumns) -> Self {
+        Self { recording, columns }
+    }
+
+    /// The recording as read.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// The angles of the segment with this label, its delay taken off its times. None where there is no such segment.
+    pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
+        let segment = self.recording.segments().iter().find(|segment| segment.label == label);
+        let one = |columns: &AngleColumns| {
+            let [of_angle, of_rate] = kinds(columns.states);
+            let of_angle = if columns.beam.is_some() { &kind::VOLTAGE } else { of_angle };
+            let angle = self.recording.column_of(&columns.angle, of_angle)?;
+            let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, of_rate));
+            let rate = rate.transpose()?;
+            Ok(segment.map(|segment| Reference {
+                states: columns.states,
+                time_s: segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect(),
+                angle: match columns.beam {
+                    Some(beam) => angle.of(segment).iter().map(|volts| beam.angle(*volts)).collect(),
+                    None => angle.of(segment).to_vec(),
+                },
+                rate: rate.map(|rate| rate.of(segment).to_vec()),
+            }))
+        };
+        self.columns.angles.iter().filter_map(|columns| one(columns).transpose()).collect()
+    }
+}
+
+impl ReferenceRecording {
+    /// What it knows beside angles of the segment with this label, likewise.
+    pub fn values(&self, label: &str) -> Result<Vec<ValueReference>, ReadError> {
+        let Some(segment) = self.recording.segments().iter().find(|segment| segment.label == label) else {
+            return Ok(Vec::new());
+        };
+        let one = |known: &ValueColumn| {
+            let time_s: Vec<f64> = segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect();
+            let kind = if known.edge.is_some() { &kind::VOLTAGE } else { known.state.kind };
+            let values = self.recording.column_of(&known.column, kind)?.of(segment);
+            let value = match (known.edge, segment.time.interval_s()) {
+                (Some(edge), Some(interval_s)) => edge.rates(&time_s, values, interval_s),
+                _ => values.to_vec(),
+            };
+            Ok(ValueReference { state: known.state, time_s, value })
+        };
+        self.columns.values.iter().map(one).collect()
+    }
+}
+
+/// What a motion and its rate are: those of a tilt, but for a device that moves along a line.
+fn kinds(states: [&str; 2]) -> [&'static Kind; 2] {
+    if states[0] == "position" {
+        [&kind::LENGTH, &kind::VELOCITY]
+    } else {
+        [&kind::ANGLE, &kind::ANGULAR_RATE]
+    }
+}
+
+impl Reference {
+    /// The estimated angle and its standard deviation at each of the reference's times.
+    ///
+    /// Where the reference was not sampled with the signal, the estimate between two samples is the cubic
+    /// through both angles and rates; outside the recording, in its gaps, where the filter had stopped, and between
+    /// the samples of an estimate without a rate, it is not a number.
+    pub fn estimate_at(&self, trajectory: &Trajectory) -> (Vec<f64>, Vec<f64>) {
+        let nothing = || (vec![f64::NAN; self.time_s.len()], Vec::new());
+        let Some(angle) = trajectory.state(self.states[0]) else { return nothing() };
+        let rate = trajectory.state(self.states[1]);
+        let times = &trajectory.time_s;
+        let usual = usual_interval(times);
+        let at = |time: f64| match (place(times, usual, time), rate) {
+            (Place::At(k), _) => (angle.mean[k], angle.sd.get(k).copied()),
+            (Place::Before { next, spacing, share }, Some(rate)) => {
+                let k = next - 1;
+                let ends = ((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]));
+                let mean = hermite(ends.0, ends.1, spacing, share);
+                (mean, angle.sd.get(k).zip(angle.sd.get(next)).map(|(a, b)| a.max(*b)))
+            }
+            _ => (f64::NAN, None),
+        };
+        let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self.time_s.iter().map(|t| at(*t)).unzip();
+        if angle.sd.is_empty() {
+            return (means, Vec::new());
+        }
+        (means, sds.into_iter().map(|sd| sd.unwrap_or(f64::NAN)).collect())
+    }
+}
+
+/// Where a time lies among those of an estimate.
+pub(super) enum Place {
+    /// At a sample.
+    At(usize),
+    /// Before the sample `next`, so many s after the one before it, at this share of the interval between them.
+    Before { next: usize, spacing: f64, share: f64 },
+    /// Outside, or in a gap: interpolation over several missing samples would say nothing of what was in between.
+    Nowhere,
+}
+
+/// Finds a time among `times` of this usual interval.
+pub(super) fn place(times: &[f64], usual: f64, time: f64) -> Place {
+    let next = times.partition_point(|t| *t < time);
+    // A time written with another number of digits is the same time.
+    let nearest = if next > 0 && (next == times.len() || time - times[next - 1] < times[next] - time) {
+        next - 1
+    } else {
+        next
+    };
+    let same = times.get(nearest).is_some_and(|t| *t == time || (t - time).abs() <= 1e-6 * usual);
+    if same {
+        return Place::At(nearest);
+    }
+    let before = next.wrapping_sub(1);
+    match times.get(next).zip(times.get(before)).map(|(a, b)| a - b) {
+        Some(spacing) if spacing <= GAP * usual => {
+            Place::Before { next, spacing, share: (time - times[before]) / spacing }
+        }
+        _ => Place::Nowhere,
+    }
+}

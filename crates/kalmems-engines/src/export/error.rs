@@ -1,0 +1,64 @@
+//! Why a filter cannot be exported.
+
+use crate::config::ConfigError;
+use crate::output::OutputError;
+use crate::recording::ReadError;
+
+/// Why a filter cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The source cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// There is no such filter.
+    #[error("there is no filter `{found}`; the experiment has: {}", known.join(", "))]
+    NoFilter {
+        /// What was asked for.
+        found: String,
+        /// The names of those that there are.
+        known: Vec<String>,
+    },
+    /// No filter of this device can be exported.
+    #[error(
+        "no filter of a `{device}` can be exported; those of `shared_scanner` and `threshold_scanner` can"
+    )]
+    Device {
+        /// The rig.
+        device: &'static str,
+    },
+    /// This one cannot.
+    #[error("the filter `{filter}` cannot be exported: {why}")]
+    Filter {
+        /// Its name.
+        filter: String,
+        /// What of it, and what can be done.
+        why: String,
+    },
+    /// The recording has no usual interval.
+    #[error(
+        "{file} has less than two samples, and no sampling interval; give one, such as `--rate \"1 MHz\"`"
+    )]
+    NoInterval {
+        /// The recording.
+        file: String,
+    },
+    /// The recording is shorter than what is asked for.
+    #[error("{file}: of the first {asked} samples only {found} have a drive and a signal; ask for fewer")]
+    Samples {
+        /// The recording.
+        file: String,
+        /// How many are asked for.
+        asked: usize,
+        /// How many there are before the first that is missing.
+        found: usize,
+    },
+    /// The samples of the recording belong to another interval.
+    #[error("samples of the recording are for its own interval; leave `--rate` or `--samples` out")]
+    SamplesOfAnotherRate,
+}

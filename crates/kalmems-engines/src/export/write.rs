@@ -1,0 +1,184 @@
+//! From an experiment to the files of an export.
+
+use super::samples::Samples;
+use super::{ExportError, Filter, Request, Target, c, rust};
+use crate::config::{Experiment, Fault};
+use crate::output::{Output, RUN_FILE};
+use crate::recording::{ReadError, Recording};
+use crate::rig::Rig;
+use crate::signal::cubic_between;
+use crate::units::kind;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::io;
+use std::path::Path;
+
+/// The files of an export, and what they say of themselves.
+#[derive(Clone, Debug)]
+pub struct Exported {
+    /// The filter's name.
+    pub filter: String,
+    /// The sampling interval in s.
+    pub interval_s: f64,
+    /// Names and contents.
+    pub files: Vec<(String, String)>,
+    /// What tells this input from another.
+    input_id: String,
+}
+
+/// Derives the constants and writes the source. The same experiment and recording give the same bytes.
+pub fn export(rig: &dyn Rig, experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+    let filters =
+        experiment.estimate.as_ref().map(|estimate| estimate.filters.as_slice()).unwrap_or_default();
+    let wanted = |filter: &crate::config::Filter| {
+        filter.name.to_string() == request.filter || filter.name.key() == request.filter
+    };
+    let Some(place) = filters.iter().position(wanted) else {
+        let known = filters.iter().map(|filter| format!("`{}`", filter.name)).collect();
+        return Err(ExportError::NoFilter { found: request.filter.clone(), known });
+    };
+    let name = filters[place].name.to_string();
+    let (filter, columns) = rig.exported(experiment, place)?;
+    let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
+    let (interval_s, samples) = sampled(experiment, rig, request, &columns)?;
+    let digest = digest(experiment);
+    let every = request.update_every.get();
+    let mut heading = vec![
+        format!("Made by kalmems {} with `kalmems export`; not to be edited.", env!("CARGO_PKG_VERSION")),
+        format!("Experiment `{}`, sha256 {digest}, filter `{name}`.", experiment.name),
+        format!("Sampling interval {interval_s:e} s, corrected by every sample."),
+    ];
+    if every > 1 {
+        heading[2] = format!("Sampling interval {interval_s:e} s, corrected by one sample in {every}.");
+    }
+    let mut files = match (&filter, request.target) {
+        (Filter::Scanner(filter), Target::Rust) => {
+            let body = filter.scaled(interval_s).to_rust(filter.integration, every);
+            let what = "The filter of a shared-electrode scanner, for a microcontroller.";
+            vec![("filter.rs".to_owned(), rust::module(what, &heading, &body))]
+        }
+        (Filter::Scanner(filter), Target::C) => {
+            let name = c_name(&experiment.name.to_string());
+            let scaled = filter.scaled(interval_s);
+            let (header, source) =
+                c::files((&scaled, filter.integration), (interval_s, every), &name, &heading);
+            vec![(format!("{name}.h"), header), (format!("{name}.c"), source)]
+        }
+        (Filter::Threshold(_), Target::C) => {
+            return refuse("its detector is written in Rust alone; use `--target rust`");
+        }
+        (Filter::Threshold(_), Target::Rust) if every > 1 => {
+            return refuse("its detector needs every sample; leave `--update-every` out");
+        }
+        (Filter::Threshold(filter), Target::Rust) => {
+            let what = "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
+            vec![("filter.rs".to_owned(), rust::module(what, &heading, &filter.to_rust(interval_s)))]
+        }
+    };
+    if request.samples > 0 {
+        let name = match request.target {
+            Target::Rust => "samples.rs",
+            Target::C => "samples.h",
+        };
+        files.push((name.to_owned(), samples.to_source(request.target, &heading)));
+    }
+    let (short, target, samples) = (&digest[..12], request.target, request.samples);
+    let input_id = format!(
+        "{}: export {short} to {target:?}, {name}, {interval_s:e} s, one in {every}, {samples} samples",
+        experiment.name
+    );
+    Ok(Exported { filter: name, interval_s, files, input_id })
+}
+
+/// Writes an export to a folder, whole or not at all.
+pub fn write_export(exported: &Exported, target: &Path, force: bool) -> Result<(), ExportError> {
+    let output = Output::prepare(target, &exported.input_id, force)?;
+    for (name, content) in &exported.files {
+        output.write(name, |w| w.write_all(content.as_bytes()))?;
+    }
+    let run = Run {
+        version: env!("CARGO_PKG_VERSION"),
+        command: "export",
+        input_id: &exported.input_id,
+        filter: &exported.filter,
+        interval_s: exported.interval_s,
+    };
+    let run = toml::to_string(&run).map_err(io::Error::other);
+    output.write(RUN_FILE, |w| w.write_all(run?.as_bytes()))?;
+    Ok(output.commit()?)
+}
+
+/// What the folder says of itself: nothing that changes from run to run.
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: &'a str,
+    filter: &'a str,
+    interval_s: f64,
+}
+
+/// The sampling interval, and the samples that are asked for.
+fn sampled(
+    experiment: &Experiment,
+    rig: &dyn Rig,
+    request: &Request,
+    [drive, signal]: &[String; 2],
+) -> Result<(f64, Samples), ExportError> {
+    if let Some(interval_s) = request.interval_s {
+        if request.samples > 0 {
+            return Err(ExportError::SamplesOfAnotherRate);
+        }
+        return Ok((interval_s, Samples::default()));
+    }
+    let Some(index) = rig.wanted(experiment)?.first().copied() else {
+        let why = "there is no recording to take the sampling interval from; give `--rate`".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }).into());
+    };
+    let file = experiment.resolve(&experiment.recording(index)?.file);
+    let recording = Recording::read(&file, &rig.layout(experiment, index)?)?;
+    let shown = || recording.source().file.clone();
+    let segment = recording.segments().first();
+    let Some((segment, interval_s)) = segment.and_then(|s| Some((s, s.time.interval_s()?))) else {
+        return Err(ExportError::NoInterval { file: shown() });
+    };
+    let column = |name: &str| -> Result<&[f64], ReadError> {
+        Ok(recording.column_of(name, &kind::VOLTAGE)?.of(segment))
+    };
+    let (drive, signal, time_s) = (column(drive)?, column(signal)?, segment.time.to_vec());
+    let known = drive.iter().zip(signal).take_while(|(v, y)| v.is_finite() && y.is_finite()).count();
+    let asked = request.samples;
+    if known < asked {
+        return Err(ExportError::Samples { file: shown(), asked, found: known });
+    }
+    let middle = |to: usize| match to {
+        0 => drive[0],
+        _ => cubic_between(&time_s, |i| drive[i], to, time_s[to - 1].midpoint(time_s[to])),
+    };
+    let samples = Samples {
+        drive: drive[..asked].to_vec(),
+        middle: (0..asked).map(middle).collect(),
+        signal: signal[..asked].to_vec(),
+    };
+    Ok((interval_s, samples))
+}
+
+/// The digest of all that an experiment says.
+fn digest(experiment: &Experiment) -> String {
+    let mut text = String::new();
+    for byte in Sha256::digest(experiment.to_toml().unwrap_or_default()) {
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
+}
+
+/// A name that C takes.
+fn c_name(name: &str) -> String {
+    let mut found: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect();
+    if found.starts_with(|c: char| c.is_ascii_digit()) {
+        found.insert(0, '_');
+    }
+    found
+}

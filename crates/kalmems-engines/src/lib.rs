@@ -1,0 +1,23 @@
+//! What all rigs share: how a device is described, recorded, simulated, identified, estimated, judged and shown.
+//!
+//! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`. Nothing here knows which devices
+//! there are; a device brings a [`rig::Rig`]. Users take all of it from the crate `kalmems`.
+
+pub mod applications;
+pub mod circuit;
+pub mod config;
+pub mod estimate;
+pub mod evaluate;
+pub mod export;
+pub mod fit;
+pub mod identify;
+pub mod inspect;
+pub mod outlook;
+pub mod output;
+pub mod recording;
+pub mod report;
+pub mod reproduce;
+pub mod rig;
+pub mod signal;
+pub mod simulate;
+pub mod units;

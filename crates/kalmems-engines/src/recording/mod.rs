@@ -1,0 +1,208 @@
+//! Recordings: sampled channels with units, and their diagnosis.
+//!
+//! A recording is a table of numbers in any format of `kalmems_formats`, with columns named `name_unit`. Numbers become SI as
+//! they are read, on a thread of their own. What is wrong with the file is found over its whole length and counted;
+//! nothing is repaired or interpolated. Findings that make it unusable are an error with all of them; the others are
+//! kept as [`Recording::diagnosis`]. [`Stretches`] gives the same of a file of any length, a part at a time.
+//!
+//! ```no_run
+//! use kalmems_engines::recording::{Clock, Layout, Recording};
+//! let layout = Layout {
+//!     clock: Clock::Column("time_s".to_owned()),
+//!     segment_column: None,
+//!     columns: Some(vec!["cap_V".to_owned()]),
+//!     hints: kalmems_engines::recording::Hints::default(),
+//! };
+//! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
+//! let readout = recording.column("cap_V")?;
+//! for segment in recording.segments() {
+//!     println!("{} rows from {} s on", readout.of(segment).len(), segment.time.start_s());
+//! }
+//! # Ok::<(), kalmems_engines::recording::ReadError>(())
+//! ```
+
+pub(crate) mod blocks;
+mod error;
+mod finding;
+mod findings;
+pub(crate) mod label;
+mod pass;
+mod plan;
+mod rails;
+pub(crate) mod read;
+pub(crate) mod request;
+pub(crate) mod scale;
+mod segment;
+mod stretches;
+#[cfg(test)]
+mod tests;
+mod time;
+mod unwritten;
+mod window;
+
+pub use error::ReadError;
+pub use finding::{Finding, FindingKind, Severity};
+pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use segment::{Segment, TimeBase};
+pub use stretches::{Around, Stretch, Stretches};
+pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
+pub use unwritten::UnwrittenRecording;
+
+use crate::units::{Header, Kind, Unit};
+pub use kalmems_formats::Hints;
+use request::{Request, Wanted};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// What an experiment file says about the columns of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Where the time comes from.
+    pub clock: Clock,
+    /// The column that tells several records in one file apart.
+    pub segment_column: Option<String>,
+    /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
+    /// labels of the segments, whatever their names end with.
+    pub columns: Option<Vec<String>>,
+    /// How the file is written, where that cannot be told from it.
+    pub hints: Hints,
+}
+
+/// Where the times of the rows come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Clock {
+    /// A column of times.
+    Column(String),
+    /// A fixed rate, where there is no such column; each segment begins at the start.
+    Rate {
+        /// Rows per second.
+        rate_hz: f64,
+        /// The time of a segment's first row.
+        start_s: f64,
+    },
+}
+
+/// The file that a recording was read from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Source {
+    /// Its name without folders.
+    pub file: String,
+    /// SHA-256 of its bytes, in hexadecimal.
+    pub sha256: String,
+    /// Its length.
+    pub bytes: u64,
+    /// Its format and what was recognised of it, in a sentence.
+    pub format: String,
+}
+
+/// A channel of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Its name and its unit in the file.
+    pub header: Header,
+    /// Its values in SI, one per row; NaN where the file has no finite number.
+    pub values: Vec<f64>,
+}
+
+impl Column {
+    /// The values of a segment.
+    pub fn of(&self, segment: &Segment) -> &[f64] {
+        self.values.get(segment.rows.clone()).unwrap_or_default()
+    }
+}
+
+/// Sampled channels on one time base.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    source: Source,
+    columns: Vec<Column>,
+    segments: Vec<Segment>,
+    diagnosis: Vec<Finding>,
+    rows: usize,
+}
+
+impl Recording {
+    /// Reads a file.
+    pub fn read(path: &Path, layout: &Layout) -> Result<Self, ReadError> {
+        Self::read_with(path, layout, &mut |_, _| ControlFlow::Continue(()))
+    }
+
+    /// Reads a file and calls `progress` now and then, and at the end, with the bytes read and the bytes in
+    /// all; where it breaks, the reading ends with [`ReadError::Interrupted`].
+    pub fn read_with(
+        path: &Path,
+        layout: &Layout,
+        progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+    ) -> Result<Self, ReadError> {
+        let request = Request {
+            clock: &layout.clock,
+            segment_column: layout.segment_column.as_deref(),
+            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &layout.hints,
+        };
+        read::read(path, &request, progress)?.usable(&path.display().to_string())
+    }
+
+    /// Refuses a recording with a finding that makes it unusable.
+    fn usable(self, file: &str) -> Result<Self, ReadError> {
+        if self.diagnosis.iter().any(|finding| finding.severity() == Severity::Fatal) {
+            return Err(ReadError::Unusable { file: file.to_owned(), findings: self.diagnosis });
+        }
+        Ok(self)
+    }
+
+    /// The file it comes from.
+    pub const fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// What was recognised of the file's format, in a sentence.
+    pub fn recognised(&self) -> &str {
+        &self.source.format
+    }
+
+    /// The number of rows.
+    pub const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The columns that were read, in the order in which they were asked for, else in that of the file.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// A column by its whole name.
+    pub fn column(&self, name: &str) -> Result<&Column, ReadError> {
+        self.columns.iter().find(|column| column.header.column == name).ok_or_else(|| ReadError::NoColumn {
+            file: self.source.file.clone(),
+            column: name.to_owned(),
+            hint: error::hint(name, self.columns.iter().map(|column| column.header.column.as_str())),
+        })
+    }
+
+    /// A column by its whole name, if it is of this kind.
+    pub fn column_of(&self, name: &str, kind: &Kind) -> Result<&Column, ReadError> {
+        let column = self.column(name)?;
+        let unit = column.header.unit.unwrap_or(Unit::ONE);
+        if kind.accepts(unit.dimension()) {
+            return Ok(column);
+        }
+        Err(ReadError::Kind {
+            file: self.source.file.clone(),
+            column: name.to_owned(),
+            unit: column.header.unit_text.clone(),
+            expected: kind.to_string(),
+        })
+    }
+
+    /// Its segments in the order of the file; one where the file holds one record.
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments
+    }
+
+    /// What was found that does not keep it from being used.
+    pub fn diagnosis(&self) -> &[Finding] {
+        &self.diagnosis
+    }
+}

@@ -1,0 +1,239 @@
+//! Recordings of any length, a stretch at a time, in bounded memory.
+
+use super::read::{Progress, Reading};
+use super::request::{Request, Wanted};
+use super::segment::Times;
+use super::{Finding, Layout, ReadError, Recording, Source};
+use kalmems_formats::Table;
+use std::ops::Range;
+use std::path::Path;
+
+/// How much of a segment is given at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Around {
+    /// New rows of a stretch, at least 1.
+    pub rows: usize,
+    /// New rows of a segment's first stretch, over which its usual interval is found; at least 1.
+    pub first: usize,
+    /// Rows before the new ones that are given again, as far as the segment has them.
+    pub before: usize,
+    /// Rows after the new ones that are given in advance, as far as the segment has them.
+    pub after: usize,
+}
+
+/// A stretch of one segment, with some of the rows around it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stretch {
+    /// The rows as one segment with its label and its usual interval. Its source has neither digest nor length, which
+    /// are not known before the end.
+    pub recording: Recording,
+    /// Which of its rows are new.
+    pub fresh: Range<usize>,
+    /// Whether the first new row is the first of the segment.
+    pub begins: bool,
+    /// Whether the last new row is the last of the segment.
+    pub ends: bool,
+}
+
+/// The stretches of a file, in the order of their rows.
+///
+/// The file is read once, from front to back, on a thread of its own; so it can be a pipe. The new rows of all stretches
+/// together are the rows of [`Recording::read`], bit for bit, and so are the findings, with these differences, which
+/// only a segment longer than its first stretch has:
+///
+/// - The usual interval, by which gaps and irregular intervals are judged, is the median over the first stretch.
+/// - A run at the highest or lowest value of 8192 rows or more ([`LONG_RUN`](super::LONG_RUN)) may be judged by 8192 rows
+///   before and after it, not by as many as it has.
+///
+/// A finding that makes the file unusable ends the stretches: the rest is read for the diagnosis alone, which is the
+/// error.
+///
+/// ```no_run
+/// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
+/// # use std::ops::ControlFlow;
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default() };
+/// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
+/// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
+/// let mut sum = 0.0;
+/// while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(()))? {
+///     sum += stretch.recording.column("cap_V")?.values[stretch.fresh.clone()].iter().sum::<f64>();
+///     stretches.reuse(stretch);
+/// }
+/// let (source, diagnosis) = stretches.finish();
+/// # Ok::<(), kalmems_engines::recording::ReadError>(())
+/// ```
+pub struct Stretches {
+    reading: Reading,
+    around: Around,
+    file: String,
+    /// The segment that comes next and its next row.
+    segment: usize,
+    next: usize,
+    /// Whether a stretch holds as many new rows as there are.
+    arriving: bool,
+    ended: bool,
+    /// Vectors that are used again.
+    spare: Vec<Vec<f64>>,
+}
+
+impl Stretches {
+    /// Opens a file. Columns that are not there are an error of the first stretch.
+    pub fn open(path: &Path, layout: &Layout, around: Around) -> Result<Self, ReadError> {
+        let request = Request {
+            clock: &layout.clock,
+            segment_column: layout.segment_column.as_deref(),
+            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &layout.hints,
+        };
+        let reading = Reading::open(path, &request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, false))
+    }
+
+    /// Of a table of the file at `path`.
+    pub(crate) fn of_table(
+        table: Box<dyn Table>,
+        path: &Path,
+        request: &Request,
+        around: Around,
+    ) -> Result<Self, ReadError> {
+        let reading = Reading::of(table, path, request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, false))
+    }
+
+    /// Of a table whose rows arrive now and then: a stretch holds what has arrived, `around.rows` new rows at most.
+    pub fn of_arriving(
+        table: Box<dyn Table>,
+        path: &Path,
+        layout: &Layout,
+        around: Around,
+    ) -> Result<Self, ReadError> {
+        let request = Request {
+            clock: &layout.clock,
+            segment_column: layout.segment_column.as_deref(),
+            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &layout.hints,
+        };
+        let reading = Reading::of(table, path, &request, around.first.max(1))?;
+        Ok(Self::of_reading(reading, path, around, true))
+    }
+
+    fn of_reading(reading: Reading, path: &Path, around: Around, arriving: bool) -> Self {
+        let around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
+        let file = path.display().to_string();
+        Self { reading, around, file, segment: 0, next: 0, arriving, ended: false, spare: Vec::new() }
+    }
+
+    /// Takes what has been read for all there is.
+    pub fn cut_off(&mut self) {
+        if !self.ended {
+            self.ended = true;
+            self.reading.pass.end();
+        }
+    }
+
+    /// What was recognised of the format.
+    pub fn recognised(&self) -> &str {
+        &self.reading.source().format
+    }
+
+    /// The next stretch; `None` after the last. `progress` is called now and then with the bytes read and the bytes in all
+    /// (0 of a pipe); where it breaks, the reading ends with [`ReadError::Interrupted`].
+    pub fn next(&mut self, progress: Progress) -> Result<Option<Stretch>, ReadError> {
+        self.next_of_any(true, progress)
+    }
+
+    /// The next stretch, of a file that cannot be used as well where `usable` does not ask for more.
+    pub(crate) fn next_of_any(
+        &mut self,
+        usable: bool,
+        progress: Progress,
+    ) -> Result<Option<Stretch>, ReadError> {
+        loop {
+            if usable && self.reading.pass.is_fatal() {
+                return Err(self.unusable(progress)?);
+            }
+            if let Some((rows, ends)) = self.ready() {
+                return Ok(self.cut(rows, ends));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            self.read(progress)?;
+        }
+    }
+
+    /// Gives a stretch back, for its memory to be used again.
+    pub fn reuse(&mut self, stretch: Stretch) {
+        for segment in stretch.recording.segments {
+            if let Times::Column(times) = segment.time.times {
+                self.spare.push(times);
+            }
+        }
+        self.spare.extend(stretch.recording.columns.into_iter().map(|column| column.values));
+        self.spare.truncate(64);
+    }
+
+    /// The file and all that was found, once the last stretch is read.
+    pub fn finish(self) -> (Source, Vec<Finding>) {
+        (self.reading.source().clone(), self.reading.pass.findings())
+    }
+
+    /// The rows so far, those that are not yet given included.
+    pub(crate) const fn rows(&self) -> usize {
+        self.reading.pass.rows()
+    }
+
+    /// Reads a block, or the end.
+    fn read(&mut self, progress: Progress) -> Result<(), ReadError> {
+        if !self.reading.step(progress)? {
+            self.ended = true;
+            self.reading.pass.end();
+        }
+        Ok(())
+    }
+
+    /// The new rows of the next stretch, where all that it needs is read, and whether they end their segment.
+    fn ready(&self) -> Option<(Range<usize>, bool)> {
+        let (start, end) = self.reading.pass.segment(self.segment)?;
+        let first = self.next == start;
+        let mut rows = if first { self.around.first } else { self.around.rows };
+        if self.arriving && !first && end.is_none() {
+            let there = self.rows().saturating_sub(self.next + self.around.after.max(1));
+            rows = rows.min(there.max(1));
+        }
+        let until = self.next.saturating_add(rows);
+        match end {
+            Some(end) => Some((self.next..until.min(end), until >= end)),
+            // One row more tells that the segment goes on.
+            None if self.rows() >= until.saturating_add(self.around.after.max(1)) => {
+                Some((self.next..until, false))
+            }
+            None => None,
+        }
+    }
+
+    /// Makes a stretch of some rows and lets go of what no later one needs.
+    fn cut(&mut self, rows: Range<usize>, ends: bool) -> Option<Stretch> {
+        let (start, end) = self.reading.pass.segment(self.segment)?;
+        let first = rows.start.saturating_sub(self.around.before).max(start);
+        let last = rows.end.saturating_add(self.around.after).min(end.unwrap_or(self.rows()));
+        let source = self.reading.source();
+        let recording = self.reading.pass.part(self.segment, first..last, source, &mut self.spare)?;
+        let begins = rows.start == start;
+        self.next = rows.end;
+        self.segment += usize::from(ends);
+        // A segment that begins needs nothing before.
+        let needed = if ends { rows.end } else { rows.end.saturating_sub(self.around.before).max(start) };
+        self.reading.pass.forget(needed);
+        Some(Stretch { recording, fresh: rows.start - first..rows.end - first, begins, ends })
+    }
+
+    /// Reads the rest for the diagnosis alone.
+    fn unusable(&mut self, progress: Progress) -> Result<ReadError, ReadError> {
+        while !self.ended {
+            self.reading.pass.forget(self.rows());
+            self.read(progress)?;
+        }
+        Ok(ReadError::Unusable { file: self.file.clone(), findings: self.reading.pass.findings() })
+    }
+}

@@ -1,0 +1,105 @@
+//! A recording that was computed and is read as if from a file, without the file.
+
+use super::findings::Findings;
+use super::pass::Pass;
+use super::plan::Plan;
+use super::request::{Request, Wanted};
+use super::{Layout, ReadError, Recording, Source};
+use kalmems_formats::{Block, CellFault, Fault, Shift};
+
+/// Rows that would be a file's: what comes of them is what [`Recording::read`] would make of that file, diagnosis and
+/// rounding included, but for the file's digest and length.
+///
+/// ```
+/// use kalmems_engines::recording::{Clock, Layout, UnwrittenRecording};
+/// let layout = Layout {
+///     clock: Clock::Column("time_s".to_owned()),
+///     segment_column: None,
+///     columns: Some(vec!["cap_V".to_owned()]),
+///     hints: kalmems_formats::Hints::default(),
+/// };
+/// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
+/// for k in 0..100 {
+///     rows.push(&[f64::from(k) * 1e-6, f64::from(k).sin()]);
+/// }
+/// let recording = rows.finish()?;
+/// assert_eq!(recording.column("cap_V")?.values[1], 1.0_f64.sin());
+/// # Ok::<(), kalmems_engines::recording::ReadError>(())
+/// ```
+pub struct UnwrittenRecording {
+    name: String,
+    pass: Pass,
+    /// For each column of numbers of a block, its position in the header and what shifts its decimal point.
+    columns: Vec<(usize, Shift)>,
+    block: Block,
+    /// The line on which the next row would stand.
+    line: u64,
+}
+
+/// Rows that are taken together.
+const ROWS: usize = 4096;
+
+impl UnwrittenRecording {
+    /// A file of this name and header, to be read by this layout. One record: it has no column of segments.
+    pub fn new(name: &str, header: &[&str], layout: &Layout) -> Result<Self, ReadError> {
+        let request = Request {
+            clock: &layout.clock,
+            segment_column: None,
+            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            hints: &layout.hints,
+        };
+        let mut findings = Findings::default();
+        let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
+        let plan = Plan::of(&header, 1, &request, &mut findings)
+            .map_err(|findings| ReadError::Unusable { file: name.to_owned(), findings })?;
+        let number = |wanted: kalmems_formats::Wanted| match wanted {
+            kalmems_formats::Wanted::Number { column, power } => Some((column, Shift::new(power))),
+            kalmems_formats::Wanted::Label { .. } => None,
+        };
+        let columns: Vec<_> = plan.wanted().into_iter().filter_map(number).collect();
+        let mut block = Block::with_capacity(ROWS);
+        block.clear(columns.len(), 0);
+        let pass = Pass::new(plan, findings, &layout.clock, usize::MAX);
+        Ok(Self { name: name.to_owned(), pass, columns, block, line: 2 })
+    }
+
+    /// One row, in the order of the header.
+    pub fn push(&mut self, cells: &[f64]) {
+        let row = self.block.rows;
+        if row == 0 {
+            self.block.lines.push((0, self.line));
+        }
+        for ((column, shift), values) in self.columns.iter_mut().zip(&mut self.block.numbers) {
+            let cell = cells.get(*column).copied().unwrap_or(f64::NAN);
+            let number = shift.float(cell);
+            values.push(if number.is_finite() { number } else { f64::NAN });
+            if !number.is_finite() {
+                let fault = if cell.is_nan() { Fault::Nan } else { Fault::Infinite };
+                let fault = fault(cell.to_string());
+                self.block.faults.push(CellFault { row, line: self.line, column: Some(*column), fault });
+            }
+        }
+        self.block.rows += 1;
+        self.line += 1;
+        if self.block.rows == ROWS {
+            self.flush();
+        }
+    }
+
+    fn flush(&mut self) {
+        self.pass.take(&self.block);
+        self.block.clear(self.columns.len(), 0);
+    }
+
+    /// The recording.
+    pub fn finish(mut self) -> Result<Recording, ReadError> {
+        self.flush();
+        let source = Source {
+            file: self.name.clone(),
+            sha256: String::new(),
+            bytes: 0,
+            format: "computed".to_owned(),
+        };
+        self.pass.finish(source).usable(&self.name)
+    }
+}

@@ -1,0 +1,251 @@
+//! Text in figures: how wide it is, where it may be broken, and how units and numbers are written.
+
+use ttf_parser::Face;
+
+/// The font of the figures, `DejaVu` Sans reduced to the characters that they use; see `assets/README.md`.
+const FONT: &[u8] = include_bytes!("../../assets/dejavu-sans-subset.ttf");
+
+/// The bundled font. A test makes sure that it can be read.
+pub(super) fn font() -> Option<Face<'static>> {
+    Face::parse(FONT, 0).ok()
+}
+
+/// Measures text in the bundled font.
+pub(super) struct Ruler {
+    face: Option<Face<'static>>,
+}
+
+impl Ruler {
+    pub(super) fn new() -> Self {
+        Self { face: font() }
+    }
+
+    pub(super) fn width(&self, text: &str, size: f64) -> f64 {
+        let em = |c: char| {
+            let face = self.face.as_ref()?;
+            let advance = face.glyph_hor_advance(face.glyph_index(c).unwrap_or_default())?;
+            Some(f64::from(advance) / f64::from(face.units_per_em()))
+        };
+        text.chars().map(|c| em(c).unwrap_or(0.6) * size).sum()
+    }
+
+    /// Breaks text at spaces into lines no wider than `limit`; a longer word is cut with an ellipsis.
+    pub(super) fn wrap(&self, text: &str, size: f64, limit: f64) -> Vec<String> {
+        let mut lines: Vec<String> = Vec::new();
+        for word in text.split_whitespace() {
+            let word = self.cut(word, size, limit);
+            if let Some(line) = lines.last_mut() {
+                let longer = format!("{line} {word}");
+                if self.width(&longer, size) <= limit {
+                    *line = longer;
+                    continue;
+                }
+            }
+            lines.push(word);
+        }
+        lines
+    }
+
+    /// The text, or its start and an ellipsis where it is wider than `limit`.
+    pub(super) fn cut(&self, text: &str, size: f64, limit: f64) -> String {
+        if self.width(text, size) <= limit {
+            return text.to_owned();
+        }
+        let mut start = text.to_owned();
+        while start.pop().is_some() {
+            let cut = format!("{}…", start.trim_end());
+            if self.width(&cut, size) <= limit {
+                return cut;
+            }
+        }
+        String::new()
+    }
+}
+
+/// Text for XML and HTML. Characters that XML cannot hold become U+FFFD.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(printable(c)),
+        }
+    }
+    out
+}
+
+/// The character itself, or U+FFFD for one that controls a terminal or is none.
+pub(super) fn printable(c: char) -> char {
+    if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '\u{fffd}' } else { c }
+}
+
+/// A label as it stands in a table header: `rms error (deg)`.
+pub(super) fn with_unit(label: &str, unit: &str) -> String {
+    with_printed_unit(label, &unit_sign(unit))
+}
+
+/// The same for a unit that is already as printed.
+pub(super) fn with_printed_unit(label: &str, unit: &str) -> String {
+    match (label.trim(), unit) {
+        (label, "") => label.to_owned(),
+        ("", unit) => format!("({unit})"),
+        (label, unit) => format!("{label} ({unit})"),
+    }
+}
+
+/// A unit in print: `V^2/Hz` becomes `V²/Hz`, `F/sqrt(Hz)` becomes `F/√Hz`, `1` nothing.
+pub fn unit_sign(unit: &str) -> String {
+    let unit = unit.trim();
+    if unit == "1" {
+        return String::new();
+    }
+    let mut out = String::new();
+    let mut rest = unit;
+    while let Some(c) = rest.chars().next() {
+        if let Some((word, after)) = rest.strip_prefix("sqrt(").and_then(|r| r.split_once(')')) {
+            let simple = word.chars().all(char::is_alphabetic);
+            let brackets = if simple { ["√", ""] } else { ["√(", ")"] };
+            out.extend([brackets[0], word, brackets[1]]);
+            rest = after;
+            continue;
+        }
+        rest = &rest[c.len_utf8()..];
+        match c {
+            '^' => {
+                let end = rest
+                    .char_indices()
+                    .find(|(i, c)| !(c.is_ascii_digit() || (*i == 0 && *c == '-')))
+                    .map_or(rest.len(), |(i, _)| i);
+                let (exponent, after) = rest.split_at(end);
+                // A half power stays as it is written.
+                if exponent.is_empty() || after.starts_with('.') {
+                    out.push('^');
+                } else {
+                    out.extend(exponent.chars().map(superscript));
+                    rest = after;
+                }
+            }
+            '*' | ' ' => out.push('·'),
+            c => out.push(c),
+        }
+    }
+    out.replace("Ohm", "Ω").replace("ohm", "Ω")
+}
+
+/// `10⁻⁶`.
+pub(super) fn power_of_ten(exponent: i32) -> String {
+    format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
+}
+
+fn superscript(c: char) -> char {
+    match c {
+        '0' => '⁰',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '4' => '⁴',
+        '5' => '⁵',
+        '6' => '⁶',
+        '7' => '⁷',
+        '8' => '⁸',
+        '9' => '⁹',
+        '-' => '⁻',
+        c => c,
+    }
+}
+
+/// `count · 10^exponent` in full, without rounding: `decimal(-250, -2)` is `−2.50`.
+pub(super) fn decimal(count: i64, exponent: i32) -> String {
+    let sign = if count < 0 { "−" } else { "" };
+    let digits = count.unsigned_abs().to_string();
+    let places = usize::try_from(-i64::from(exponent)).unwrap_or(0);
+    if places > 0 {
+        let padded = format!("{digits:0>width$}", width = places + 1);
+        let (whole, fraction) = padded.split_at(padded.len() - places);
+        return format!("{sign}{whole}.{fraction}");
+    }
+    let zeros = if count == 0 { 0 } else { usize::try_from(exponent).unwrap_or(0) };
+    format!("{sign}{digits}{}", "0".repeat(zeros))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_font_has_what_figures_write() {
+        let face = font().unwrap();
+        for c in ('!'..='~').chain("±×·−≤≥√°µ–…χ²σθφωΩΔ⁻⁰¹²³⁴⁵⁶⁷⁸⁹₀₁₂→←↑↓≈∞§ÄÖÜäöüßé�".chars())
+        {
+            assert!(face.glyph_index(c).is_some_and(|glyph| glyph.0 > 0), "{c}");
+        }
+        assert!(FONT.len() < 80_000);
+    }
+
+    #[test]
+    fn widths_are_those_of_dejavu_sans() {
+        // The advance widths of the font's own table: 2048 per em; `0` has 1303, `i` 569, `M` 1767.
+        let ruler = Ruler::new();
+        approx::assert_relative_eq!(ruler.width("0iM", 20.48), 13.03 + 5.69 + 17.67, max_relative = 1e-12);
+    }
+
+    #[test]
+    fn units_as_printed() {
+        for (unit, sign) in [
+            ("s", "s"),
+            ("1", ""),
+            ("", ""),
+            ("V^2/Hz", "V²/Hz"),
+            ("F/sqrt(Hz)", "F/√Hz"),
+            ("V/sqrt(m s)", "V/√(m s)"),
+            ("kg m^2", "kg·m²"),
+            ("s^-1", "s⁻¹"),
+            ("V^0.5", "V^0.5"),
+            ("kohm", "kΩ"),
+            ("^", "^"),
+            ("sqrt(", "sqrt("),
+        ] {
+            assert_eq!(unit_sign(unit), sign, "{unit}");
+        }
+        assert_eq!(with_unit("ratio", "1"), "ratio");
+        assert_eq!(with_unit("error", "deg"), "error (deg)");
+        assert_eq!(power_of_ten(-12), "10⁻¹²");
+    }
+
+    #[test]
+    fn decimals_in_full() {
+        for (count, exponent, text) in [
+            (22_050, -3, "22.050"),
+            (-250, -2, "−2.50"),
+            (5, -3, "0.005"),
+            (0, -1, "0.0"),
+            (0, 3, "0"),
+            (15, 2, "1500"),
+            (i64::MIN, 0, "−9223372036854775808"),
+        ] {
+            assert_eq!(decimal(count, exponent), text);
+        }
+    }
+
+    #[test]
+    fn wraps_and_cuts() {
+        let ruler = Ruler::new();
+        let lines = ruler.wrap("the angle of the mirror against its reference", 12.0, 100.0);
+        assert_eq!(lines, ["the angle of the", "mirror against", "its reference"]);
+        assert!(lines.iter().all(|line| ruler.width(line, 12.0) <= 100.0));
+        assert_eq!(ruler.cut("pneumonoultramicroscopic", 12.0, 60.0), "pneum…");
+        assert_eq!(ruler.cut("wide", 12.0, 0.0), "");
+    }
+
+    #[test]
+    fn nothing_escapes_the_markup() {
+        assert_eq!(
+            escape("<script>\"a\" & 'b'\u{1b}[2J\0"),
+            "&lt;script&gt;&quot;a&quot; &amp; &#39;b&#39;\u{fffd}[2J\u{fffd}"
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! What a rig is: a device with its drive, its recordings and its way of being estimated.
+//!
+//! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
+//! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
+
+use crate::config::{ConfigError, Device, Experiment, Fault, Key};
+use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
+use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
+use crate::export::{ExportError, Filter};
+use crate::identify::{Identification, IdentifyError};
+use crate::outlook::Outlook;
+use crate::recording::{Layout, Recording, Segment};
+use crate::reproduce::Program;
+use crate::simulate::{SimulateError, Simulation};
+
+/// A device with its drive, its recordings and its way of being estimated.
+pub trait Rig: Sync {
+    /// The device table that it is for, such as `shared_scanner`.
+    fn name(&self) -> &'static str;
+
+    /// Whether it is for this device.
+    fn takes(&self, device: &Device) -> bool;
+
+    /// The recordings of an experiment that an estimate is wanted for, as indices, and all that can be checked
+    /// of the experiment before they are read.
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError>;
+
+    /// How to read one of them. The reference's columns are not among those asked for.
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError>;
+
+    /// The states that a reference may know, the name of an angle and that of its rate for each axis.
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &ONE_ANGLE
+    }
+
+    /// The states that a reference may know and that are no angles; the first is what the device is for.
+    fn values(&self) -> &'static [ValueState] {
+        &[]
+    }
+
+    /// What estimates one of them, part by part.
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError>;
+
+    /// What estimates samples that arrive, with what the experiment's table `stream` wants beside the estimates: phases, and
+    /// zero phases before they happen.
+    fn live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let wanted = experiment.stream.as_ref().and_then(|stream| {
+            let phase = stream.phase.then_some("phase");
+            stream.trigger.as_ref().map(|_| "trigger").or(phase)
+        });
+        if let Some(key) = wanted {
+            let why = format!("nothing is built that would say this of `{}`; leave it out", self.name());
+            return Err(experiment.error(Key::from("stream").child(key), Fault::Value { why }).into());
+        }
+        self.estimator(experiment, index, progress)
+    }
+
+    /// Estimates the motion in each segment of a recording that is held in memory.
+    fn estimate(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        let mut estimator = self.estimator(experiment, index, progress)?;
+        let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
+        let wanted: Vec<&Segment> = wanted.collect();
+        wanted.into_iter().map(|segment| estimator.take(&Part::whole(recording, segment))).collect()
+    }
+
+    /// What can be said of the device and its drive before anything is recorded.
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError>;
+
+    /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
+
+    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
+    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
+
+    /// Identifies parameters of the device from the recordings that their roles say are for that.
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        let _ = progress;
+        let why = format!("no identification is built for `{}` yet", self.name());
+        Err(experiment.error("device", Fault::Value { why }).into())
+    }
+
+    /// The filter at this place of the file as it can be exported, and the columns of drive and signal.
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+        let _ = (experiment, place);
+        Err(ExportError::Device { device: self.name() })
+    }
+
+    /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
+    fn reproduction(&self) -> Option<&'static Program> {
+        None
+    }
+}
+
+/// Estimates a recording, segment by segment, and each segment part by part.
+pub trait Estimator {
+    /// Whether the segment with this label is to be estimated.
+    fn wants(&self, label: &str) -> bool {
+        let _ = label;
+        true
+    }
+
+    /// What it needs of the rows around those that are new, in a recording of this interval in s between samples.
+    fn around(&self, interval_s: f64) -> Around;
+
+    /// What is kept of the segment that is being estimated.
+    fn past(&mut self) -> &mut Past;
+
+    /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;
+}

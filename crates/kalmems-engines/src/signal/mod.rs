@@ -1,0 +1,22 @@
+//! What is read off a periodic signal, its sine, its cycles, its turning points; a signal between its samples; and how
+//! the mean of a signal at rest wanders.
+
+mod allan;
+mod band_limited;
+mod confidence;
+mod cubic;
+mod cycles;
+mod extremes;
+mod interval;
+mod sine;
+
+pub use allan::{Averaged, Deviation, octaves};
+pub use band_limited::band_limited;
+pub use confidence::Confident;
+pub use cubic::{cubic_between, hermite, polynomial_between};
+pub use cycles::{Cycle, fit_cycles};
+pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
+pub use interval::{GAP, usual_interval};
+pub(crate) use sine::largest_line;
+pub use sine::least_squares;
+pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near};

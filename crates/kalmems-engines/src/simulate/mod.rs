@@ -1,0 +1,40 @@
+//! Simulation: what a device would do, and what would be recorded of it.
+//!
+//! [`Simulator`] integrates any device under a [`Drive`]. [`stepped_sweep`] and [`start_up`] say how large a motion
+//! becomes and when, [`Balance`] the same of steady motions without integration, [`RegulatedMotion`] how one of them answers
+//! to its drive; [`Stability`], [`floquet_exponent`] and
+//! [`StabilityMap`] whether it starts at all. A rig makes of an experiment's
+//! `[simulate]` table a [`Simulation`], which runs sample by sample.
+
+mod balance;
+mod converter;
+mod drive;
+mod floquet;
+mod noise;
+mod recording;
+mod response;
+mod simulator;
+mod slow_flow;
+mod source;
+mod stability;
+mod stability_map;
+mod unwritten;
+mod waveform;
+
+pub use balance::{Balance, SteadyMotion};
+pub use converter::Converter;
+pub use drive::{Drive, Interruptions, Tone};
+pub use floquet::{floquet_exponent, monodromy};
+pub use noise::WhiteNoise;
+pub use recording::{Channel, Paper, Papers, Sample, SimulateError, Simulation};
+pub use response::{
+    Hold, StartUp, SweepPoint, SweepSettings, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
+};
+pub use simulator::Simulator;
+pub use slow_flow::{LoopMargins, RegulatedMotion};
+pub use source::drive_of;
+pub use stability::{Stability, starting_factor};
+pub use stability_map::{SideBySide, StabilityMap};
+pub use unwritten::Unwritten;
+pub use unwritten::{RECORDING, REFERENCE, described};
+pub use waveform::PeriodStep;

@@ -1,0 +1,106 @@
+//! A simulated recording that is handed on without a file, and how an experiment describes one.
+
+use super::{Channel, SimulateError, Simulation};
+use crate::config::{Channels, Clock, Experiment, Name, Recording, Reference};
+use crate::estimate::Progress;
+use crate::recording::{self, Layout, ReadError, UnwrittenRecording};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+/// The file of what is recorded.
+pub const RECORDING: &str = "recording.csv";
+/// The file of what is true.
+pub const REFERENCE: &str = "reference.csv";
+const TIME: &str = "time_s";
+
+/// Samples between two looks at whether to go on.
+const PULSE: u64 = 10_000;
+
+/// The samples of a simulation: what a laboratory would have recorded, and apart from it what is true.
+///
+/// Both become recordings as their files would, see [`UnwrittenRecording`].
+#[derive(Clone, Debug)]
+pub struct Unwritten {
+    time_s: Vec<f64>,
+    recorded: Columns,
+    truth: Columns,
+}
+
+#[derive(Clone, Debug)]
+struct Columns {
+    channels: &'static [Channel],
+    /// Row after row.
+    values: Vec<f64>,
+}
+
+impl Unwritten {
+    /// Runs a simulation.
+    pub fn of(simulation: &dyn Simulation, progress: &dyn Progress) -> Result<Self, SimulateError> {
+        let columns = |channels| Columns { channels, values: Vec::new() };
+        let (mut recorded, mut truth) = (columns(simulation.recorded()), columns(simulation.truth()));
+        let mut time_s = Vec::new();
+        progress.begin("simulating", simulation.samples());
+        simulation.run(&mut |sample| {
+            time_s.push(sample.time_s);
+            recorded.values.extend(sample.recorded);
+            truth.values.extend(sample.truth);
+            let done = time_s.len() as u64;
+            if done.is_multiple_of(PULSE) { progress.reached(done) } else { ControlFlow::Continue(()) }
+        })?;
+        Ok(Self { time_s, recorded, truth })
+    }
+
+    /// What was recorded, read by a layout.
+    pub fn recorded(&self, layout: &Layout) -> Result<recording::Recording, ReadError> {
+        self.recorded.read(RECORDING, &self.time_s, layout)
+    }
+
+    /// What is true, read by a layout; for the evaluation alone.
+    pub fn truth(&self, layout: &Layout) -> Result<recording::Recording, ReadError> {
+        self.truth.read(REFERENCE, &self.time_s, layout)
+    }
+}
+
+impl Columns {
+    fn read(&self, name: &str, time_s: &[f64], layout: &Layout) -> Result<recording::Recording, ReadError> {
+        let header: Vec<&str> = [TIME].into_iter().chain(self.channels.iter().map(|c| c.column)).collect();
+        let mut rows = UnwrittenRecording::new(name, &header, layout)?;
+        let mut row = Vec::with_capacity(header.len());
+        for (time, values) in time_s.iter().zip(self.values.chunks(self.channels.len().max(1))) {
+            row.clear();
+            row.push(*time);
+            row.extend(values);
+            rows.push(&row);
+        }
+        rows.finish()
+    }
+}
+
+/// The experiment with the simulated recording instead of its own, ready to be estimated.
+pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experiment {
+    let named = |channels: &[Channel]| {
+        let names: BTreeMap<String, String> =
+            channels.iter().map(|c| (c.meaning.to_owned(), c.column.to_owned())).collect();
+        Channels::try_from(names).ok()
+    };
+    let mut described = experiment.clone();
+    // Its estimate shall not take the place of that of the real recording.
+    if let Ok(name) = Name::try_from(format!("{}-simulated", experiment.name)) {
+        described.name = name;
+    }
+    described.simulate = None;
+    described.recordings = named(simulation.recorded())
+        .map(|channels| Recording {
+            name: None,
+            role: simulation.role(),
+            file: RECORDING.into(),
+            format: None,
+            segments: None,
+            clock: Clock::Column { column: TIME.to_owned() },
+            channels,
+            reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
+        })
+        .into_iter()
+        .collect();
+    described
+}

@@ -1,0 +1,71 @@
+//! The device with its second axis, in SI.
+
+use crate::config::{ConfigError, Device, Experiment, Fault, Key, Quantity, SecondAxis};
+use crate::shared_scanner::settings;
+use kalmems_models::capacitance::GaussianComb;
+use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator, TwoAxisScanner};
+use kalmems_models::readout::TwoAxisComb;
+
+/// The device alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardware {
+    /// How it moves.
+    pub scanner: TwoAxisScanner<f64>,
+    /// What is recorded of it.
+    pub readout: TwoAxisComb<f64>,
+    /// The variance of the recorded signal's noise per sample, in V².
+    pub noise_variance: f64,
+}
+
+impl Hardware {
+    /// Reads what the file says of the device.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let first = settings::Hardware::of(experiment)?;
+        let Some(second) = second_axis(&experiment.device) else {
+            let remedy = "add the table `[device.shared_scanner.second_axis]`".to_owned();
+            return Err(experiment.error("device", Fault::MissingKey { remedy }));
+        };
+        if first.delay_s > 0.0 {
+            let why = "a scanner with two axes is read without a delay; leave `delay` out".to_owned();
+            let key =
+                ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
+            return Err(experiment.error(key, Fault::Value { why }));
+        }
+        let comb = GaussianComb {
+            nominal: second.comb.nominal_capacitance.si(),
+            angular_width: second.comb.angular_width.si(),
+            bias: second.comb.bias_capacitance.si(),
+        };
+        let resonator = TorsionalResonator {
+            inertia: second.resonator.inertia.si(),
+            damping: second.resonator.damping.si(),
+            stiffness: second.resonator.stiffness.si(),
+        };
+        Ok(Self {
+            scanner: TwoAxisScanner {
+                x: first.scanner,
+                y: ParametricScanner {
+                    resonator,
+                    comb,
+                    carrier_mean_square: first.scanner.carrier_mean_square,
+                },
+                gimbal_inertia: second.gimbal_inertia.as_ref().map_or(0.0, Quantity::si),
+            },
+            readout: TwoAxisComb {
+                x: first.scanner.comb,
+                y: comb,
+                gain: first.readout.gain,
+                offset: first.readout.offset,
+            },
+            noise_variance: first.noise_variance,
+        })
+    }
+}
+
+/// The second axis of a shared-electrode scanner, where it has one.
+pub fn second_axis(device: &Device) -> Option<&SecondAxis> {
+    match device {
+        Device::SharedScanner(scanner) => scanner.second_axis.as_ref(),
+        _ => None,
+    }
+}

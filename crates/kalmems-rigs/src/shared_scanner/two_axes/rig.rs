@@ -1,0 +1,118 @@
+//! The rig of a scanner with two axes.
+
+use super::hardware::second_axis;
+use super::outlook::outlook;
+use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
+use super::settings::Settings;
+use super::simulation::simulation;
+use crate::config::{ConfigError, Device, Experiment};
+use crate::estimate::driven::DrivenSegment;
+use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
+use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::outlook::Outlook;
+use crate::recording::Layout;
+use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, wanted};
+use crate::simulate::{SimulateError, Simulation};
+use crate::units::kind;
+use crate::{Estimator, Rig};
+
+/// The rig.
+pub struct TwoAxesRig;
+
+/// The names of each axis's angle and rate.
+const ANGLES: [[&str; 2]; 2] = [["angle_x", "rate_x"], ["angle_y", "rate_y"]];
+
+impl Rig for TwoAxesRig {
+    fn name(&self) -> &'static str {
+        "shared_scanner.second_axis"
+    }
+
+    fn takes(&self, device: &Device) -> bool {
+        second_axis(device).is_some()
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(experiment)?;
+        wanted(experiment)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &ANGLES
+    }
+
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let columns = columns(experiment, index)?;
+        Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), progress }))
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        outlook(experiment)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        simulation(experiment)
+    }
+
+    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
+        let from_s = estimate.from_s();
+        let first = (ANGLES[0][0], estimate.motion, estimate.drive.as_ref());
+        let others = estimate.other_axes.iter().map(|axis| (axis.angle, axis.motion, axis.drive.as_ref()));
+        let axes: Vec<_> = std::iter::once(first).chain(others).collect();
+        let errors = |trajectory| {
+            let mut found = axes.iter().filter_map(|(angle, motion, drive)| {
+                let reference = references.iter().find(|reference| reference.states[0] == *angle)?;
+                let extent = Extent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
+                evaluate_motion(trajectory, reference, extent)
+            });
+            let mut first = found.next()?;
+            first.other_angles = found.collect();
+            Some(first)
+        };
+        estimate.trajectories.iter().map(errors).collect()
+    }
+}
+
+/// Estimates recordings of a scanner with two axes.
+struct TwoAxesEstimator<'a> {
+    settings: Settings,
+    /// Those of drive and signal.
+    columns: [&'a str; 2],
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl Estimator for TwoAxesEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let slowest_hz = resonances_hz(&self.settings).into_iter().fold(f64::INFINITY, f64::min);
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz).max(WINDOW_S);
+        around_driven(interval_s, started_s, smooths)
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let past = &mut self.past;
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        let data = &DrivenSegment::of(&segment, drive_column, past)?;
+        let drive = first_tones(settings, data, past, &segment.place)?;
+        let [x, y] = drive.motions();
+        segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
+        let trajectories = estimate(settings, (&segment.place, &drive), data, past, self.progress)?;
+        let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
+        Ok(segment.estimated_under(drive_column, (axis(0, x), vec![axis(1, y)]), trajectories))
+    }
+}

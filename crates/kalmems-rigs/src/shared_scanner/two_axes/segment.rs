@@ -1,0 +1,158 @@
+//! The estimates of one segment.
+
+use super::filters::{FilterSettings, STATES, Start};
+use super::plant::{both, both_with};
+use super::settings::Settings;
+use super::start::{BatchStart, StartError};
+use super::tones::DriveTones;
+use crate::estimate::driven::{Augmentation, DrivenSegment, Plant};
+use crate::estimate::{EstimateError, FilterPast, Past, Progress, Trajectory};
+use crate::shared_scanner::segment::{Follower, Said};
+use kalmems_core::{Covariance, Mat};
+use kalmems_models::dynamics::TwoAxisDriveGain;
+use kalmems_models::readout::TwoAxisComb;
+use std::f64::consts::TAU;
+
+/// The drives of x and y as the samples that were there first show them.
+pub fn first_tones(
+    settings: &Settings,
+    data: &DrivenSegment,
+    past: &mut Past,
+    place: &str,
+) -> Result<DriveTones, EstimateError> {
+    let tones = match past.rig.take::<DriveTones>() {
+        Some(tones) => tones,
+        None => Box::new(
+            DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
+                .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?,
+        ),
+    };
+    let found = *tones;
+    past.rig.put(tones);
+    Ok(found)
+}
+
+/// Runs the wanted filters over both axes of the new samples of a segment, which `place` names in messages.
+///
+/// Trajectories have the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
+pub fn estimate(
+    settings: &Settings,
+    (place, drive): (&str, &DriveTones),
+    data: &DrivenSegment,
+    past: &mut Past,
+    progress: &dyn Progress,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    let motions = drive.motions();
+    let start_s = data.scored_from(settings.skip_s);
+    let mut trajectories = Vec::new();
+    for (index, filter) in settings.filters.iter().enumerate() {
+        let past = past.filter(index);
+        let mut found = Task { settings, filter, data, drive, place, progress }.one(past)?;
+        for (answer, trajectory) in found.iter_mut().enumerate() {
+            let past = past.answer(answer);
+            for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
+                if let Some(positive) = *positive {
+                    past.orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
+                }
+            }
+            trajectory.lock = past.judge.judge(trajectory, &motions, start_s, data.samples.ends);
+        }
+        trajectories.append(&mut found);
+    }
+    Ok(trajectories)
+}
+
+/// The free resonances of x and y.
+pub fn resonances_hz(settings: &Settings) -> [f64; 2] {
+    let scanner = &settings.hardware.scanner;
+    [scanner.x, scanner.y].map(|axis| axis.resonator.natural_rate() / TAU)
+}
+
+/// How much of the signal a start from it takes in, in s.
+pub const WINDOW_S: f64 = 2e-3;
+
+/// One filter over one segment.
+struct Task<'a> {
+    settings: &'a Settings,
+    filter: &'a FilterSettings,
+    data: &'a DrivenSegment<'a>,
+    drive: &'a DriveTones,
+    place: &'a str,
+    progress: &'a dyn Progress,
+}
+
+impl Task<'_> {
+    /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
+    fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        match self.filter.basics.tracked.len() {
+            0 => self.run::<_, 4>(&both(&self.settings.hardware, self.filter), past),
+            1 => self.with::<1, 5>(past),
+            2 => self.with::<2, 6>(past),
+            3 => self.with::<3, 7>(past),
+            4 => self.with::<4, 8>(past),
+            5 => self.with::<5, 9>(past),
+            6 => self.with::<6, 10>(past),
+            _ => self.with::<7, 11>(past),
+        }
+    }
+
+    /// With `A` parameters as states.
+    fn with<const A: usize, const N: usize>(
+        &self,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError>
+    where
+        Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>: Plant<N>,
+    {
+        let plant = both_with::<A>(&self.settings.hardware, self.filter);
+        self.run::<_, N>(&plant.map_err(|why| self.filter.basics.no_model(why))?, past)
+    }
+
+    fn run<P: Plant<N>, const N: usize>(
+        &self,
+        plant: &P,
+        past: &mut FilterPast,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let filter = &self.filter.basics;
+        let noise_variance = self.settings.hardware.noise_variance;
+        let (data, progress, said) = (self.data, self.progress, Said::default());
+        let follower = Follower { filter, data, noise_variance, said, progress };
+        follower.run(plant, &filter.states(&STATES), past, || self.start())
+    }
+
+    /// Mean and covariance at the first sample.
+    fn start<const N: usize>(&self) -> Result<([f64; N], Covariance<f64, N>), EstimateError> {
+        let (motion, covariance) = match &self.filter.start {
+            Start::Given { mean, covariance } => (*mean, *covariance),
+            Start::Signal => {
+                let found = self.batch_start().map_err(|why| EstimateError::NoStart {
+                    place: self.place.to_owned(),
+                    filter: self.filter.basics.name.clone(),
+                    why: why.to_string(),
+                })?;
+                (found.mean, found.covariance)
+            }
+        };
+        let mut mean = [0.0; N];
+        let mut lower = Mat::zero();
+        for i in 0..motion.len() {
+            mean[i] = motion[i];
+            for j in 0..=i {
+                lower.0[i][j] = covariance.get(i, j);
+            }
+        }
+        for (i, tracked) in self.filter.basics.tracked.iter().enumerate() {
+            let i = motion.len() + i;
+            lower.0[i][i] = tracked.sd * tracked.sd;
+        }
+        Ok((mean, Covariance::from_lower(lower)))
+    }
+
+    fn batch_start(&self) -> Result<BatchStart, StartError> {
+        let first = self.data.time_s.first().copied().unwrap_or(0.0);
+        let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
+        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
+        BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
+    }
+}

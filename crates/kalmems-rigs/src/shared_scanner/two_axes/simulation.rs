@@ -1,0 +1,51 @@
+//! A recording of the scanner with two axes that is computed.
+
+use super::band_plan::{BandPlan, PlannedDrive};
+use super::hardware::Hardware;
+use super::settings::state_at;
+use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Simulate, Values};
+use crate::shared_scanner::simulation::{Readout, ScannerSimulation};
+use crate::simulate::{Channel, Drive, SimulateError, Simulation};
+
+/// The simulation of both axes: the truth is angle and rate of each.
+pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+    refuse_what_is_for_one_axis(experiment)?;
+    let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
+    let sensor = |simulate: &Simulate, _: &Drive| Ok(Readout::new(readout, 0.0, noise_variance, simulate));
+    let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 4]| {
+        let drive = PlannedDrive::of(drive)?;
+        Some(BandPlan::of(&scanner, &drive, BandPlan::GUARD_HZ).to_string())
+    };
+    let start = |key: &str, values: &Values| state_at(experiment, key, values);
+    let simulation = ScannerSimulation::of(
+        experiment,
+        scanner,
+        sensor,
+        start,
+        &[
+            Channel { meaning: "angle_x", column: "angle_x_rad" },
+            Channel { meaning: "rate_x", column: "rate_x_rad_per_s" },
+            Channel { meaning: "angle_y", column: "angle_y_rad" },
+            Channel { meaning: "rate_y", column: "rate_y_rad_per_s" },
+        ],
+        outlook,
+    )?;
+    Ok(Box::new(simulation))
+}
+
+/// A ring-down and the circuit are computed for one axis; simulated as something else they would be believed.
+fn refuse_what_is_for_one_axis(experiment: &Experiment) -> Result<(), ConfigError> {
+    let drive = experiment.simulate.as_ref().map(|simulate| &simulate.drive);
+    let has_circuit = matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some());
+    let (key, why) = if matches!(drive, Some(DriveSource::RingDown(_))) {
+        let why = "a ring-down of two axes on one electrode is not computed; simulate each axis by itself, without \
+                   `[device.shared_scanner.second_axis]`, or with another drive, such as `[simulate.drive.tones]`";
+        ("simulate.drive.ring_down", why)
+    } else if has_circuit {
+        let why = "the circuit is computed for one axis; leave it out, and the signal is that of `readout`";
+        ("device.shared_scanner.circuit", why)
+    } else {
+        return Ok(());
+    };
+    Err(experiment.error(key, Fault::Value { why: why.to_owned() }))
+}

@@ -1,0 +1,201 @@
+//! The main job from end to end: each step is public, this calls them in order.
+
+mod parts;
+
+pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in_parts, is_long};
+
+use crate::config::{self, ConfigError, Experiment, Fault, Key};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate};
+use crate::evaluate::{
+    ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, ValueState, evaluate_values,
+};
+use crate::recording::{ReadError, Recording};
+use crate::simulate::Unwritten;
+use crate::{Rig, of};
+use std::path::Path;
+
+/// What came of an experiment.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The experiment.
+    pub experiment: Experiment,
+    /// The rig's name.
+    pub rig: &'static str,
+    /// One per recording that was estimated.
+    pub recordings: Vec<RecordingOutcome>,
+}
+
+/// What came of a recording.
+#[derive(Clone, Debug)]
+pub struct RecordingOutcome {
+    /// Its name in the experiment, or that of its file.
+    pub name: String,
+    /// The recording.
+    pub recording: Recording,
+    /// The reference, where the experiment names one.
+    pub reference: Option<ReferenceRecording>,
+    /// What it tells that is no angle; the first is what the device is for.
+    pub values: &'static [ValueState],
+    /// One per segment.
+    pub segments: Vec<SegmentOutcome>,
+}
+
+/// What came of a segment.
+#[derive(Clone, Debug)]
+pub struct SegmentOutcome {
+    /// What the filters say.
+    pub estimate: SegmentEstimate,
+    /// How far each is from the reference; `None` where there is nothing to compare with.
+    pub errors: Vec<Option<MotionErrors>>,
+    /// How far each is from what the reference knows beside angles.
+    pub values: Vec<ErrorsByState>,
+}
+
+/// What can stop the job.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkflowError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A recording is.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A recording cannot be estimated.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// A reference cannot be read.
+    #[error("{0}; without the table `[recording.reference]` the estimate is made all the same")]
+    Reference(#[from] ReferenceError),
+}
+
+impl WorkflowError {
+    /// Whether it was stopped from outside.
+    pub fn is_interruption(&self) -> bool {
+        matches!(
+            self,
+            Self::Read(ReadError::Interrupted { .. })
+                | Self::Estimate(EstimateError::Interrupted)
+                | Self::Reference(ReferenceError::Read(ReadError::Interrupted { .. }))
+        )
+    }
+}
+
+/// Reads, estimates and evaluates every recording that the experiment's rig wants.
+///
+/// All estimates of a recording are finished before its reference is opened.
+pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outcome, WorkflowError> {
+    let rig = of(experiment)?;
+    let wanted = rig.wanted(experiment)?;
+    // Before anything takes time: is all there that will be needed?
+    for index in &wanted {
+        let described = experiment.recording(*index)?;
+        let key = Key::from("recording").index(*index);
+        require(experiment, &described.file, key.clone().child("file"))?;
+        if let Some(reference) = &described.reference {
+            require(experiment, reference.file(described), key.child("reference").child("file"))?;
+        }
+    }
+    let mut recordings = Vec::new();
+    for index in wanted {
+        let described = experiment.recording(index)?;
+        let file = experiment.resolve(&described.file);
+        let mut reading = Reading { progress, started: false };
+        let recording = Recording::read_with(&file, &rig.layout(experiment, index)?, &mut |d, n| {
+            reading.hear("reading", d, n)
+        })?;
+        let estimates = rig.estimate(experiment, index, &recording, progress)?;
+
+        let mut reading = Reading { progress, started: false };
+        let reference =
+            ReferenceRecording::read(experiment, index, rig.angles(), rig.values(), &mut |d, n| {
+                reading.hear("reading the reference", d, n)
+            })?;
+        recordings.push(evaluate(rig, described, recording, estimates, reference)?);
+    }
+    if recordings.iter().all(|recording| recording.segments.is_empty()) {
+        let why = "no recording has a segment to estimate".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }).into());
+    }
+    Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings })
+}
+
+/// Estimates and evaluates the one recording of an experiment that was simulated and not written.
+///
+/// The rig is given what was recorded; what is true is read only afterwards, and for the evaluation alone, as from
+/// files.
+pub fn estimate_unwritten(
+    experiment: &Experiment,
+    simulated: &Unwritten,
+    progress: &dyn Progress,
+) -> Result<Outcome, WorkflowError> {
+    let rig = of(experiment)?;
+    let [index] = *rig.wanted(experiment)? else {
+        let why = "a simulation stands for exactly one recording".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }).into());
+    };
+    let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
+    let estimates = rig.estimate(experiment, index, &recording, progress)?;
+    let reference = ReferenceRecording::read_by(experiment, index, rig.angles(), rig.values(), |layout| {
+        simulated.truth(layout)
+    })?;
+    let described = experiment.recording(index)?;
+    let outcome = evaluate(rig, described, recording, estimates, reference)?;
+    Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
+}
+
+/// Compares what the filters say with the reference.
+fn evaluate(
+    rig: &dyn Rig,
+    described: &config::Recording,
+    recording: Recording,
+    estimates: Vec<SegmentEstimate>,
+    reference: Option<ReferenceRecording>,
+) -> Result<RecordingOutcome, ReadError> {
+    let mut segments = Vec::new();
+    for estimate in estimates {
+        let found = match &reference {
+            Some(reference) => reference.segment(&estimate.segment.label)?,
+            None => Vec::new(),
+        };
+        let errors = rig.evaluate(&estimate, &found);
+        let known = match &reference {
+            Some(reference) => reference.values(&estimate.segment.label)?,
+            None => Vec::new(),
+        };
+        let from_s = estimate.from_s();
+        let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
+        segments.push(SegmentOutcome { estimate, errors, values });
+    }
+    let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+    Ok(RecordingOutcome { name, recording, reference, values: rig.values(), segments })
+}
+
+/// Refuses a file that is not there, where the experiment names it.
+fn require(experiment: &Experiment, file: &Path, key: Key) -> Result<(), ConfigError> {
+    let path = experiment.resolve(file);
+    // What is neither file nor folder, such as a pipe, is read as it comes.
+    if path.exists() && !path.is_dir() {
+        return Ok(());
+    }
+    let why = format!(
+        "there is no file `{}`; give its path from the folder of the experiment file, or put it there",
+        path.display()
+    );
+    Err(experiment.error(key, Fault::Value { why }))
+}
+
+/// Passes on how far a reader has come.
+struct Reading<'a> {
+    progress: &'a dyn Progress,
+    started: bool,
+}
+
+impl Reading<'_> {
+    fn hear(&mut self, what: &str, done: u64, total: u64) -> std::ops::ControlFlow<()> {
+        if !self.started {
+            self.progress.begin(what, total);
+            self.started = true;
+        }
+        self.progress.reached(done)
+    }
+}

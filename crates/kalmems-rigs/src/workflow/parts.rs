@@ -1,0 +1,204 @@
+//! The main job on recordings of any length, in memory that does not grow with them.
+
+use super::{RecordingOutcome, WorkflowError, evaluate, require};
+use crate::config::{Experiment, Fault, Key};
+use crate::estimate::{Around, EstimateError, Part, Progress, Silent};
+use crate::evaluate::{ReferenceParts, ReferenceRecording};
+use crate::recording::{self, Finding, Source, Stretches};
+use crate::{Estimator, Rig, of};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// New rows of a part.
+pub const PART: usize = 1 << 16;
+
+/// A recording of more rows than this is long: it is taken in parts.
+pub const LONG: usize = 1 << 18;
+
+/// What came of a part of a recording.
+#[derive(Clone, Debug)]
+pub struct PartOutcome {
+    /// The recording, by its place among those that are estimated.
+    pub index: usize,
+    /// The part as a recording of one segment; without a digest of the file, which is not known before its end.
+    pub outcome: RecordingOutcome,
+    /// Whether the segment begins with it.
+    pub begins: bool,
+    /// Whether the segment ends with it.
+    pub ends: bool,
+}
+
+/// What is known of a recording and its reference after the last part.
+#[derive(Clone, Debug)]
+pub struct WholeRecording {
+    /// Its file.
+    pub source: Source,
+    /// What was found in it.
+    pub diagnosis: Vec<Finding>,
+    /// The same of its reference, where there is one.
+    pub reference: Option<(Source, Vec<Finding>)>,
+}
+
+/// Why the work on a long recording ended early.
+#[derive(Debug)]
+pub enum PartsError<E> {
+    /// The work itself could not be done.
+    Work(WorkflowError),
+    /// What came of a part was not taken.
+    Taken(E),
+}
+
+impl<E, W: Into<WorkflowError>> From<W> for PartsError<E> {
+    fn from(error: W) -> Self {
+        Self::Work(error.into())
+    }
+}
+
+/// Whether a recording that the rig wants is too long to be held in memory, or, being no file, cannot be asked how long it
+/// is, and none of its filters needs all of it at once.
+pub fn is_long(experiment: &Experiment, progress: &dyn Progress) -> Result<bool, WorkflowError> {
+    let rig = of(experiment)?;
+    for index in rig.wanted(experiment)? {
+        if rig.estimator(experiment, index, progress)?.around(1.0) == Around::WHOLE {
+            return Ok(false);
+        }
+        let described = experiment.recording(index)?;
+        let path = experiment.resolve(&described.file);
+        require(experiment, &described.file, Key::from("recording").index(index).child("file"))?;
+        if !path.is_file() || has_more_rows(&path, &rig.layout(experiment, index)?, LONG)? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Whether a file has more rows than this; as far as it can be read.
+fn has_more_rows(path: &Path, layout: &recording::Layout, most: usize) -> Result<bool, WorkflowError> {
+    let around = recording::Around { rows: PART, first: PART, before: 0, after: 0 };
+    let mut stretches = Stretches::open(path, layout, around)?;
+    let mut rows = 0;
+    // What is wrong with it is told when it is read.
+    while let Ok(Some(stretch)) = stretches.next(&mut |_, _| ControlFlow::Continue(())) {
+        rows += stretch.fresh.len();
+        if rows > most {
+            return Ok(true);
+        }
+        stretches.reuse(stretch);
+    }
+    Ok(false)
+}
+
+/// Estimates and evaluates every recording that the experiment's rig wants, part by part, and gives each to `taken`.
+///
+/// What the filters say of a sample is what [`estimate`](super::estimate) says of it; a smoother over the whole recording
+/// knows one part ahead.
+pub fn estimate_in_parts<E>(
+    experiment: &Experiment,
+    progress: &dyn Progress,
+    taken: &mut dyn FnMut(PartOutcome) -> Result<(), E>,
+) -> Result<Vec<WholeRecording>, PartsError<E>> {
+    let rig = of(experiment)?;
+    let mut all = Vec::new();
+    for (place, index) in rig.wanted(experiment)?.into_iter().enumerate() {
+        let work = Work { experiment, rig, index, place, progress };
+        all.push(work.run(taken)?);
+    }
+    Ok(all)
+}
+
+/// The work on one recording.
+struct Work<'a> {
+    experiment: &'a Experiment,
+    rig: &'static dyn Rig,
+    index: usize,
+    place: usize,
+    progress: &'a dyn Progress,
+}
+
+impl Work<'_> {
+    fn run<E>(
+        &self,
+        taken: &mut dyn FnMut(PartOutcome) -> Result<(), E>,
+    ) -> Result<WholeRecording, PartsError<E>> {
+        let (experiment, index) = (self.experiment, self.index);
+        let file = &experiment.recording(index)?.file;
+        // A filter says nothing of its way through a part; how far the reading has come is what is told.
+        let mut estimator = self.rig.estimator(experiment, index, &Silent)?;
+        let mut reference = ReferenceParts::open(experiment, index, self.rig.angles(), self.rig.values())?;
+        let Around { before, after, smooths, .. } = estimator.around(1.0);
+        let before = before + if smooths { PART } else { 0 };
+        let around = recording::Around { rows: PART, first: PART, before, after: after.max(1) };
+        let layout = self.rig.layout(experiment, index)?;
+        let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
+        let mut begun = false;
+        let progress = self.progress;
+        let mut hear = |done: u64, total: u64| {
+            if !begun {
+                progress.begin("estimating", total);
+                begun = true;
+            }
+            progress.reached(done)
+        };
+        let mut any = false;
+        while let Some(stretch) = stretches.next(&mut hear)? {
+            let Some(segment) = stretch.recording.segments().first() else { continue };
+            if !estimator.wants(&segment.label) {
+                stretches.reuse(stretch);
+                continue;
+            }
+            any = true;
+            let part = Part {
+                recording: &stretch.recording,
+                segment,
+                fresh: stretch.fresh.clone(),
+                begins: stretch.begins,
+                ends: stretch.ends,
+            };
+            require_head(estimator.as_ref(), &part, file)?;
+            let outcome = self.part(estimator.as_mut(), &part, reference.as_mut())?;
+            let (begins, ends) = (stretch.begins, stretch.ends);
+            taken(PartOutcome { index: self.place, outcome, begins, ends }).map_err(PartsError::Taken)?;
+            stretches.reuse(stretch);
+        }
+        if !any {
+            let why = "no recording has a segment to estimate".to_owned();
+            return Err(experiment.error("recording", Fault::Value { why }).into());
+        }
+        let (source, diagnosis) = stretches.finish();
+        Ok(WholeRecording { source, diagnosis, reference: reference.map(ReferenceParts::finish) })
+    }
+
+    fn part(
+        &self,
+        estimator: &mut dyn Estimator,
+        part: &Part,
+        reference: Option<&mut ReferenceParts>,
+    ) -> Result<RecordingOutcome, WorkflowError> {
+        let estimate = estimator.take(part)?;
+        let ends = |pick: fn(&[f64]) -> Option<&f64>| {
+            let times = estimate.trajectories.iter().filter_map(move |t| pick(&t.time_s).copied());
+            times.collect::<Vec<f64>>()
+        };
+        let from_s = ends(<[f64]>::first).into_iter().fold(f64::INFINITY, f64::min);
+        let to_s = ends(<[f64]>::last).into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let known: Option<ReferenceRecording> = match reference {
+            Some(reference) => {
+                reference.over(&part.segment.label, from_s, to_s, &mut |_, _| ControlFlow::Continue(()))?
+            }
+            None => None,
+        };
+        let described = self.experiment.recording(self.index)?;
+        Ok(evaluate(self.rig, described, part.recording.clone(), vec![estimate], known)?)
+    }
+}
+
+/// Refuses a first part that is too short for the estimator although the segment goes on.
+fn require_head(estimator: &dyn Estimator, part: &Part, file: &Path) -> Result<(), WorkflowError> {
+    let Some(interval_s) = part.segment.time.interval_s() else { return Ok(()) };
+    let needed = estimator.around(interval_s).head;
+    if !part.begins || part.ends || part.fresh.len() >= needed {
+        return Ok(());
+    }
+    let (place, held) = (file.display().to_string(), part.fresh.len());
+    Err(EstimateError::LongStart { place, needed, held }.into())
+}

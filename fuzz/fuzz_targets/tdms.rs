@@ -1,0 +1,5 @@
+#![no_main]
+
+use kalmems_formats::Format;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| kalmems_fuzz::table::read(Format::Tdms, data));
