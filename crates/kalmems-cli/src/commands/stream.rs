@@ -45,7 +45,7 @@ fn input(from: &str, baud: Option<u32>) -> io::Result<Box<dyn Read + Send>> {
         let mut port = SerialPort::open(from, baud)?;
         // A pause is no end.
         port.set_read_timeout(Duration::from_secs(u64::from(u32::MAX)))?;
-        return Ok(Box::new(port));
+        return Ok(Box::new(Device { port, from: from.to_owned() }));
     }
     if from == "-" {
         return Ok(Box::new(io::stdin()));
@@ -59,6 +59,27 @@ fn input(from: &str, baud: Option<u32>) -> io::Result<Box<dyn Read + Send>> {
         return Ok(Box::new(listener.accept()?.0));
     }
     Ok(Box::new(File::open(from)?))
+}
+
+/// A serial device. That it is unplugged is an end of the samples, and said.
+struct Device {
+    port: SerialPort,
+    from: String,
+}
+
+/// What a system says of a device that is not there any more: EIO, ENXIO and ENODEV.
+const GONE: [i32; 3] = [5, 6, 19];
+
+impl Read for Device {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        match self.port.read(bytes) {
+            Err(e) if cfg!(unix) && e.raw_os_error().is_some_and(|code| GONE.contains(&code)) => {
+                eprintln!("`{}` is not connected any more ({e})", self.from);
+                Ok(0)
+            }
+            read => read,
+        }
+    }
 }
 
 /// Opens what estimates go to.

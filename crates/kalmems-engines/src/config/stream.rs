@@ -59,7 +59,7 @@ pub struct StreamTrigger {
     /// The name of the filter that tells them; the first if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filter: Option<FilterName>,
-    /// Where they are told; among the lines if left out.
+    /// Where they are told; among all that is written if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<TriggerChannel>,
 }

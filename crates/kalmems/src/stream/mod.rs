@@ -209,12 +209,12 @@ pub fn stream(
 /// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
 fn channel(experiment: &Experiment, described: &Stream, outputs: &Outputs) -> Result<[bool; 2], StreamError> {
     let Some(trigger) = &described.trigger else { return Ok([false; 2]) };
-    let on = trigger.on.map_or([true, false], TriggerChannel::lines_and_frames);
     let there = [outputs.lines.is_some(), outputs.frames.is_some()];
+    let Some(on) = trigger.on.map(TriggerChannel::lines_and_frames) else { return Ok(there) };
     for ((on, there), name) in on.into_iter().zip(there).zip(["lines", "frames"]) {
         if on && !there {
             let why = format!(
-                "zero phases are to be told among the {name}, and no {name} are written; give `--{name} FILE`"
+                "zero phases are to be told among the {name}, and no {name} are written; give `--{name} FILE`, or change this"
             );
             let key = Key::from("stream").child("trigger").child("on");
             return Err(experiment.error(key, Fault::Value { why }).into());

@@ -82,9 +82,9 @@ impl DrivePast {
             self.first_sine
         } else {
             let before = self.coming.iter().rev().find_map(|(_, sine)| sine.as_ref());
-            // A drive that has changed is looked for anew.
+            // A drive that has changed is looked for anew; of a block that follows no sine, the one before it is kept.
             let anew = || fit_sine(&self.last.time_s, &self.last.volts, interval_s).filter(Sine::is_steady);
-            self.last.sine_like(before).or_else(anew)
+            self.last.sine_like(before).or_else(anew).or(before.copied())
         };
         self.coming.push((self.rows, sine));
     }
