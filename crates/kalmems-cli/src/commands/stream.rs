@@ -67,18 +67,18 @@ struct Device {
     from: String,
 }
 
-/// What a system says of a device that is not there any more: EIO, ENXIO and ENODEV.
+/// What a system says of a device that is not there any more, where it gives no bytes without an error: EIO, ENXIO and ENODEV.
 const GONE: [i32; 3] = [5, 6, 19];
 
 impl Read for Device {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        match self.port.read(bytes) {
-            Err(e) if cfg!(unix) && e.raw_os_error().is_some_and(|code| GONE.contains(&code)) => {
-                eprintln!("`{}` is not connected any more ({e})", self.from);
-                Ok(0)
-            }
-            read => read,
+        let read = self.port.read(bytes);
+        let gone = |e: &io::Error| cfg!(unix) && e.raw_os_error().is_some_and(|code| GONE.contains(&code));
+        if matches!(&read, Ok(0)) || read.as_ref().is_err_and(gone) {
+            eprintln!("`{}` is not connected any more", self.from);
+            return Ok(0);
         }
+        read
     }
 }
 
