@@ -177,7 +177,9 @@ impl Foreteller {
         let [rising, falling] = self.settings.directions;
         let needed_s = self.settings.ahead_s + f64::from(self.settings.behind) * self.interval_s;
         let mut events = std::mem::take(&mut self.events);
-        events.iter_mut().for_each(|event| event.rising ^= mirrored);
+        for event in &mut events {
+            event.rising ^= mirrored;
+        }
         events.retain(|event| if event.rising { rising } else { falling });
         self.counts.told += events.len() as u64;
         self.counts.late +=

@@ -210,10 +210,10 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         }
         let (zero, value) = (P::of(0.0), self.value(mean));
         if let Some(before) = self.before.replace(value) {
-            if !elapsed.gt(self.settings.interval * P::of(1.5)) {
-                self.miss(before.lt(zero) && !value.lt(zero), zero);
-            } else {
+            if elapsed.gt(self.settings.interval * P::of(1.5)) {
                 self.look_back(mean, elapsed);
+            } else {
+                self.miss(before.lt(zero) && !value.lt(zero), zero);
             }
         }
         true
