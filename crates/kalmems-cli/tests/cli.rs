@@ -928,7 +928,7 @@ fn frames(folder: &Path) -> (PathBuf, Vec<u8>) {
 #[cfg(target_os = "linux")]
 #[test]
 fn samples_come_from_a_serial_device() {
-    use std::io::{Read, Write};
+    use std::io::Read;
     use std::os::fd::AsRawFd;
     let Ok((mut instrument, device)) = serial2::SerialPort::pair() else {
         eprintln!("SKIPPED: there are no pseudo-terminals here");
@@ -967,7 +967,7 @@ fn samples_come_from_a_serial_device() {
     instrument.set_write_timeout(std::time::Duration::from_mins(1)).unwrap();
     instrument.write_all(&frames).unwrap();
     // What the terminal holds is lost when it is closed. It holds less than this, of which nothing is a frame.
-    instrument.write_all(&[0; 1 << 16]).unwrap();
+    instrument.write_all(&vec![0; 1 << 16]).unwrap();
     // Nothing is sent back to the instrument.
     instrument.set_read_timeout(std::time::Duration::from_millis(1)).unwrap();
     assert!(instrument.read(&mut [0; 64]).is_err());

@@ -171,13 +171,12 @@ impl Follower<'_> {
     /// What foretells zero phases on the filter's way, where it is to.
     fn foreteller(&self, past: &mut FilterPast) -> Result<Option<Foreteller>, EstimateError> {
         let Said { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else { return Ok(None) };
-        let mut foreteller = match past.foreteller.take() {
-            Some(foreteller) => foreteller,
-            None => {
-                let motion = (self.data.interval_s, rate);
-                Foreteller::new(&self.filter.key, foretelling, motion, past.told_s())
-                    .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
-            }
+        let mut foreteller = if let Some(foreteller) = past.foreteller.take() {
+            foreteller
+        } else {
+            let motion = (self.data.interval_s, rate);
+            Foreteller::new(&self.filter.key, foretelling, motion, past.told_s())
+                .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
         };
         foreteller.hear(mirrored);
         Ok(Some(foreteller))

@@ -275,21 +275,21 @@ fn foretelling(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment 
 
 /// A zero phase, as it was told.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Told {
+struct ZeroPhase {
     told_s: f64,
     time_s: f64,
     sd_s: f64,
     rising: bool,
 }
 
-fn ahead(events: &[serde_json::Value]) -> Vec<Told> {
+fn ahead(events: &[serde_json::Value]) -> Vec<ZeroPhase> {
     let ahead = events.iter().filter(|event| event["event"] == "zero_phase_ahead");
     ahead
         .map(|event| {
             let number = |key: &str| event[key].as_f64().unwrap();
             assert!(event["estimator"] == "ekf" && event["of"] == "angle");
             let rising = event["rising"].as_bool().unwrap();
-            Told { told_s: number("told_s"), time_s: number("time_s"), sd_s: number("sd_s"), rising }
+            ZeroPhase { told_s: number("told_s"), time_s: number("time_s"), sd_s: number("sd_s"), rising }
         })
         .collect()
 }
@@ -329,9 +329,9 @@ fn truth() -> Vec<[f64; 3]> {
 
 /// The errors of what was told in its standard deviations. Each true passage between the times was told exactly once, in its
 /// direction, and nothing else was told.
-fn normalised(told: &[Told], passages: &[(f64, bool)], (from_s, to_s): (f64, f64)) -> Vec<f64> {
+fn normalised(told: &[ZeroPhase], passages: &[(f64, bool)], (from_s, to_s): (f64, f64)) -> Vec<f64> {
     let within = |time_s: f64| (from_s..to_s).contains(&time_s);
-    let mut told: Vec<&Told> = told.iter().filter(|told| within(told.time_s)).collect();
+    let mut told: Vec<&ZeroPhase> = told.iter().filter(|told| within(told.time_s)).collect();
     told.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     let passages: Vec<&(f64, bool)> = passages.iter().filter(|(time_s, _)| within(*time_s)).collect();
     assert_eq!(told.len(), passages.len());
@@ -451,7 +451,7 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
     let (second, _) = lines_of(Box::new(Pieces::of(bytes, 1000)), Some(&state));
     // As with estimates: what was told from samples that were acknowledged is told for good, the rest is told again.
     assert!(second.iter().all(|told| told.told_s > acknowledged));
-    let mut both: Vec<Told> = first.into_iter().filter(|told| told.told_s <= acknowledged).collect();
+    let mut both: Vec<ZeroPhase> = first.into_iter().filter(|told| told.told_s <= acknowledged).collect();
     let waiting = both.iter().filter(|told| told.time_s > acknowledged).count();
     assert!(waiting >= 8, "{waiting}");
     both.extend(second);
@@ -478,6 +478,15 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
     said("filter = \"UKF\"", &[], &["stream.trigger.filter", "`UKF`", "`EKF`"]);
     said("on = \"frames\"", &[], &["stream.trigger.on", "--frames FILE"]);
     said("", &[("ahead = \"10 us\"", "ahead = \"5 ms\"")], &["stream.trigger.ahead", "5 ms", "4096"]);
+
+    // A rig that has no such thing says so by its name.
+    let path = example("../accelerometer/experiment.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
+    let other = Experiment::parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
+    let input = Box::new(Pieces::of(Vec::new(), 10));
+    let error = stream(&other, input, Outputs::default(), None, &|| false).unwrap_err().to_string();
+    assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
 
     // From 14 to 16 ms the drive is another one: nobody can say what it does next, and what passes is counted.
     let text = std::fs::read_to_string(example("recording.csv")).unwrap();
