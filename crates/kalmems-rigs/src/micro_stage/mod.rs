@@ -172,7 +172,7 @@ impl Estimator for StageEstimator<'_> {
         segment.require_after_settling(segment.interval_s)?;
         let name = self.described.name.as_ref();
         let name = name.map_or_else(|| segment.recording.source().file.clone(), ToString::to_string);
-        let (time_s, place) = (segment.time_s.as_slice(), place(&name, segment.segment));
+        let (time_s, place) = (segment.time_s.as_slice(), place(&name, &segment.segment.label));
         if let Some((column, count)) = records::clipped(segment.recording, segment.segment, &names) {
             return Err(EstimateError::Clipped { place, column, count });
         }
