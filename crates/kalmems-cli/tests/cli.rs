@@ -869,8 +869,127 @@ fn samples_come_from_a_file_a_pipe_or_a_connection() {
     std::io::Read::read_to_string(&mut said, &mut line).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0), "{line}");
     same(&std::fs::read_to_string(&to_lines).unwrap());
-    // A frame is its beginning, two counts and 1 + 2·3 numbers.
-    assert_eq!(std::fs::metadata(&to_frames).unwrap().len(), 2 * 2401 * (4 + 2 + 2 + 8 * 7));
+    // A frame is its beginning, two counts and 1 + 2·5 numbers, or the 4 of a zero phase that is to come.
+    let (frames, zeros) = (std::fs::read(&to_frames).unwrap(), lines.matches("zero_phase_ahead").count());
+    assert!((500..504).contains(&zeros), "{zeros}");
+    assert_eq!(frames.len(), 2 * 2401 * (4 + 2 + 2 + 8 * 11) + zeros * (4 + 2 + 2 + 8 * 4));
+    let mut rest = &frames[..];
+    let (mut estimates, mut ahead) = (0, Vec::new());
+    while !rest.is_empty() {
+        let count = usize::from(u16::from_le_bytes([rest[6], rest[7]]));
+        let numbers = rest[8..8 + 8 * count].chunks(8);
+        let numbers: Vec<f64> =
+            numbers.map(|number| f64::from_le_bytes(number.try_into().unwrap())).collect();
+        match &rest[..4] {
+            b"kmEs" => estimates += 1,
+            b"kmZp" => ahead.push(numbers),
+            other => panic!("{other:?}"),
+        }
+        rest = &rest[8 + 8 * count..];
+    }
+    assert_eq!((estimates, ahead.len()), (2 * 2401, zeros));
+    // The same as in the lines: when, how surely, which way, told when.
+    let told = lines.lines().filter(|line| line.contains("zero_phase_ahead"));
+    for (line, frame) in told.zip(ahead) {
+        let event: serde_json::Value = serde_json::from_str(&line["event,".len()..]).unwrap();
+        let way = if event["rising"] == true { 1.0 } else { -1.0 };
+        let number = |key: &str| event[key].as_f64().unwrap();
+        // JSON is read to the last digit but one.
+        for (a, b) in frame.iter().zip([number("time_s"), number("sd_s"), way, number("told_s")]) {
+            assert!((a - b).abs() <= 1e-15 * b.abs(), "{a} {b}");
+        }
+    }
+}
+
+/// The samples of the example's recording as frames, and the example with a table of these.
+#[cfg(target_os = "linux")]
+fn frames(folder: &Path) -> (PathBuf, Vec<u8>) {
+    let text = std::fs::read_to_string(root().join(STREAM)).unwrap();
+    let lines = "[stream.input.text]\ncolumns = [\"time_s\", \"drive_V\", \"cap_V\"]";
+    let fields = "[stream.input.frames]\nsync = \"a55a\"\n\
+                  fields = [\"u16 sequence\", \"f64 time_s\", \"f64 drive_V\", \"f64 cap_V\"]";
+    assert!(text.contains(lines));
+    let experiment = folder.join("frames.toml");
+    std::fs::write(&experiment, text.replace(lines, fields)).unwrap();
+    let recording = std::fs::read_to_string(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let mut frames = Vec::new();
+    for (k, line) in recording.lines().skip(1).enumerate() {
+        frames.extend_from_slice(&[0xa5, 0x5a]);
+        frames.extend_from_slice(&u16::try_from(k).unwrap().to_le_bytes());
+        for cell in line.split(',') {
+            frames.extend_from_slice(&cell.parse::<f64>().unwrap().to_le_bytes());
+        }
+    }
+    (experiment, frames)
+}
+
+/// A pseudo-terminal is a serial device to whoever opens it: nothing of a byte may be taken for a key such as Ctrl-C or Ctrl-S, a
+/// line's end be changed, or anything echoed, and that the other end is closed is an end of the samples.
+#[cfg(target_os = "linux")]
+#[test]
+fn samples_come_from_a_serial_device() {
+    use std::io::Read;
+    use std::os::fd::AsRawFd;
+    let Ok((mut instrument, device)) = serial2::SerialPort::pair() else {
+        eprintln!("SKIPPED: there are no pseudo-terminals here");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (experiment, frames) = frames(folder.path());
+    let (experiment, file) = (experiment.to_str().unwrap(), folder.path().join("frames.bin"));
+    std::fs::write(&file, &frames).unwrap();
+    let from_file = text(&run(&["stream", experiment, "--from", file.to_str().unwrap()]).stdout);
+
+    let path = std::fs::read_link(format!("/proc/self/fd/{}", device.as_raw_fd())).unwrap();
+    // As a terminal is that somebody types at; the program has to change that.
+    let typed_at = Command::new("stty").arg("-F").arg(&path).arg("sane").status();
+    if !typed_at.is_ok_and(|status| status.success()) {
+        eprintln!("SKIPPED in part: there is no `stty`, so that the device begins as one for bytes");
+    }
+    let mut child = kalmems()
+        .args(["stream", experiment, "--baud", "921600", "--json", "--from", path.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The program opens the device before it says anything, and asks for bytes at once.
+    let configured = || Ok::<bool, std::io::Error>(device.get_configuration()?.get_baud_rate()? == 921_600);
+    let begun = std::time::Instant::now();
+    while !configured().unwrap() {
+        assert!(begun.elapsed().as_secs() < 60, "the rate of the device was not set");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let mut output = child.stdout.take().unwrap();
+    let lines = std::thread::spawn(move || {
+        let mut lines = String::new();
+        output.read_to_string(&mut lines).map(|_| lines)
+    });
+    instrument.set_write_timeout(std::time::Duration::from_mins(1)).unwrap();
+    instrument.write_all(&frames).unwrap();
+    // What the terminal holds is lost when it is closed. It holds less than this, of which nothing is a frame.
+    instrument.write_all(&vec![0; 1 << 16]).unwrap();
+    // Nothing is sent back to the instrument.
+    instrument.set_read_timeout(std::time::Duration::from_millis(1)).unwrap();
+    assert!(instrument.read(&mut [0; 64]).is_err());
+    drop((instrument, device));
+    let lines = lines.join().unwrap().unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "{said}");
+    assert!(said.contains("is not connected any more"), "{said}");
+    let summary: serde_json::Value = serde_json::from_str(&said[said.find('{').unwrap()..]).unwrap();
+    assert_eq!(summary["estimated"], 24_001);
+    for key in ["ekf", "ekf_lagged"] {
+        assert_eq!(estimates(&lines, key).len(), 2401, "{key}");
+        assert!(estimates(&lines, key) == estimates(&from_file, key), "{key}");
+    }
+    assert_eq!(summary["received"]["dropped"], 0);
+}
+
+#[cfg(not(target_os = "linux"))]
+#[test]
+fn samples_come_from_a_serial_device() {
+    eprintln!("SKIPPED: pseudo-terminals are opened on Linux alone");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
-use crate::config::{ConfigError, Device, Experiment, Fault};
+use crate::config::{ConfigError, Device, Experiment, Fault, Key};
 use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::export::{ExportError, Filter};
@@ -45,6 +45,25 @@ pub trait Rig: Sync {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError>;
+
+    /// What estimates samples that arrive, with what the experiment's table `stream` wants beside the estimates: phases, and
+    /// zero phases before they happen.
+    fn live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let wanted = experiment.stream.as_ref().and_then(|stream| {
+            let phase = stream.phase.then_some("phase");
+            stream.trigger.as_ref().map(|_| "trigger").or(phase)
+        });
+        if let Some(key) = wanted {
+            let why = format!("nothing is built that would say this of `{}`; leave it out", self.name());
+            return Err(experiment.error(Key::from("stream").child(key), Fault::Value { why }).into());
+        }
+        self.estimator(experiment, index, progress)
+    }
 
     /// Estimates the motion in each segment of a recording that is held in memory.
     fn estimate(

@@ -178,8 +178,8 @@ fn run(case: &Case) -> Outcome {
             regulator.step(Some([filter.mean()[0], filter.mean()[1]]));
             held = (case.held && time_s >= SETTLING_S).then_some(*regulator.drive());
         }
-        if let Some(event) = trigger.step(&process, (filter.mean(), &filter.covariance()), &(drive, INTERVAL))
-        {
+        let onward = (&process, &(drive, INTERVAL));
+        if let Some(event) = trigger.step(&onward, (filter.mean(), &filter.covariance())) {
             waiting = Some((k, event.crossing));
         }
 

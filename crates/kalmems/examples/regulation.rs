@@ -90,19 +90,19 @@ fn panel(label: &str, unit: &str) -> Panel {
 /// The true motion from rest over the ramp, regulated and with held commands.
 fn with_and_without(cooled: &RegulationReport, held: &[(&str, RegulationReport)]) -> Figure {
     let amplitude = |report| over(report, |window| window.amplitude.to_degrees());
-    let phase = |report| {
-        over(report, |window| if window.amplitude > 0.02 { window.phase.to_degrees() } else { f64::NAN })
+    // At rest, before the start and after a drop, there is no phase.
+    let phase = |report: &RegulationReport| {
+        let moving = report.windows.iter().filter(|window| window.amplitude > 0.02);
+        moving.map(|window| (window.time_s, window.phase.to_degrees())).collect::<Vec<_>>()
     };
-    let mut first = panel("true amplitude", "deg").with(Series::line(
-        "regulated, -20 K",
-        Role::Estimate,
-        amplitude(cooled),
-    ));
+    let regulated = "regulated, -20 K";
+    let mut first =
+        panel("true amplitude", "deg").with(Series::line(regulated, Role::Estimate, amplitude(cooled)));
     let mut second =
-        panel("true phase", "deg").sharing_x().with(Series::line("", Role::Estimate, phase(cooled)));
+        panel("true phase", "deg").sharing_x().with(Series::line(regulated, Role::Estimate, phase(cooled)));
     for (name, report) in held {
         first = first.with(Series::line(*name, Role::Other, amplitude(report)));
-        second = second.with(Series::line("", Role::Other, phase(report)));
+        second = second.with(Series::line(*name, Role::Other, phase(report)));
     }
     Figure::new("regulation_held", "", "").with(first).with(second)
 }

@@ -3,7 +3,7 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use kalmems::config::Experiment;
-use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
+use kalmems::stream::{AheadSummary, Outputs, StreamError, StreamSummary, stream};
 use serial2::SerialPort;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -45,7 +45,7 @@ fn input(from: &str, baud: Option<u32>) -> io::Result<Box<dyn Read + Send>> {
         let mut port = SerialPort::open(from, baud)?;
         // A pause is no end.
         port.set_read_timeout(Duration::from_secs(u64::from(u32::MAX)))?;
-        return Ok(Box::new(port));
+        return Ok(Box::new(Device { port, from: from.to_owned() }));
     }
     if from == "-" {
         return Ok(Box::new(io::stdin()));
@@ -59,6 +59,27 @@ fn input(from: &str, baud: Option<u32>) -> io::Result<Box<dyn Read + Send>> {
         return Ok(Box::new(listener.accept()?.0));
     }
     Ok(Box::new(File::open(from)?))
+}
+
+/// A serial device. That it is unplugged is an end of the samples, and said.
+struct Device {
+    port: SerialPort,
+    from: String,
+}
+
+/// What a system says of a device that is not there any more, where it gives no bytes without an error: EIO, ENXIO and ENODEV.
+const GONE: [i32; 3] = [5, 6, 19];
+
+impl Read for Device {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.port.read(bytes);
+        let gone = |e: &io::Error| cfg!(unix) && e.raw_os_error().is_some_and(|code| GONE.contains(&code));
+        if matches!(&read, Ok(0)) || read.as_ref().is_err_and(gone) {
+            eprintln!("`{}` is not connected any more", self.from);
+            return Ok(0);
+        }
+        read
+    }
 }
 
 /// Opens what estimates go to.
@@ -86,6 +107,20 @@ fn text(summary: &StreamSummary) -> String {
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");
+        }
+    }
+    if let Some(AheadSummary { counts, overdue }) = &summary.ahead {
+        text += &format!("{} zero phases told before they happened", counts.told);
+        for (count, what) in [
+            (counts.late, "told later than asked for"),
+            (counts.missed, "not told"),
+            (*overdue, "written when they had happened, if samples arrive when they are taken"),
+        ] {
+            text += &format!(", {count} {what}");
+        }
+        text += "\n";
+        if counts.without_drive > 0 {
+            text += &format!("{} samples at which the drive was not foreseeable\n", counts.without_drive);
         }
     }
     for finding in &summary.diagnosis {

@@ -75,5 +75,5 @@ pub use spectrum::{
     PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
     SpectrumReference, SpectrumTransform, TransformMethod,
 };
-pub use stream::{Field, FieldType, Stream, StreamFormat, Sync};
+pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
 pub use values::{AnyValue, Entry, Values};

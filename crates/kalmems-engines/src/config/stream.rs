@@ -1,7 +1,9 @@
 //! What an experiment file says about samples that arrive while they are estimated.
 
+use super::filter::FilterName;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
+use super::regulated::TriggerDirection;
 use super::sign::Positive;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
@@ -29,6 +31,56 @@ pub struct Stream {
     /// Over how long the mean NIS is watched; 100 samples if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alarm_over: Option<Quantity<Time, Positive>>,
+    /// Whether amplitude and phase of the motion, each with its standard deviation, stand behind the states of an estimate; not
+    /// if left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub phase: bool,
+    /// Which zero phases are told before they happen; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trigger: Option<StreamTrigger>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
+/// Zero phases that are told before they happen, each once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StreamTrigger {
+    /// How long before at least, from the arrival of the sample behind the one that tells it on; up to some 4000 samples, be
+    /// that many cycles of the motion.
+    #[schemars(example = &"10 us")]
+    pub ahead: Quantity<Time, Positive>,
+    /// On which way of the motion through its middle; on both if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<TriggerDirection>,
+    /// The name of the filter that tells them; the first if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filter: Option<FilterName>,
+    /// Where they are told; among all that is written if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub on: Option<TriggerChannel>,
+}
+
+/// Where zero phases are told that are to come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TriggerChannel {
+    /// Among the lines, as events.
+    Lines,
+    /// Among the frames, as frames of their own.
+    Frames,
+    /// Among both.
+    Both,
+}
+
+impl TriggerChannel {
+    /// Whether among the lines, and whether among the frames.
+    pub const fn lines_and_frames(self) -> [bool; 2] {
+        [matches!(self, Self::Lines | Self::Both), matches!(self, Self::Frames | Self::Both)]
+    }
 }
 
 /// How samples come.

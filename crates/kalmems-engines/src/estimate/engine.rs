@@ -27,6 +27,11 @@ pub trait Course<const N: usize> {
         None
     }
 
+    /// Foretells what will happen, from a filter that is corrected by sample `k`, where that is asked for.
+    fn foretell<F: Filter<f64, N>>(&mut self, filter: &F, k: usize) {
+        let _ = (filter, k);
+    }
+
     /// Enters what is known of the whole at the end of a filter's way, where there is something.
     fn conclude(&self, trajectory: &mut Trajectory) {
         let _ = trajectory;
@@ -302,6 +307,7 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
             state.sd[k] = filter.covariance().standard_deviation(i);
         }
         Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
+        course.foretell(&self.filter, first + k);
         Ok(())
     }
 }

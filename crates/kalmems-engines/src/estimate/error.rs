@@ -220,6 +220,16 @@ pub enum EstimateError {
         /// How far the motion goes.
         error_m: f64,
     },
+    /// Zero phases cannot be told that long before they happen.
+    #[error(
+        "zero phases of `{filter}` cannot be told before they happen: {why}; correct `stream.trigger.ahead`"
+    )]
+    Ahead {
+        /// The filter.
+        filter: String,
+        /// Why.
+        why: kalmems_models::control::UnusableTrigger,
+    },
     /// A trigger that tells no frequency.
     #[error("{place}: the trigger `{column}` {why}; correct the column, or leave it out of `channels`")]
     Trigger {

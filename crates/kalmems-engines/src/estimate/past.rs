@@ -1,8 +1,8 @@
 //! What is kept of a segment from one part of it to the next.
 
-use super::Trajectory;
 use super::driven::DrivePast;
 use super::lock::LockJudge;
+use super::{Foreteller, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use kalmems_core::{Covariance, Mat};
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,8 @@ pub struct Past {
     pub start_s: f64,
     /// What is kept of its drive.
     pub drive: DrivePast,
+    /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
+    pub motion_rate: Option<f64>,
     /// What the rig itself keeps.
     pub rig: Slot,
     /// What the rig keeps in numbers; they are written, so that another run has them too.
@@ -26,6 +28,14 @@ impl Past {
     /// Of a segment that begins at this time in s.
     pub fn from(start_s: f64) -> Self {
         Self { start_s, ..Self::default() }
+    }
+
+    /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
+    pub fn foreteller(&mut self) -> Option<(&mut Foreteller, bool)> {
+        self.filters.iter_mut().find_map(|filter| {
+            let mirrored = filter.is_mirrored() == Some(true);
+            filter.foreteller.as_mut().map(|foreteller| (foreteller, mirrored))
+        })
     }
 
     /// What is kept of a filter, by its place in the list.
@@ -48,6 +58,9 @@ pub struct PastState {
     drive: Option<[Bits; 5]>,
     #[serde(default)]
     numbers: Vec<Bits>,
+    /// The rate of the motion that phases are told by.
+    #[serde(default)]
+    motion_rate: Option<Bits>,
     filters: Vec<FilterState>,
 }
 
@@ -60,6 +73,9 @@ struct FilterState {
     numbers: Vec<Bits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
+    /// The times of the zero phases that were told last, in s.
+    #[serde(default)]
+    told: [Option<Bits>; 2],
 }
 
 /// A number by its bits, so that no digit is lost in text.
@@ -85,11 +101,13 @@ impl Past {
         let filters = self.filters.iter().map(|filter| {
             let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
+            let told = filter.told_s().map(|told_s| told_s.map(Bits::from));
             FilterState {
                 mean: bits(mean),
                 covariance: bits(covariance),
                 numbers: bits(&filter.numbers),
                 mirrored,
+                told,
             }
         });
         PastState {
@@ -99,6 +117,7 @@ impl Past {
                     .map(Bits::from)
             }),
             numbers: bits(&self.numbers),
+            motion_rate: self.motion_rate.map(Bits::from),
             filters: filters.collect(),
         }
     }
@@ -112,6 +131,7 @@ impl Past {
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
+            told_s: filter.told.map(|told| told.map(f64::from)),
             ..FilterPast::default()
         });
         let sine = state.drive.map(|numbers| {
@@ -122,6 +142,7 @@ impl Past {
             start_s: state.start_s.into(),
             drive: DrivePast::resumed(sine),
             numbers: numbers(&state.numbers),
+            motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
             rig: Slot::default(),
         }
@@ -153,6 +174,10 @@ pub struct FilterPast {
     pub course: Slot,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
+    /// What foretells zero phases, where they are asked for.
+    pub foreteller: Option<Foreteller>,
+    /// The times of the zero phases that another run told last.
+    told_s: [Option<f64>; 2],
     /// Mean and lower covariance where the filter was left.
     pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
     /// One per answer.
@@ -174,6 +199,16 @@ impl FilterPast {
         let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
         let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
         Some((std::array::from_fn(|i| of(mean, i)), Covariance::from_lower(covariance)))
+    }
+
+    /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
+    pub fn told_s(&self) -> [Option<f64>; 2] {
+        self.foreteller.as_ref().map_or(self.told_s, Foreteller::told_s)
+    }
+
+    /// Whether the motion of the first axis is mirrored, once that is known.
+    pub fn is_mirrored(&self) -> Option<bool> {
+        self.answers.first()?.mirrored.first().copied().flatten()
     }
 
     /// What is kept of an answer, from 0 in the order of the trajectories.

@@ -10,7 +10,7 @@ mod sampled;
 mod trigger;
 
 pub use complex::Complex;
-pub use oscillator::{Ahead, Oscillator};
+pub use oscillator::{Ahead, Onward, Oscillator};
 pub use phase::MotionPhase;
 pub use pi::PiController;
 pub use rebalance::{Margins, RebalanceLoop};

@@ -1,7 +1,7 @@
 //! The drive of a regulated device, as it is synthesised.
 
 use core::f64::consts::TAU;
-use kalmems_core::{Nodes, Scalar};
+use kalmems_core::{Covariance, Mat, Nodes, Process, Scalar};
 
 /// V = V_o + V_1·sin 2α, where α goes on with the rate ω of the motion that is wanted: a parametric drive has twice the
 /// motion's frequency.
@@ -73,5 +73,32 @@ impl<P: Scalar<Mask = bool>> Ahead<Nodes<P>> for (Oscillator<P>, P) {
 impl<I: Copy> Ahead<Nodes<I>> for Nodes<I> {
     fn input(&self, _: u32) -> Self {
         *self
+    }
+}
+
+/// How a state goes on from now, step by step.
+pub trait Onward<P, const N: usize> {
+    /// The state after the step with this number, 0 for the one that begins now.
+    fn step(&self, x: &[P; N], step: u32) -> [P; N];
+
+    /// The same with its derivative by the state before.
+    fn linearize(&self, x: &[P; N], step: u32) -> ([P; N], Mat<P, N, N>);
+
+    /// What each step adds to the covariance.
+    fn noise(&self) -> &Covariance<P, N>;
+}
+
+/// A process under the drive that is to come.
+impl<P: Scalar, Q: Process<P, N>, A: Ahead<Q::Input>, const N: usize> Onward<P, N> for (&Q, &A) {
+    fn step(&self, x: &[P; N], step: u32) -> [P; N] {
+        self.0.step(x, &self.1.input(step))
+    }
+
+    fn linearize(&self, x: &[P; N], step: u32) -> ([P; N], Mat<P, N, N>) {
+        self.0.linearize(x, &self.1.input(step))
+    }
+
+    fn noise(&self) -> &Covariance<P, N> {
+        self.0.noise().covariance()
     }
 }

@@ -1,9 +1,9 @@
 //! When a motion will next pass a phase.
 
-use super::Ahead;
-use core::f64::consts::FRAC_PI_2;
+use super::{Complex, Onward};
+use core::f64::consts::{FRAC_PI_2, TAU};
 use core::fmt;
-use kalmems_core::{Covariance, Mat, Process, Scalar};
+use kalmems_core::{Covariance, Mat, Scalar};
 
 /// The point of the motion's cycle that a trigger waits for, with θ = A·cos β and θ̇ = −A·ω·sin β.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,11 +21,11 @@ pub enum Mark<P> {
 pub struct TriggerSettings<P> {
     /// Between two samples, and the interval of the process that foretells, in s.
     pub interval: P,
-    /// ω in rad/s, roughly: what weighs θ̇ against θ, and says where to look.
+    /// ω in rad/s, to a tenth: what weighs θ̇ against θ, and says when to look.
     pub rate: P,
     /// What to wait for.
     pub mark: Mark<P>,
-    /// How long before the event it is told, in s: 2 samples at least, a quarter of a cycle at most.
+    /// How long before the event it is told, in s: 2 samples at least, 4096 at most, be that many cycles.
     pub lead: P,
     /// The amplitude in rad from which there are events.
     pub least_amplitude: P,
@@ -38,7 +38,7 @@ pub enum UnusableTrigger {
     NotPositive,
     /// The lead is below 2 intervals.
     LeadTooShort,
-    /// The lead is above a quarter of the motion's cycle.
+    /// The lead is above 4096 intervals.
     LeadTooLong,
 }
 
@@ -51,7 +51,7 @@ impl fmt::Display for UnusableTrigger {
             Self::LeadTooShort => {
                 "the lead is below two intervals, so that an event could pass untold; take a longer one"
             }
-            Self::LeadTooLong => "the lead is above a quarter of the motion's cycle; take a shorter one",
+            Self::LeadTooLong => "the lead is above 4096 intervals; take a shorter one",
         })
     }
 }
@@ -95,16 +95,22 @@ pub struct TriggerEvent<P> {
 /// σ_t² = (gᵀ·P·g + q)/ė²: P is carried by the linearised steps with their process noise, g weighs the nodes before and
 /// after the zero, and ė is the cubic's slope there.
 ///
-/// One event is told per passage, when it is no farther away than the lead.
+/// One event is told per passage, at the first sample at which it is no farther away than the lead. What tells one passage
+/// from the next is half a cycle between them, so that a lead of many cycles may have as many events on their way.
 #[derive(Clone, Copy, Debug)]
 pub struct Trigger<P> {
     settings: TriggerSettings<P>,
     /// c.
     weights: [P; 2],
-    /// −e·ω/ė at the lead before the event, a little more: from there on it is worth looking. None where it is always.
-    near: Option<P>,
+    /// 2π/ω.
+    cycle: P,
     samples: u64,
-    told: bool,
+    /// In how many seconds the event is that was told last; below 0 when it has been.
+    told: Option<P>,
+    /// For how many seconds there is nothing to look for.
+    rest: P,
+    /// e at the sample before, where there was a motion.
+    before: Option<P>,
     missed: u64,
 }
 
@@ -124,7 +130,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         if !lead.gt(interval.twice() * P::of(0.999)) {
             return Err(UnusableTrigger::LeadTooShort);
         }
-        if !(rate * lead).lt(P::of(FRAC_PI_2 * 1.001)) {
+        if !lead.lt(interval * P::of(1.001 * MOST_STEPS)) {
             return Err(UnusableTrigger::LeadTooLong);
         }
         let weights = match mark {
@@ -133,9 +139,14 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
             Mark::Falling => [P::of(-1.0), zero],
             Mark::Phase(_) => [-phase.sin(), -(phase.cos() / rate)],
         };
-        let reach = rate * lead * P::of(MARGIN);
-        let near = reach.lt(P::of(1.4)).then(|| reach.sin() / reach.cos());
-        Ok(Self { settings, weights, near, samples: 0, told: true, missed: 0 })
+        let cycle = P::of(TAU) / rate;
+        Ok(Self { settings, weights, cycle, samples: 0, told: None, rest: zero, before: None, missed: 0 })
+    }
+
+    /// Goes on where another one was left, by what its [`told`](Self::told) was at the sample before the next one.
+    #[must_use]
+    pub fn resumed(self, told: Option<P>) -> Self {
+        Self { told, ..self }
     }
 
     /// What it waits for.
@@ -143,69 +154,112 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         self.settings.mark
     }
 
-    /// Marks that were passed without having been told: the motion was lost or came too suddenly.
+    /// In how many seconds from the last sample the event is that was told last, below 0 when it has been.
+    pub fn told(&self) -> Option<P> {
+        self.told
+    }
+
+    /// Marks that were passed without having been told: the motion came too suddenly, or in a gap, or nothing could be said.
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// One sample: the filter's mean and covariance now, its process and what will drive it. An event is told once.
-    pub fn step<Q: Process<P, N>, const N: usize>(
+    /// One sample, an interval after the last one: the filter's mean and covariance now, and how they go on. An event is told
+    /// once.
+    pub fn step<M: Onward<P, N> + ?Sized, const N: usize>(
         &mut self,
-        process: &Q,
+        onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),
-        drive: &impl Ahead<Q::Input>,
     ) -> Option<TriggerEvent<P>> {
-        let sample = self.samples;
-        self.samples = self.samples.saturating_add(1);
-        if self.is_small(mean) {
-            self.told = true;
+        if !self.passes(mean, self.settings.interval) || self.rest.gt(P::of(0.0)) {
             return None;
         }
-        let (zero, rate) = (P::of(0.0), self.settings.rate);
-        let [angle, speed] = self.weights;
-        let value = self.value(mean);
-        if !value.lt(zero) {
-            if !self.told {
-                self.missed = self.missed.saturating_add(1);
+        let TriggerSettings { interval, lead, .. } = self.settings;
+        let sample = self.samples - 1;
+        let zero = P::of(0.0);
+        // Beyond the lead it is looked by a tenth of a cycle, to know when to look again.
+        let margin = larger(interval.twice(), self.cycle * P::of(0.1));
+        let from = self.told.map_or(zero, |told| larger(zero, told + self.cycle.half()));
+        match self.foretell((onward, (mean, covariance)), from, lead + margin) {
+            Ok(crossing) if !crossing.after.gt(lead) => {
+                self.told = Some(crossing.after);
+                self.rest = crossing.after - lead + self.cycle * P::of(0.9);
+                Some(TriggerEvent { sample, crossing })
             }
-            // Passed; the next one is to come.
-            self.told = true;
-            return None;
+            Ok(crossing) => {
+                self.rest = crossing.after - lead - interval;
+                None
+            }
+            Err(_) => {
+                self.rest = margin - interval.twice();
+                None
+            }
         }
-        let slope = angle * mean[1] - speed * rate.sq() * mean[0];
-        if !slope.gt(zero) {
-            // On its way down to where it turns: what was told is over.
-            self.told = false;
-            return None;
-        }
-        let far = self.near.is_some_and(|near| (-(value * rate)).gt(slope * near));
-        if self.told || far {
-            return None;
-        }
-        let crossing = self.foretell(process, (mean, covariance), drive, MOST_STEPS).ok()?;
-        if crossing.after.gt(self.settings.lead) {
-            return None;
-        }
-        self.told = true;
-        Some(TriggerEvent { sample, crossing })
     }
 
-    /// When the mark is next passed, at most so many steps of the process ahead.
-    pub fn foretell<Q: Process<P, N>, const N: usize>(
+    /// One sample so many seconds after the last one, from which nothing is foretold, such as that after a gap or one for which
+    /// it is not known what drives the motion. What passes is counted; whether there is a motion.
+    pub fn passes<const N: usize>(&mut self, mean: &[P; N], elapsed: P) -> bool {
+        self.samples = self.samples.saturating_add(1);
+        self.told = self.told.map(|told| told - elapsed);
+        self.rest = self.rest - elapsed;
+        if self.is_small(mean) {
+            (self.told, self.before) = (None, None);
+            self.rest = P::of(0.0);
+            return false;
+        }
+        let (zero, value) = (P::of(0.0), self.value(mean));
+        if let Some(before) = self.before.replace(value) {
+            if elapsed.gt(self.settings.interval * P::of(1.5)) {
+                self.look_back(mean, elapsed);
+            } else {
+                self.miss(before.lt(zero) && !value.lt(zero), zero);
+            }
+        }
+        true
+    }
+
+    /// Counts the passages of a gap, by the rate of the motion.
+    fn look_back<const N: usize>(&mut self, mean: &[P; N], elapsed: P) {
+        let [angle, speed] = self.weights;
+        let rate = self.settings.rate;
+        let slope = (angle * mean[1] - speed * rate.sq() * mean[0]) / rate;
+        let turn = Complex { re: slope, im: self.value(mean) }.angle();
+        let after = if turn.lt(P::of(0.0)) { turn + P::of(TAU) } else { turn };
+        let mut at = -(after / rate);
+        for _ in 0..MOST_PASSAGES {
+            if !at.gt(-elapsed) {
+                return;
+            }
+            self.miss(true, at);
+            at = at - self.cycle;
+        }
+    }
+
+    /// Counts a passage at this time from now, unless it was told.
+    fn miss(&mut self, passes: bool, at: P) {
+        let was_told = self.told.is_some_and(|told| !at.gt(told + self.cycle.half()));
+        if passes && !was_told {
+            self.missed = self.missed.saturating_add(1);
+        }
+    }
+
+    /// When the mark is first passed that many seconds from now or later, at most so many seconds ahead.
+    pub fn foretell<M: Onward<P, N> + ?Sized, const N: usize>(
         &self,
-        process: &Q,
-        (mean, covariance): (&[P; N], &Covariance<P, N>),
-        drive: &impl Ahead<Q::Input>,
-        steps: u32,
+        (onward, (mean, covariance)): (&M, (&[P; N], &Covariance<P, N>)),
+        from: P,
+        horizon: P,
     ) -> Result<Crossing<P>, NoCrossing> {
         if self.is_small(mean) {
             return Err(NoCrossing::TooSmall);
         }
         // The last four values of e; the zero is sought between the second and the third.
-        let zero = P::of(0.0);
+        let (zero, interval) = (P::of(0.0), self.settings.interval);
         let (mut x, mut values) = (*mean, [self.value(mean); 4]);
-        for step in 0..steps.saturating_add(2) {
-            x = process.step(&x, &drive.input(step));
+        let (mut step, mut ahead) = (0, zero);
+        while !ahead.gt(horizon + interval.twice()) && step < u32::MAX {
+            x = onward.step(&x, step);
             let next = self.value(&x);
             values = match step {
                 // Where there is nothing before, a straight line leads there.
@@ -213,19 +267,26 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
                 1 => [values[0], values[1], values[2], next],
                 _ => [values[1], values[2], values[3], next],
             };
-            let passes = values[1].lt(zero) && !values[2].lt(zero);
-            if step == 0 || !passes {
+            let passes = step > 0 && values[1].lt(zero) && !values[2].lt(zero);
+            ahead = interval * P::of(f64::from(step));
+            step += 1;
+            if !passes || ahead.lt(from) {
                 continue;
             }
-            let first = step - 1;
+            // Between the last sample but one and the last.
+            let first = step - 2;
             let (into, slope) = root(if first == 0 { bent(values) } else { values });
-            let variance = self.variance(process, (mean, covariance), drive, (first, into));
-            let after = self.settings.interval * (P::of(f64::from(first)) + into);
-            let sd = self.settings.interval * variance.sqrt() / slope;
+            let after = interval * (P::of(f64::from(first)) + into);
+            let variance = self.variance(onward, (mean, covariance), (first, into));
+            let sd = interval * variance.sqrt() / slope;
             if !(after.is_finite() && sd.is_finite()) {
                 return Err(NoCrossing::TooSmall);
             }
-            return Ok(Crossing { after, sd });
+            return if after.gt(horizon) {
+                Err(NoCrossing::BeyondHorizon)
+            } else {
+                Ok(Crossing { after, sd })
+            };
         }
         Err(NoCrossing::BeyondHorizon)
     }
@@ -242,34 +303,37 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// The variance of e that part of the way into the step of this number.
-    fn variance<Q: Process<P, N>, const N: usize>(
+    fn variance<M: Onward<P, N> + ?Sized, const N: usize>(
         &self,
-        process: &Q,
+        onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),
-        drive: &impl Ahead<Q::Input>,
         (first, into): (u32, P),
     ) -> P {
         let (mut x, mut covariance) = (*mean, *covariance);
         for step in 0..first {
-            let (next, transition) = process.linearize(&x, &drive.input(step));
-            covariance = covariance.transformed(&transition).plus(process.noise().covariance());
+            let (next, transition) = onward.linearize(&x, step);
+            covariance = covariance.transformed(&transition).plus(onward.noise());
             x = next;
         }
         // Between two samples e is a straight line: g = (1 − s)·c + s·Fᵀc.
-        let (_, transition) = process.linearize(&x, &drive.input(first));
+        let (_, transition) = onward.linearize(&x, first);
         let mut at_start = Mat::<P, 1, N>::zero();
         (at_start.0[0][0], at_start.0[0][1]) = (self.weights[0], self.weights[1]);
         let at_end = at_start.times(&transition);
         let between = at_start.scaled(P::of(1.0) - into).plus(&at_end.scaled(into));
         let carried = covariance.transformed(&between).get(0, 0);
-        carried + process.noise().covariance().transformed(&at_start.scaled(into)).get(0, 0)
+        carried + onward.noise().transformed(&at_start.scaled(into)).get(0, 0)
     }
 }
 
-/// How much earlier than the lead it is looked.
-const MARGIN: f64 = 1.2;
-/// Steps that are looked ahead at most: a quarter of a cycle of so many samples.
-const MOST_STEPS: u32 = 4096;
+/// Steps that a lead has at most.
+const MOST_STEPS: f64 = 4096.0;
+/// Passages of one gap that are counted at most.
+const MOST_PASSAGES: u32 = 1 << 20;
+
+fn larger<P: Scalar<Mask = bool>>(a: P, b: P) -> P {
+    if a.lt(b) { b } else { a }
+}
 
 /// The same values where the first of them was only a straight line's: the parabola through the others in its place.
 fn bent<P: Scalar>([_, start, end, next]: [P; 4]) -> [P; 4] {

@@ -4,6 +4,7 @@
 //! Electrodes in Endomicroscopy, 2020. The mirror is driven parametrically; a carrier on the same electrodes,
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
+mod beside;
 mod circuit;
 mod export;
 mod filters;
@@ -23,7 +24,9 @@ pub mod two_axes;
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    Around, Axis, Beside, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
@@ -68,7 +71,20 @@ impl Rig for SharedScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = Settings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(ScannerEstimator { settings, columns, past: Past::default(), progress }))
+        let beside = Beside::default();
+        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+    }
+
+    fn live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let columns = columns(experiment, index)?;
+        let beside = beside::of(experiment, &settings)?;
+        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -116,6 +132,8 @@ struct ScannerEstimator<'a> {
     settings: Settings,
     /// Those of drive and signal.
     columns: [&'a str; 2],
+    /// What is said beside the estimates.
+    beside: Beside,
     past: Past,
     progress: &'a dyn Progress,
 }
@@ -135,10 +153,12 @@ impl Estimator for ScannerEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        past.drive.foresees = self.beside.foretelling.is_some();
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let motion = data.motion(settings.hardware.natural_hz());
         segment.require_cycles(motion.frequency_hz)?;
-        let trajectories = segment::estimate(settings, data, past, &segment.place, self.progress)?;
+        let (beside, place) = (&self.beside, &segment.place);
+        let trajectories = segment::estimate(settings, beside, data, past, place, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
         Ok(segment.estimated_under(drive_column, (axis, Vec::new()), trajectories))
     }

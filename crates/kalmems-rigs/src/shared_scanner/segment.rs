@@ -5,17 +5,19 @@ use super::lock_in::LockIn;
 use super::plant::{Published, affine, affine_with, staged, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
-use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
+use crate::estimate::driven::{DrivenCourse, DrivenSegment, PHASE, Plant};
 use crate::estimate::{
-    AnyFilter, EstimateError, FilterBasics, FilterPast, Past, Progress, StateName, Trajectory,
-    TrajectoryKind, answers,
+    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Past, Progress,
+    StateName, Trajectory, TrajectoryKind, answers,
 };
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, SquareRootUkf};
+use std::f64::consts::{PI, TAU};
 
 /// Runs the wanted filters over the new samples of a segment, which `place` names in messages.
 pub fn estimate(
     settings: &Settings,
+    beside: &Beside,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
@@ -24,13 +26,24 @@ pub fn estimate(
     let mut all = Vec::new();
     let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
     let start_s = data.scored_from(settings.skip_s);
+    // By the first rows, so that it does not depend on what comes later.
+    let first_hz =
+        data.drive.first_sine().map_or(settings.hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz);
+    let rate = *past.motion_rate.get_or_insert(TAU * first_hz);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut trajectories = one(&Task { settings, filter, data, place, progress }, past)?;
+        let foretelling = beside.foretelling.filter(|(place, _)| *place == index).map(|(_, which)| which);
+        // Without a stated sign it is as the filter has it.
+        let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
+        let said = Said { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
+        let mut trajectories = one(&Task { settings, filter, data, place, said, progress }, past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let past = past.answer(answer);
             if let Some(positive) = settings.first_peak_positive {
                 past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
+            }
+            if trajectory.mirrored {
+                turn_phase(trajectory);
             }
             trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
@@ -39,12 +52,36 @@ pub fn estimate(
     Ok(all)
 }
 
+/// Turns the phase of a motion that is mirrored: by half a turn.
+fn turn_phase(trajectory: &mut Trajectory) {
+    let phases = trajectory.states.iter_mut().filter(|state| state.name == PHASE);
+    for phase in phases.flat_map(|state| &mut state.mean) {
+        *phase = if *phase > 0.0 { *phase - PI } else { *phase + PI };
+    }
+}
+
+/// What is said of a filter beside its states.
+#[derive(Clone, Copy, Default)]
+pub struct Said {
+    /// The rate of the motion in rad/s.
+    rate: f64,
+    /// Whether amplitude and phase are said.
+    phase: bool,
+    /// Which zero phases are foretold.
+    foretelling: Option<Foretelling>,
+    /// Whether the motion is mirrored, where that is known.
+    mirrored: Option<bool>,
+    /// From when on they are foretold, in s.
+    from_s: f64,
+}
+
 /// One filter over one segment.
 struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
     data: &'a DrivenSegment<'a>,
     place: &'a str,
+    said: Said,
     progress: &'a dyn Progress,
 }
 
@@ -86,6 +123,8 @@ pub struct Follower<'a> {
     pub data: &'a DrivenSegment<'a>,
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
+    /// What is said beside the states.
+    pub said: Said,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,
 }
@@ -124,16 +163,35 @@ impl Follower<'_> {
         past: &mut FilterPast,
         start: impl FnOnce() -> Result<F, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
+        let Said { rate, phase, from_s, .. } = self.said;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
-        let mut course = course.map_err(|why| self.filter.no_model(why))?;
-        answers((self.filter, past), start, (&mut course, &self.data.samples), states, self.progress)
+        let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
+        let mut course = course.foretelling(self.foreteller(past)?, from_s);
+        let told =
+            answers((self.filter, past), start, (&mut course, &self.data.samples), states, self.progress);
+        past.foreteller = course.into_foreteller();
+        told
+    }
+
+    /// What foretells zero phases on the filter's way, where it is to.
+    fn foreteller(&self, past: &mut FilterPast) -> Result<Option<Foreteller>, EstimateError> {
+        let Said { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else { return Ok(None) };
+        let mut foreteller = if let Some(foreteller) = past.foreteller.take() {
+            foreteller
+        } else {
+            let motion = (self.data.interval_s, rate);
+            Foreteller::new(&self.filter.key, foretelling, motion, past.told_s())
+                .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
+        };
+        foreteller.hear(mirrored);
+        Ok(Some(foreteller))
     }
 }
 
 impl Task<'_> {
     fn follower(&self) -> Follower<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
-        Follower { filter, data: self.data, noise_variance, progress: self.progress }
+        Follower { filter, data: self.data, noise_variance, said: self.said, progress: self.progress }
     }
 
     /// The filters but one.

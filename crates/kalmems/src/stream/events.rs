@@ -1,6 +1,6 @@
 //! What happens in a trajectory that goes on.
 
-use crate::estimate::{Crossing, LockEvent, Trajectory};
+use crate::estimate::{Crossing, Foretold, LockEvent, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -29,6 +29,14 @@ pub enum Event {
         /// The standard deviation of that, in s.
         sd_s: f64,
     },
+    /// An angle will pass zero.
+    ZeroPhaseAhead {
+        /// The angle, by its name among the states.
+        of: &'static str,
+        /// When and how.
+        #[serde(flatten)]
+        foretold: Foretold,
+    },
     /// The filter lost the motion, or changed the branch.
     Lock(LockEvent),
     /// The mean NIS has become larger than chance makes it in a filter that is right once in 10⁹ times.
@@ -55,9 +63,10 @@ pub enum Event {
 }
 
 impl Event {
-    /// When, in s.
+    /// When, in s; of what is foretold, from when on it was known.
     pub fn time_s(&self) -> f64 {
         match self {
+            Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
             | Self::Alarm { time_s, .. }

@@ -81,6 +81,12 @@ impl Arrivals {
         }
     }
 
+    /// When this sample arrived, unless its estimate was there already.
+    pub fn of(&self, sample: u64) -> Option<Instant> {
+        let arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        arrivals.iter().find(|(last, _)| sample <= *last).map(|(_, arrived)| *arrived)
+    }
+
     /// The estimates of all samples up to this one are there now.
     pub fn done(&self, until: u64, histogram: &mut Histogram, from: u64) {
         let now = Instant::now();

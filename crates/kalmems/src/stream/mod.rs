@@ -16,11 +16,11 @@ pub use decode::{Damage, Decoder, Sample};
 pub use events::{Event, Watch};
 pub use latency::Histogram;
 pub use order::{Order, OrderCounts};
-pub use output::{Outputs, SYNC};
+pub use output::{Outputs, SYNC, SYNC_AHEAD};
 pub use table::WayCounts;
 
-use crate::config::{ConfigError, Experiment, Fault, Key, Stream};
-use crate::estimate::{EstimateError, Part, Past, SegmentEstimate, Silent, Trajectory};
+use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
+use crate::estimate::{EstimateError, ForetoldCounts, Part, Past, SegmentEstimate, Silent, Trajectory};
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
@@ -86,9 +86,22 @@ pub struct StreamSummary {
     pub estimated: u64,
     /// Events, by what happened.
     pub events: u64,
+    /// How zero phases were told before they happened, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ahead: Option<AheadSummary>,
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
     pub latency: Histogram,
+}
+
+/// How zero phases were told before they happened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct AheadSummary {
+    /// By the times of the samples.
+    #[serde(flatten)]
+    pub counts: ForetoldCounts,
+    /// Those that were written when they had happened already, if samples arrive when they are taken.
+    pub overdue: u64,
 }
 
 /// Estimates the samples of an input until it ends, or until `stop` says so.
@@ -109,7 +122,7 @@ pub fn stream(
     })?;
     let rig = rigs::of(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
-    let mut estimator = rig.estimator(experiment, index, &Silent)?;
+    let mut estimator = rig.live(experiment, index, &Silent)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
     // To smooth over the whole there must be an end.
@@ -133,15 +146,18 @@ pub fn stream(
         after: around.after.max(1),
     };
     let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, stretch)?;
+    let channel = channel(experiment, described, &outputs)?;
     let mut live = Live {
         rig,
         skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
         watches: Vec::new(),
+        channel,
         writer: Writer::new(outputs, described.every.map_or(1, |every| u64::from(every.get()))),
         again: again as u64,
         estimated: 0,
         events: 0,
+        ahead: AheadSummary::default(),
         start_s: left.as_ref().map_or(f64::NAN, |_| estimator.past().start_s),
         keeper: state.map(|path| keeper(path, text, &layout)).transpose()?,
         kept: around.before.max(KEPT),
@@ -173,6 +189,7 @@ pub fn stream(
             continue;
         }
         let estimate = estimator.take(&part)?;
+        live.foretell(&estimate.trajectories, &part, estimator.past())?;
         live.take(&estimate, &part)?;
         live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
         stretches.reuse(stretch);
@@ -183,7 +200,25 @@ pub fn stream(
     live.writer.flush()?;
     let (_, diagnosis) = stretches.finish();
     let Live { estimated, events, latency, .. } = live;
-    Ok(StreamSummary { received: counts.now(), diagnosis, estimated, events, latency })
+    let ahead = described.trigger.as_ref().map(|_| live.ahead);
+    Ok(StreamSummary { received: counts.now(), diagnosis, estimated, events, ahead, latency })
+}
+
+/// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
+fn channel(experiment: &Experiment, described: &Stream, outputs: &Outputs) -> Result<[bool; 2], StreamError> {
+    let Some(trigger) = &described.trigger else { return Ok([false; 2]) };
+    let there = [outputs.lines.is_some(), outputs.frames.is_some()];
+    let Some(on) = trigger.on.map(TriggerChannel::lines_and_frames) else { return Ok(there) };
+    for ((on, there), name) in on.into_iter().zip(there).zip(["lines", "frames"]) {
+        if on && !there {
+            let why = format!(
+                "zero phases are to be told among the {name}, and no {name} are written; give `--{name} FILE`, or change this"
+            );
+            let key = Key::from("stream").child("trigger").child("on");
+            return Err(experiment.error(key, Fault::Value { why }).into());
+        }
+    }
+    Ok(on)
 }
 
 /// The samples as a table.
@@ -237,6 +272,9 @@ struct Live {
     over: usize,
     /// One per answer.
     watches: Vec<Watch>,
+    /// Whether zero phases that are to come are told among the lines, and among the frames.
+    channel: [bool; 2],
+    ahead: AheadSummary,
     writer: Writer,
     /// Samples of another run that this one begins with.
     again: u64,
@@ -271,6 +309,43 @@ impl Live {
         };
         if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
             self.writer.acknowledged(acknowledged_s)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the zero phases that are to come, before all else of their samples.
+    fn foretell(
+        &mut self,
+        trajectories: &[Trajectory],
+        part: &Part,
+        past: &mut Past,
+    ) -> Result<(), StreamError> {
+        let Some((foreteller, mirrored)) = past.foreteller() else { return Ok(()) };
+        let foretold = foreteller.hand_on(mirrored);
+        self.ahead.counts = foreteller.counts();
+        let key = foreteller.key();
+        let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
+        let of = self.rig.angles().first().map_or("angle", |[angle, _]| angle);
+        let [on_lines, on_frames] = self.channel;
+        for foretold in &foretold {
+            if on_lines {
+                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, foretold: *foretold }])?;
+            }
+            if on_frames {
+                self.writer.ahead(place, foretold)?;
+            }
+        }
+        self.writer.flush()?;
+        self.events += foretold.len() as u64;
+        let mut row = part.fresh.start;
+        for foretold in &foretold {
+            while row + 1 < part.fresh.end && part.segment.time.at(row) < foretold.told_s {
+                row += 1;
+            }
+            let sample = self.again + self.estimated + 1 + (row - part.fresh.start) as u64;
+            let left_s = foretold.time_s - foretold.told_s;
+            let passed = self.arrivals.of(sample).map(|arrived| arrived.elapsed().as_secs_f64());
+            self.ahead.overdue += u64::from(passed.is_some_and(|passed_s| passed_s > left_s));
         }
         Ok(())
     }

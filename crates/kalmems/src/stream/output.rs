@@ -1,11 +1,14 @@
 //! The estimates of a stream, as lines and as frames.
 
 use super::Event;
-use crate::estimate::Trajectory;
+use crate::estimate::{Foretold, Trajectory};
 use std::io::{self, Write};
 
-/// What each frame begins with.
+/// What each frame of an estimate begins with.
 pub const SYNC: [u8; 4] = *b"kmEs";
+
+/// What each frame begins with that tells of a zero phase before it happens.
+pub const SYNC_AHEAD: [u8; 4] = *b"kmZp";
 
 /// Where estimates and events go.
 #[derive(Default)]
@@ -111,6 +114,22 @@ impl Writer {
             writeln!(lines, "event,{value}")?;
         }
         Ok(())
+    }
+
+    /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
+    /// these values as f64, little-endian: when it will happen, the standard deviation of that, 1 where the angle will rise
+    /// and −1 where it will fall, and the time of the sample that it is told from.
+    pub(super) fn ahead(&mut self, place: usize, foretold: &Foretold) -> io::Result<()> {
+        let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
+        let direction = if foretold.rising { 1.0 } else { -1.0 };
+        self.line.clear();
+        self.line.extend_from_slice(&SYNC_AHEAD);
+        self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
+        self.line.extend_from_slice(&4_u16.to_le_bytes());
+        for value in [foretold.time_s, foretold.sd_s, direction, foretold.told_s] {
+            self.line.extend_from_slice(&value.to_le_bytes());
+        }
+        frames.write_all(&self.line)
     }
 
     /// Says that samples up to a time in s need not be sent again: a line `acknowledged,time`.

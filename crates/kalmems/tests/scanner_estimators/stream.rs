@@ -1,13 +1,16 @@
 //! Samples that are estimated while they arrive.
 
 use super::example;
-use super::parts::{Pieces, Streamed, goes_on_after_a_kill, same_bits_in_a_stream, streamed};
+use super::parts::{Broken, Pieces, Streamed, goes_on_after_a_kill, same_bits_in_a_stream, streamed};
 use kalmems::config::Experiment;
 use kalmems::recording::Recording;
 use kalmems::rigs;
+use kalmems::stream::StreamSummary;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::collections::BTreeMap;
+use std::io::Read;
+use std::ops::ControlFlow;
 
 /// The example with these changes.
 fn experiment(changes: &[(&str, &str)]) -> Experiment {
@@ -32,9 +35,10 @@ fn a_stream_says_what_an_estimate_says_sample_by_sample() {
         assert_eq!(summary.estimated, 24_001);
         assert_eq!(summary.latency.count(), 24_001);
         // The motion passes zero twice in a cycle, 16 ms long, in each of the two answers.
-        let zeros = events.iter().filter(|event| event["event"] == "zero_phase").count();
-        assert!((1001..=1005).contains(&zeros), "{zeros}");
-        assert!(events.iter().all(|event| event["event"] == "zero_phase"), "{events:?}");
+        let count = |kind: &str| events.iter().filter(|event| event["event"] == kind).count();
+        let [zeros, ahead] = ["zero_phase", "zero_phase_ahead"].map(count);
+        assert!((1001..=1005).contains(&zeros) && (500..=503).contains(&ahead), "{zeros} {ahead}");
+        assert_eq!(zeros + ahead, events.len(), "{events:?}");
     }
 }
 
@@ -146,4 +150,327 @@ fn another_experiment_does_not_go_on() {
     run(&experiment(&[])).unwrap_or_else(|e| panic!("{e}"));
     let ended = run(&experiment(&[("every = 10", "every = 1")]));
     assert!(ended.unwrap_err().to_string().contains("another experiment"));
+}
+
+/// The example with zero phases told that long before.
+fn foretelling(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment {
+    let table = format!("ahead = \"{ahead}\"\n{more}");
+    let mut all = vec![("ahead = \"10 us\"", table.as_str())];
+    all.extend_from_slice(changes);
+    experiment(&all)
+}
+
+/// A zero phase, as it was told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ZeroPhase {
+    told_s: f64,
+    time_s: f64,
+    sd_s: f64,
+    rising: bool,
+}
+
+fn ahead(events: &[serde_json::Value]) -> Vec<ZeroPhase> {
+    let ahead = events.iter().filter(|event| event["event"] == "zero_phase_ahead");
+    ahead
+        .map(|event| {
+            let number = |key: &str| event[key].as_f64().unwrap();
+            assert!(event["estimator"] == "ekf" && event["of"] == "angle");
+            let rising = event["rising"].as_bool().unwrap();
+            ZeroPhase { told_s: number("told_s"), time_s: number("time_s"), sd_s: number("sd_s"), rising }
+        })
+        .collect()
+}
+
+/// The true zero phases of a table of times, angles and rates, each with whether it rises.
+fn passages(rows: &[[f64; 3]]) -> Vec<(f64, bool)> {
+    let mut found = Vec::new();
+    for pair in rows.windows(2) {
+        let [[t, x, v], [u, y, w]] = [pair[0], pair[1]];
+        if (x < 0.0) == (y < 0.0) {
+            continue;
+        }
+        // The zero of Hermite's cubic, by halving.
+        let h = u - t;
+        let at = |s: f64| {
+            let (a, b) = (1.0 - s, s);
+            a * a * (1.0 + 2.0 * b) * x + b * b * (1.0 + 2.0 * a) * y + h * a * b * (a * v - b * w)
+        };
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = f64::midpoint(low, high);
+            if (at(middle) < 0.0) == (x < 0.0) { low = middle } else { high = middle }
+        }
+        found.push((t + low * h, y >= 0.0));
+    }
+    found
+}
+
+fn truth() -> Vec<[f64; 3]> {
+    let text = std::fs::read_to_string(example("reference.csv")).unwrap();
+    let row = |line: &str| -> [f64; 3] {
+        let mut cells = line.split(',').map(|cell| cell.parse().unwrap());
+        std::array::from_fn(|_| cells.next().unwrap())
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// The errors of what was told in its standard deviations. Each true passage between the times was told exactly once, in its
+/// direction, and nothing else was told.
+fn normalised(told: &[ZeroPhase], passages: &[(f64, bool)], (from_s, to_s): (f64, f64)) -> Vec<f64> {
+    let within = |time_s: f64| (from_s..to_s).contains(&time_s);
+    let mut told: Vec<&ZeroPhase> = told.iter().filter(|told| within(told.time_s)).collect();
+    told.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let passages: Vec<&(f64, bool)> = passages.iter().filter(|(time_s, _)| within(*time_s)).collect();
+    assert_eq!(told.len(), passages.len());
+    let pairs = told.into_iter().zip(passages);
+    pairs
+        .map(|(told, (time_s, rising))| {
+            assert!(told.rising == *rising && (told.time_s - time_s).abs() < 1e-6, "{told:?} {time_s}");
+            (told.time_s - time_s) / told.sd_s
+        })
+        .collect()
+}
+
+/// What is told of a stream that ends well.
+fn run(experiment: &Experiment, input: Box<dyn Read + Send>) -> (Vec<serde_json::Value>, StreamSummary) {
+    let run = streamed(experiment, input, None);
+    (run.events, run.ended.unwrap_or_else(|e| panic!("{e}")))
+}
+
+#[test]
+fn zero_phases_are_told_before_they_happen_each_once() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let passages = passages(&truth());
+    // A sixth of a cycle, and more than four.
+    for (text, ahead_s) in [("10 us", 10e-6), ("270 us", 270e-6)] {
+        let experiment = foretelling(text, "", &[]);
+        let mut whole = None;
+        for longest in [60, 1000, 100_000] {
+            let (events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
+            let told = ahead(&events);
+            let counts = summary.ahead.unwrap().counts;
+            let h = 1e-6;
+            // Begun at the end of the settling time, the first come with less than was asked for.
+            let short = told.iter().filter(|told| told.time_s - told.told_s < ahead_s + h).count();
+            assert!(told.iter().take(short).all(|told| told.told_s < 8e-3 + 64e-6), "{short}");
+            assert_eq!((counts.told, counts.late), (told.len() as u64, short as u64));
+            assert_eq!((counts.missed, counts.without_drive), (0, 0));
+            let longest_s = told.iter().map(|told| told.time_s - told.told_s).fold(0.0, f64::max);
+            assert!(longest_s < ahead_s + 2.6 * h, "{longest_s}");
+            let errors = normalised(&told, &passages, (8e-3, 24e-3));
+            assert!((500..504).contains(&errors.len()), "{}", errors.len());
+            let within = errors.iter().filter(|e| e.abs() <= 3.0).count() as f64 / errors.len() as f64;
+            let nees = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+            let sd_s = told.last().unwrap().sd_s;
+            println!(
+                "{text}: {} told, {within:.4} within 3 sd, NEES {nees:.3}, the last sd {sd_s:.2e} s",
+                told.len()
+            );
+            assert!(within >= 0.99, "{within}");
+            assert_eq!(*whole.get_or_insert(told.clone()), told);
+        }
+    }
+}
+
+#[test]
+fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let one = [("start = { angle = \"0.05 rad\"", "start = { angle = \"-0.05 rad\"")];
+    let passages: Vec<(f64, bool)> = passages(&truth()).into_iter().filter(|(_, rising)| !rising).collect();
+    let both = |changes: &[(&str, &str)], more| {
+        let experiment = foretelling("10 us", more, changes);
+        ahead(&run(&experiment, Box::new(Pieces::of(bytes.clone(), 5000))).0)
+    };
+    let told = both(&one, "direction = \"falling\"");
+    assert!(told.len() > 249 && told.iter().all(|told| !told.rising));
+    let errors = normalised(&told, &passages, (8e-3, 24e-3));
+    assert!(errors.iter().filter(|e| e.abs() <= 3.0).count() as f64 >= 0.99 * errors.len() as f64);
+    // Of the filter that started with the other sign it is the same to the last bit.
+    assert_eq!(told, both(&[], "direction = \"falling\""));
+}
+
+#[test]
+fn the_phase_stands_behind_the_states_with_its_deviation() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let experiment = experiment(&[("every = 10", "every = 1")]);
+    let answers = streamed(&experiment, Box::new(Pieces::of(bytes, 5000)), None).answers;
+    let truth = truth();
+    let rate = std::f64::consts::PI * 31_350.0;
+    for (key, lines) in &answers {
+        let mut squares = Vec::new();
+        for line in lines.iter().filter(|line| line[0] >= 8e-3) {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // microseconds
+            let [time_s, angle, speed] = truth[(line[0] * 1e6).round() as usize];
+            assert!((time_s - line[0]).abs() < 1e-9);
+            // time, (angle, rate, stiffness, amplitude, phase) with their deviations.
+            let [amplitude, amplitude_sd, phase, phase_sd] = line[7..11] else { panic!("{line:?}") };
+            let off = phase - (-speed / rate).atan2(angle);
+            let off = off - std::f64::consts::TAU * (off / std::f64::consts::TAU).round();
+            let off_amplitude = amplitude - angle.hypot(speed / rate);
+            squares.push([(off / phase_sd).powi(2), (off_amplitude / amplitude_sd).powi(2)]);
+        }
+        let count = squares.len() as f64;
+        for (which, name) in ["phase", "amplitude"].iter().enumerate() {
+            let within = squares.iter().filter(|square| square[which] <= 9.0).count() as f64 / count;
+            let nees = squares.iter().map(|square| square[which]).sum::<f64>() / count;
+            println!("{key}, {name}: {within:.4} within 3 sd, NEES {nees:.3}");
+            assert!(within >= 0.99 && nees > 0.2, "{key} {name} {within} {nees}");
+        }
+    }
+}
+
+#[test]
+fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
+    // Four cycles ahead, so that several wait when the run is killed.
+    let experiment = foretelling("270 us", "", &[]);
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let told_by = |input: Box<dyn Read + Send>, state: Option<&std::path::Path>| {
+        let run = streamed(&experiment, input, state);
+        (ahead(&run.events), run.acknowledged_s)
+    };
+    let (whole, _) = told_by(Box::new(Pieces::of(bytes.clone(), 1000)), None);
+    let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
+    let (first, acknowledged) = told_by(Box::new(broken), Some(&state));
+    let acknowledged = acknowledged.expect("nothing was acknowledged");
+    assert!(acknowledged > 9e-3, "{acknowledged}");
+    let (second, _) = told_by(Box::new(Pieces::of(bytes, 1000)), Some(&state));
+    // As with estimates: what was told from samples that were acknowledged is told for good, the rest is told again.
+    assert!(second.iter().all(|told| told.told_s > acknowledged));
+    let mut both: Vec<ZeroPhase> = first.into_iter().filter(|told| told.told_s <= acknowledged).collect();
+    let waiting = both.iter().filter(|told| told.time_s > acknowledged).count();
+    assert!(waiting >= 8, "{waiting}");
+    both.extend(second);
+    assert_eq!(both.len(), whole.len());
+    for (told, whole) in both.iter().zip(&whole) {
+        assert!(
+            told.rising == whole.rising && told.told_s.to_bits() == whole.told_s.to_bits(),
+            "{told:?} {whole:?}"
+        );
+        let off = (told.time_s - whole.time_s) / whole.sd_s;
+        assert!(off.abs() < 1e-3 && (told.sd_s / whole.sd_s - 1.0).abs() < 1e-3, "{off} {told:?} {whole:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_foretold_is_refused_or_counted() {
+    let said = |more: &str, changes: &[(&str, &str)], words: &[&str]| {
+        let input = Box::new(Pieces::of(Vec::new(), 10));
+        let error = streamed(&foretelling("10 us", more, changes), input, None).ended;
+        let error = error.unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    said("filter = \"UKF\"", &[], &["stream.trigger.filter", "`UKF`", "`EKF`"]);
+    said("on = \"frames\"", &[], &["stream.trigger.on", "--frames FILE"]);
+    said("", &[("ahead = \"10 us\"", "ahead = \"5 ms\"")], &["stream.trigger.ahead", "5 ms", "4096"]);
+
+    // A rig that has no such thing says so by its name.
+    let path = example("../accelerometer/experiment.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
+    let other = Experiment::parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
+    let input = Box::new(Pieces::of(Vec::new(), 10));
+    let error = streamed(&other, input, None).ended.unwrap_err().to_string();
+    assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
+
+    // From 14 to 16 ms the drive is another one: nobody can say what it does next, and what passes is counted.
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let changed: Vec<String> = (text.lines().enumerate())
+        .map(|(k, line)| {
+            let cells: Vec<&str> = line.split(',').collect();
+            if !(14_001..16_001).contains(&k) {
+                return line.to_owned();
+            }
+            let volts = 90.0 + 0.9 * (cells[1].parse::<f64>().unwrap() - 90.0);
+            format!("{},{volts:.4},{}", cells[0], cells[2])
+        })
+        .collect();
+    let experiment = foretelling("10 us", "", &[]);
+    let input = Box::new(Pieces::of(changed.join("\n").into_bytes(), 5000));
+    let (events, summary) = run(&experiment, input);
+    let counts = summary.ahead.unwrap().counts;
+    let told = ahead(&events);
+    // Nothing for these 2 ms and until the mean has forgotten them, then all again, none twice.
+    let passages = passages(&truth()).iter().filter(|(time_s, _)| (8e-3..24e-3).contains(time_s)).count();
+    assert_eq!(
+        counts.told + counts.missed,
+        passages as u64 + told.iter().filter(|t| t.time_s >= 24e-3).count() as u64
+    );
+    assert!((62..70).contains(&counts.missed) && (2000..2200).contains(&counts.without_drive), "{counts:?}");
+    assert!(!told.iter().any(|told| (14.1e-3..16e-3).contains(&told.told_s)));
+}
+
+/// The example's device, simulated from the motion of its recording on with this seed of the noise: the samples as text, and
+/// the truth.
+fn simulated(seed: u64) -> (Vec<u8>, Vec<[f64; 3]>) {
+    let path = example("stream.toml");
+    let text = std::fs::read_to_string(&path).unwrap().replacen("1.1033e-4 N m", "1.10e-4 N m", 1);
+    let simulate = format!(
+        "\n[simulate]\nduration = \"24 ms\"\nsampling_rate = \"1 MHz\"\nintegration_rate = \"10 MHz\"\n\
+         start = {{ angle = \"0.1441234 rad\", rate = \"5801.15 rad/s\" }}\nseed = {seed}\n\
+         [simulate.drive.sine]\noffset = \"90 V\"\namplitude = \"90 V\"\nfrequency = \"31.35 kHz\"\n"
+    );
+    let experiment = Experiment::parse(&(text + &simulate), &path).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let (mut samples, mut truth) = (String::new(), Vec::new());
+    simulation
+        .run(&mut |sample| {
+            let [drive, signal] = sample.recorded else { panic!("{:?}", sample.recorded) };
+            samples += &format!("{},{drive},{signal}\n", sample.time_s);
+            truth.push([sample.time_s, sample.truth[0], sample.truth[1]]);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    (samples.into_bytes(), truth)
+}
+
+/// Over `seeds` simulated recordings: the share of the told times within three standard deviations, and the mean of (error/σ)²
+/// with its standard error by the spread over the recordings.
+fn judged(experiment: &Experiment, seeds: u64) -> [f64; 3] {
+    let (mut nees, mut within, mut count) = (Vec::new(), 0, 0);
+    for seed in 1..=seeds {
+        let (samples, truth) = simulated(seed);
+        let (events, _) = run(experiment, Box::new(Pieces::of(samples, 10_000)));
+        let errors = normalised(&ahead(&events), &passages(&truth), (8e-3, 24e-3 - 2e-6));
+        nees.push(errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64);
+        within += errors.iter().filter(|e| e.abs() <= 3.0).count();
+        count += errors.len();
+    }
+    let n = nees.len() as f64;
+    let mean = nees.iter().sum::<f64>() / n;
+    let spread = nees.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    [within as f64 / count as f64, mean, (spread / n).sqrt()]
+}
+
+#[test]
+#[ignore = "slow"]
+fn slow_the_times_ahead_are_as_uncertain_as_they_say() {
+    // The simulated device has no noise of its acceleration; a filter that knows that is right, and one that allows for some
+    // says more than it must.
+    let exact = [
+        ("angular_acceleration = \"1e4 rad^2/s^3\"", "angular_acceleration = \"0 rad^2/s^3\""),
+        ("drift = \"1e-7 1/s\"", "drift = \"0 1/s\""),
+        // From a start so vague that the filter's linearisation shows, an exact filter would never recover its confidence.
+        (
+            "start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }",
+            "start = { angle = \"0.144 rad\", rate = \"5800 rad/s\" }",
+        ),
+        (
+            "start_sd = { angle = \"0.15 rad\", rate = \"15e3 rad/s\" }",
+            "start_sd = { angle = \"1e-3 rad\", rate = \"100 rad/s\" }",
+        ),
+    ];
+    for (name, changes) in [("exact", &exact[..]), ("example", &[])] {
+        for text in ["10 us", "270 us", "2 ms"] {
+            let [within, nees, of_nees] = judged(&foretelling(text, "", changes), 40);
+            println!("{name}, {text}: {within:.4} within 3 sd, NEES {nees:.3} ± {of_nees:.3}");
+            assert!(within >= 0.99, "{name} {text} {within}");
+            if name == "exact" {
+                assert!((nees - 1.0).abs() < 3.0 * of_nees && of_nees < 0.25, "{text} {nees} {of_nees}");
+            } else {
+                assert!(nees < 1.0 + 3.0 * of_nees, "{text} {nees} {of_nees}");
+            }
+        }
+    }
 }

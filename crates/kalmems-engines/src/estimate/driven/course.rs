@@ -1,9 +1,12 @@
 //! A driven device on its way through one segment.
 
 use super::{Drive, DrivenSegment, Plant};
-use crate::estimate::{Counts, Course};
+use crate::estimate::{Counts, Course, Derived, Foreteller};
+use crate::signal::Sine;
+use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Filter, FilterError, Mat, Nodes, Over, Process, ProcessNoise};
+use kalmems_core::{Covariance, Filter, FilterError, Mat, Nodes, Over, Process, ProcessNoise};
+use kalmems_models::control::{Ahead, MotionPhase, Onward};
 
 /// Model, drive and signal of one segment.
 pub struct DrivenCourse<'a, P: Plant<N>, const N: usize> {
@@ -11,6 +14,10 @@ pub struct DrivenCourse<'a, P: Plant<N>, const N: usize> {
     data: &'a DrivenSegment<'a>,
     noise_variance: f64,
     usual: P::Process,
+    /// The rate in rad/s by which amplitude and phase are said behind the states.
+    phase_rate: Option<f64>,
+    /// What foretells zero phases, and from when on in s.
+    foreteller: Option<(Foreteller, f64)>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -24,7 +31,64 @@ impl<'a, P: Plant<N>, const N: usize> DrivenCourse<'a, P, N> {
         noise_variance: f64,
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
-        Ok(Self { plant, data, noise_variance, usual: plant.over(data.interval_s)? })
+        let usual = plant.over(data.interval_s)?;
+        Ok(Self { plant, data, noise_variance, usual, phase_rate: None, foreteller: None })
+    }
+
+    /// Likewise, where amplitude and phase are said behind the states, an angle and its rate first, by this rate of the motion
+    /// in rad/s.
+    #[must_use]
+    pub fn with_phase(self, rate: Option<f64>) -> Self {
+        Self { phase_rate: rate, ..self }
+    }
+
+    /// Likewise, where zero phases are foretold from this time in s on.
+    #[must_use]
+    pub fn foretelling(self, foreteller: Option<Foreteller>, from_s: f64) -> Self {
+        Self { foreteller: foreteller.map(|foreteller| (foreteller, from_s)), ..self }
+    }
+
+    /// What foretells, at the end of the way.
+    pub fn into_foreteller(self) -> Option<Foreteller> {
+        self.foreteller.map(|(foreteller, _)| foreteller)
+    }
+
+    /// What is foretold from this mean and covariance at sample `k`.
+    fn foretell_from(&mut self, mean: &[f64; N], covariance: &Covariance<f64, N>, k: usize) {
+        let data = self.data;
+        let Some((foreteller, from_s)) = &mut self.foreteller else { return };
+        let time_s = data.time_s[k];
+        if time_s < *from_s {
+            return;
+        }
+        let sine = data.drive.coming(k).filter(|sine| {
+            let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
+            foreteller.follows(strayed, sine.residual_rms / sine.amplitude)
+        });
+        let process = Outlined(&self.usual);
+        match sine {
+            Some(sine) => {
+                let coming = Coming { sine, from_s: time_s, interval_s: data.interval_s };
+                let onward = (&process, &coming);
+                foreteller.take(time_s, (mean, covariance), Some(&onward as &dyn Onward<f64, N>));
+            }
+            None => foreteller.take(time_s, (mean, covariance), None),
+        }
+    }
+}
+
+/// A drive that goes on as a sine.
+struct Coming<'a> {
+    sine: &'a Sine,
+    from_s: f64,
+    interval_s: f64,
+}
+
+impl Ahead<Nodes<f64>> for Coming<'_> {
+    fn input(&self, step: u32) -> Nodes<f64> {
+        let at = |step: f64| self.from_s + step * self.interval_s;
+        let step = f64::from(step);
+        Drive::nodes_from_sine(self.sine, at(step), at(step + 1.0))
     }
 }
 
@@ -41,6 +105,17 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
 
     fn measurement(&self) -> (&P::Readout, f64) {
         (self.plant.readout(), self.noise_variance)
+    }
+
+    fn derived(&self) -> Option<Derived<N>> {
+        let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
+        self.phase_rate.map(|parameter| Derived { names, parameter, compute: amplitude_and_phase })
+    }
+
+    fn foretell<F: Filter<f64, N>>(&mut self, filter: &F, k: usize) {
+        if self.foreteller.is_some() {
+            self.foretell_from(filter.mean(), &filter.covariance(), k);
+        }
     }
 
     fn advance<F: Filter<f64, N>>(
@@ -74,6 +149,20 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
             _ => predict(filter, &each, &self.data.drive.nodes(to)),
         }
     }
+}
+
+/// The name of the motion's phase among the quantities that follow from the states.
+pub const PHASE: &str = "phase";
+
+/// Amplitude and phase at this rate, each with its standard deviation.
+fn amplitude_and_phase<const N: usize>(
+    rate: f64,
+    mean: &[f64; N],
+    covariance: &Covariance<f64, N>,
+) -> [(f64, f64); 2] {
+    const { assert!(N >= 2, "the first states are the angle and its rate") };
+    let MotionPhase { amplitude, amplitude_sd, phase, phase_sd } = MotionPhase::of(mean, covariance, rate);
+    [(amplitude, amplitude_sd), (phase, phase_sd)]
 }
 
 /// One prediction. The step of a model is compiled once per model and called, see [`AnyFilter`](crate::estimate::AnyFilter).

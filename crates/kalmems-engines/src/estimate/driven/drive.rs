@@ -17,6 +17,8 @@ pub struct Drive<'a> {
     first_sine: Option<Sine>,
     /// The sines that stand in for rows without a drive, each from a row on.
     stand_ins: Vec<(usize, Sine)>,
+    /// What the drive will do, by the rows from which on.
+    coming: Vec<(usize, Option<Sine>)>,
     unknown: Option<(f64, usize)>,
 }
 
@@ -38,6 +40,9 @@ pub struct DrivePast {
     fitted: OnceCell<Option<Sine>>,
     /// The sines that stand in, by the rows of the segment from which on.
     stand_ins: Vec<(usize, Sine)>,
+    /// Whether it is asked what the drive will do; and the sine that tells, by the rows of the segment from which on.
+    pub foresees: bool,
+    coming: Vec<(usize, Option<Sine>)>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -56,13 +61,32 @@ impl Block {
 impl DrivePast {
     /// Of a segment that goes on from where another run left it, when its drive followed this sine.
     pub(crate) fn resumed(sine: Option<Sine>) -> Self {
-        let fitted = OnceCell::from(sine);
-        Self { sine, first_sine: sine, rows: BLOCK, fitted, ..Self::default() }
+        let (fitted, coming) = (OnceCell::from(sine), vec![(BLOCK, sine)]);
+        Self { sine, first_sine: sine, rows: BLOCK, fitted, coming, ..Self::default() }
     }
 
     /// The sine that the drive was last known to follow.
     pub(crate) fn known(&self) -> Option<Sine> {
-        self.fitted.get().copied().flatten().or(self.sine)
+        let coming = self.coming.iter().rev().find_map(|(_, sine)| *sine);
+        coming.or(self.fitted.get().copied().flatten()).or(self.sine)
+    }
+
+    /// Finds the sine that tells what the drive will do from the rows of a new block on: that of the block before. Of the
+    /// first block it is its own.
+    fn foresee(&mut self, interval_s: f64) {
+        let is_known = self.coming.last().is_some_and(|(row, _)| *row == self.rows);
+        if !self.foresees || !self.present.time_s.is_empty() || is_known {
+            return;
+        }
+        let sine = if self.rows == 0 {
+            self.first_sine
+        } else {
+            let before = self.coming.iter().rev().find_map(|(_, sine)| sine.as_ref());
+            // A drive that has changed is looked for anew; of a block that follows no sine, the one before it is kept.
+            let anew = || fit_sine(&self.last.time_s, &self.last.volts, interval_s).filter(Sine::is_steady);
+            self.last.sine_like(before).or_else(anew).or(before.copied())
+        };
+        self.coming.push((self.rows, sine));
     }
 
     /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
@@ -70,6 +94,7 @@ impl DrivePast {
         let mut from = rows.start;
         while from < rows.end {
             let end = rows.end.min(from + BLOCK - self.present.time_s.len());
+            self.foresee(interval_s);
             self.stand_in_for(time_s, volts, from..end, interval_s);
             self.present.time_s.extend_from_slice(&time_s[from..end]);
             self.present.volts.extend_from_slice(&volts[from..end]);
@@ -134,6 +159,7 @@ impl<'a> Drive<'a> {
             (before.saturating_sub(fresh.start), before.saturating_sub(fresh.start + BLOCK));
         let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
         past.stand_ins.drain(..unused);
+        past.coming.drain(..past.coming.len().saturating_sub(1));
         past.take(time_s, volts, fresh, interval_s);
         // What is given in advance is as the next parts will find it.
         let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
@@ -149,8 +175,9 @@ impl<'a> Drive<'a> {
             stand_ins.pop_if(|(before, _)| *before == row);
             stand_ins.push((row, *sine));
         }
-        let mut drive =
-            Self { time_s, volts, sine: past.sine, first_sine: past.first_sine, stand_ins, unknown: None };
+        let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
+        let (sine, first_sine) = (past.sine, past.first_sine);
+        let mut drive = Self { time_s, volts, sine, first_sine, stand_ins, coming, unknown: None };
         let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
@@ -178,6 +205,12 @@ impl<'a> Drive<'a> {
     pub fn stand_in(&self, k: usize) -> Option<&Sine> {
         let next = self.stand_ins.partition_point(|(row, _)| *row <= k);
         self.stand_ins.get(next.checked_sub(1)?).map(|(_, sine)| sine)
+    }
+
+    /// The sine by which the drive goes on behind row `k`, as far as the rows before its block tell; where it was asked for.
+    pub fn coming(&self, k: usize) -> Option<&Sine> {
+        let next = self.coming.partition_point(|(row, _)| *row <= k);
+        self.coming.get(next.checked_sub(1)?)?.1.as_ref()
     }
 
     /// The sample at `k`, or what stands in for it where it is missing; whether it was missing.

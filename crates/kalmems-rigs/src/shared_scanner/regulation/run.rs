@@ -280,10 +280,10 @@ impl Witness {
 
     fn trigger(&mut self, seen: &Seen, estimate: &Ekf<f64, STATES>, observer: &Observer) {
         let Some((trigger, direction)) = &mut self.trigger else { return };
-        let drive = (*seen.drive, self.interval_s);
+        let onward = (observer.process(), &(*seen.drive, self.interval_s));
         let covariance = estimate.covariance();
         let [before, after] = seen.truth;
-        if let Some(event) = trigger.step(observer.process(), (estimate.mean(), &covariance), &drive) {
+        if let Some(event) = trigger.step(&onward, (estimate.mean(), &covariance)) {
             // Of a mirrored estimate the truth passes on the other way.
             let same = estimate.mean()[1] * before[1] > 0.0;
             let way = if same { *direction } else { -*direction };

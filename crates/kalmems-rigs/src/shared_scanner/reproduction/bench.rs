@@ -5,7 +5,7 @@ use super::super::settings::{Hardware, Settings};
 use super::failed;
 use crate::config::{Experiment, Method};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Past, Progress, Trajectory};
+use crate::estimate::{Beside, Past, Progress, Trajectory};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::reproduce::ReproduceError;
 use crate::signal::extremes_of_rate;
@@ -155,9 +155,15 @@ impl Bench {
         let settings = self.told(belief, motion, &data);
         let extent =
             Extent { from_s: settings.skip_s, motion_hz: 0.5 * motion.drive_hz, drive: data.drive.sine() };
-        let trajectories =
-            segment::estimate(&settings, &data, &mut Past::default(), "the simulated recording", progress)
-                .ok()?;
+        let trajectories = segment::estimate(
+            &settings,
+            &Beside::default(),
+            &data,
+            &mut Past::default(),
+            "the simulated recording",
+            progress,
+        )
+        .ok()?;
         let judged = trajectories.into_iter().map(|trajectory| {
             let errors = evaluate_motion(&trajectory, &motion.truth, extent);
             Judged { trajectory, errors }

@@ -7,7 +7,7 @@ use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
 use crate::estimate::driven::{Augmentation, DrivenSegment, Plant};
 use crate::estimate::{EstimateError, FilterPast, Past, Progress, Trajectory};
-use crate::shared_scanner::segment::Follower;
+use crate::shared_scanner::segment::{Follower, Said};
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::dynamics::TwoAxisDriveGain;
 use kalmems_models::readout::TwoAxisComb;
@@ -115,7 +115,8 @@ impl Task<'_> {
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
-        let follower = Follower { filter, data: self.data, noise_variance, progress: self.progress };
+        let (data, progress, said) = (self.data, self.progress, Said::default());
+        let follower = Follower { filter, data, noise_variance, said, progress };
         follower.run(plant, &filter.states(&STATES), past, || self.start())
     }
 
