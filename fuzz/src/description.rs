@@ -27,5 +27,8 @@ pub fn read(data: &[u8]) {
         let _ = rig.exported(&experiment, place);
     }
     let _ = rig.simulate(&experiment);
-    let _ = rig.outlook(&experiment);
+    // Takes a hundred times as long as all of the above.
+    if data.len() % 32 == 0 {
+        let _ = rig.outlook(&experiment);
+    }
 }

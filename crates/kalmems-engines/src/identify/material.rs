@@ -1,10 +1,11 @@
 //! A recording as an identification takes it.
 
-use super::IdentifyError;
-use crate::config::{Experiment, Fault, Key, Role};
+use super::still::STRETCH;
+use super::{IdentifyError, Still, StillRecord};
+use crate::config::{self, Experiment, Fault, Key, Role};
 use crate::estimate::Progress;
 use crate::evaluate::{ONE_ANGLE, Reference, ReferenceRecording};
-use crate::recording::{Finding, Recording, Segment, Source};
+use crate::recording::{Around, Finding, Recording, Segment, Source, Stretches};
 use crate::units::Kind;
 
 /// One channel of one recording with its times, and the reference where there is one.
@@ -40,6 +41,111 @@ impl Material {
         also: &[&str],
         progress: &dyn Progress,
     ) -> Result<Option<Self>, IdentifyError> {
+        let Some(chosen) = Chosen::of_role(experiment, role, channel, also)? else { return Ok(None) };
+        let Chosen { index, described, column } = chosen;
+        let mut started = false;
+        let recording = Recording::read_with(
+            &experiment.resolve(&described.file),
+            &described.layout(&[column]),
+            &mut |done, total| {
+                if !started {
+                    progress.begin("reading", total);
+                    started = true;
+                }
+                progress.reached(done)
+            },
+        )?;
+        let name = chosen.name(recording.source());
+        let [segment] = recording.segments() else {
+            return Err(several(&name, recording.segments().len()));
+        };
+        let interval_s = even_interval_s(&name, segment)?;
+        let reference = ReferenceRecording::read(experiment, index, &ONE_ANGLE, &[], &mut |done, _| {
+            progress.reached(done)
+        })?;
+        let mut sources = vec![recording.source().clone()];
+        sources.extend(reference.iter().map(|r| r.recording().source().clone()));
+        let time_s = segment.time.to_vec();
+        let angle = match &reference {
+            Some(reference) => angle_at(&time_s, interval_s, segment, reference)?,
+            None => Vec::new(),
+        };
+        let signal = recording.column_of(column, kind)?.of(segment).to_vec();
+        let diagnosis = recording.diagnosis().to_vec();
+        Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
+    }
+
+    /// The one recording of this role, of a device that does not move, and what its noise is; otherwise as
+    /// [`of_role`](Self::of_role). It may be of any length: its first samples alone are kept, for a picture, and no reference
+    /// is read. There is no noise where [`StillRecord::finish`] finds none.
+    pub fn still_of_role(
+        experiment: &Experiment,
+        role: Role,
+        (channel, kind): (&str, &Kind),
+        also: &[&str],
+        progress: &dyn Progress,
+    ) -> Result<Option<(Self, Option<Still>)>, IdentifyError> {
+        let Some(chosen) = Chosen::of_role(experiment, role, channel, also)? else { return Ok(None) };
+        let Chosen { described, column, .. } = chosen;
+        let around = Around { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
+        let path = experiment.resolve(&described.file);
+        let mut stretches = Stretches::open(&path, &described.layout(&[column]), around)?;
+        let mut started = false;
+        let mut first: Option<(Self, StillRecord)> = None;
+        let mut segments = 0;
+        while let Some(stretch) = stretches.next(&mut |done, total| {
+            if !started {
+                progress.begin("reading", total);
+                started = true;
+            }
+            progress.reached(done)
+        })? {
+            segments += usize::from(stretch.begins);
+            let recording = &stretch.recording;
+            let (name, signal) = (chosen.name(recording.source()), recording.column_of(column, kind)?);
+            let [segment] = recording.segments() else {
+                return Err(several(&name, recording.segments().len()));
+            };
+            let interval_s = even_interval_s(&name, segment)?;
+            let (time_s, signal) = (segment.time.to_vec(), signal.of(segment));
+            let (_, record) = first.get_or_insert_with(|| {
+                let (time_s, signal) = (time_s.clone(), signal.to_vec());
+                let (angle, sources, diagnosis) = (Vec::new(), Vec::new(), Vec::new());
+                (
+                    Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis },
+                    StillRecord::new(interval_s),
+                )
+            });
+            record.take(&time_s, signal);
+            stretches.reuse(stretch);
+        }
+        let (source, diagnosis) = stretches.finish();
+        let Some((material, record)) = first.filter(|_| segments == 1) else {
+            return Err(several(&chosen.name(&source), segments));
+        };
+        Ok(Some((Self { sources: vec![source], diagnosis, ..material }, record.finish())))
+    }
+
+    /// An error that names this recording.
+    pub fn unfit(&self, why: String) -> IdentifyError {
+        IdentifyError::Unfit { recording: self.name.clone(), why }
+    }
+}
+
+/// The recording of a role and its column.
+struct Chosen<'a> {
+    index: usize,
+    described: &'a config::Recording,
+    column: &'a str,
+}
+
+impl<'a> Chosen<'a> {
+    fn of_role(
+        experiment: &'a Experiment,
+        role: Role,
+        channel: &str,
+        also: &[&str],
+    ) -> Result<Option<Self>, IdentifyError> {
         let mut of_role = (0..experiment.recordings.len()).filter(|i| experiment.recordings[*i].role == role);
         let Some(index) = of_role.next() else { return Ok(None) };
         let key = |index: usize| Key::from("recording").index(index);
@@ -63,48 +169,24 @@ impl Material {
             let remedy = format!("name the column, such as `{channel} = \"{channel}_V\"`");
             experiment.error(channels.child(channel), Fault::MissingKey { remedy })
         })?;
-        let mut started = false;
-        let recording = Recording::read_with(
-            &experiment.resolve(&described.file),
-            &described.layout(&[column]),
-            &mut |done, total| {
-                if !started {
-                    progress.begin("reading", total);
-                    started = true;
-                }
-                progress.reached(done)
-            },
-        )?;
-        let name =
-            described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-        let unfit = |why: String| IdentifyError::Unfit { recording: name.clone(), why };
-        let [segment] = recording.segments() else {
-            let count = recording.segments().len();
-            return Err(unfit(format!("it holds {count} segments; expected one record")));
-        };
-        let even = segment.time.interval_s().filter(|_| segment.time.is_uniform());
-        let interval_s = even.ok_or_else(|| {
-            unfit("its samples are not taken at equal intervals; expected a record without gaps".to_owned())
-        })?;
-        let reference = ReferenceRecording::read(experiment, index, &ONE_ANGLE, &[], &mut |done, _| {
-            progress.reached(done)
-        })?;
-        let mut sources = vec![recording.source().clone()];
-        sources.extend(reference.iter().map(|r| r.recording().source().clone()));
-        let time_s = segment.time.to_vec();
-        let angle = match &reference {
-            Some(reference) => angle_at(&time_s, interval_s, segment, reference)?,
-            None => Vec::new(),
-        };
-        let signal = recording.column_of(column, kind)?.of(segment).to_vec();
-        let diagnosis = recording.diagnosis().to_vec();
-        Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
+        Ok(Some(Self { index, described, column }))
     }
 
-    /// An error that names this recording.
-    pub fn unfit(&self, why: String) -> IdentifyError {
-        IdentifyError::Unfit { recording: self.name.clone(), why }
+    fn name(&self, source: &Source) -> String {
+        self.described.name.as_ref().map_or_else(|| source.file.clone(), ToString::to_string)
     }
+}
+
+fn several(recording: &str, count: usize) -> IdentifyError {
+    let why = format!("it holds {count} segments; expected one record");
+    IdentifyError::Unfit { recording: recording.to_owned(), why }
+}
+
+fn even_interval_s(recording: &str, segment: &Segment) -> Result<f64, IdentifyError> {
+    segment.time.interval_s().filter(|_| segment.time.is_uniform()).ok_or_else(|| {
+        let why = "its samples are not taken at equal intervals; expected a record without gaps".to_owned();
+        IdentifyError::Unfit { recording: recording.to_owned(), why }
+    })
 }
 
 /// The reference at these times. Where it was sampled at others it is a cubic between its samples.

@@ -17,5 +17,5 @@ pub use free_decay::{FreeDecay, fit_free_decay};
 pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit_response};
 pub use material::Material;
 pub use outcome::{Correlated, Identification, Identified, Undetermined};
-pub use still::{Still, fit_still};
+pub use still::{STRETCH, Still, StillRecord, fit_still};
 pub use whiteness::Whiteness;

@@ -20,6 +20,9 @@ pub struct Whiteness {
     pub durbin_watson: f64,
     /// How probable a statistic of Ljung and Box over 20 lags as large as this is for white residuals.
     pub probability: f64,
+    /// That statistic and its degrees of freedom.
+    #[serde(skip)]
+    ljung_box: [f64; 2],
 }
 
 impl Whiteness {
@@ -39,10 +42,21 @@ impl Whiteness {
             }
         }
         let test = consistency.ljung_box();
-        let probability =
-            ChiSquared::new(test.degrees_of_freedom).map_or(f64::NAN, |chi| 1.0 - chi.cdf(test.statistic));
-        let neighbours = consistency.autocorrelations()[0];
-        Self { samples: count, neighbours, durbin_watson: 2.0 * (1.0 - neighbours), probability }
+        Self::told(count, consistency.autocorrelations()[0], [test.statistic, test.degrees_of_freedom])
+    }
+
+    fn told(samples: usize, neighbours: f64, ljung_box: [f64; 2]) -> Self {
+        let probability = ChiSquared::new(ljung_box[1]).map_or(f64::NAN, |chi| 1.0 - chi.cdf(ljung_box[0]));
+        Self { samples, neighbours, durbin_watson: 2.0 * (1.0 - neighbours), probability, ljung_box }
+    }
+
+    /// Of several stretches of a record together: the sum of their statistics is χ² with the sum of their degrees of
+    /// freedom, since what one leaves says nothing of another where they are white.
+    pub fn of_stretches(all: &[Self]) -> Self {
+        let samples = all.iter().map(|w| w.samples).sum::<usize>();
+        let weighted: f64 = all.iter().map(|w| w.samples as f64 * w.neighbours).sum();
+        let sum = |i: usize| all.iter().map(|w| w.ljung_box[i]).sum();
+        Self::told(samples, weighted / samples as f64, [sum(0), sum(1)])
     }
 
     /// Whether white residuals would look like this more often than once in a thousand times.

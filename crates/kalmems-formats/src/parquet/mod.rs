@@ -19,6 +19,7 @@ use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
 use std::io::{BufReader, Read};
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -146,6 +147,15 @@ fn damaged(place: &str, found: String) -> FormatError {
     }
 }
 
+/// What the library says. Some damaged files make it panic, and no list of what to check before is known to be whole.
+fn guarded<R>(place: &str, call: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, FormatError> {
+    // What it leaves behind is not used again: an error is the end of the table.
+    match std::panic::catch_unwind(AssertUnwindSafe(call)) {
+        Ok(said) => said.map_err(|error| failed(place, error)),
+        Err(_) => Err(damaged(place, "something that the library does not expect".to_owned())),
+    }
+}
+
 pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
     let file_bytes = source.length();
@@ -168,7 +178,7 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
     }
     drop(metadata);
     let pages = Pages { source: Arc::clone(&source), pages: Arc::new(AtomicBool::new(false)) };
-    let file = SerializedFileReader::new(pages.clone()).map_err(|error| failed("the metadata", error))?;
+    let file = guarded("the metadata", || SerializedFileReader::new(pages.clone()))?;
     pages.pages.store(true, Ordering::Relaxed);
 
     let metadata = file.metadata();
@@ -400,14 +410,14 @@ impl Cursor {
         let mut done = 0;
         while done < rows {
             let Some(reader) = &mut self.reader else {
-                let group = file.get_row_group(self.group).map_err(|error| failed(name, error))?;
-                self.reader =
-                    Some(group.get_column_reader(self.leaf.number).map_err(|error| failed(name, error))?);
+                let (group, leaf) = (self.group, self.leaf.number);
+                self.reader = Some(guarded(name, || file.get_row_group(group)?.get_column_reader(leaf))?);
                 continue;
             };
             self.levels.clear();
-            let count = take(reader, self.leaf, rows - done, done, &mut self.levels, &mut missing, &mut sink)
-                .map_err(|error| failed(&format!("column `{name}`"), error))?;
+            let count = guarded(&format!("column `{name}`"), || {
+                take(reader, self.leaf, rows - done, done, &mut self.levels, &mut missing, &mut sink)
+            })?;
             if count == 0 {
                 self.reader = None;
                 self.group += 1;

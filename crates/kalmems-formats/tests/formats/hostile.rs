@@ -378,3 +378,18 @@ fn metadata_that_claim_too_much_are_refused() {
     // A column at a place below zero.
     refused(&std::fs::read(fixture("offsets.parquet")).unwrap(), &hints, "columns that are not in the file");
 }
+
+/// A column that refers to a dictionary which is not there, at which the library gives up by a panic.
+#[test]
+fn a_panic_of_the_library_is_a_damaged_file() {
+    let hints = Hints { format: Some(Format::Parquet), ..Hints::default() };
+    let bytes = std::fs::read(fixture("dictionary.parquet")).unwrap();
+    let mut table = open_reader(Cursor::new(bytes), "", &hints).unwrap();
+    let mut said = Vec::new();
+    for column in 0..table.description().columns.len() {
+        table.want(&[Wanted::Label { column }]).unwrap();
+        let mut block = Block::with_capacity(256);
+        said.extend(table.read(&mut block).err().map(|error| error.to_string()));
+    }
+    assert!(said.iter().any(|said| said.contains("does not expect")), "{said:?}");
+}

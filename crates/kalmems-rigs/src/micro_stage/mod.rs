@@ -253,7 +253,7 @@ impl StageEstimator<'_> {
     fn place(&self, segment: &SignalSegment) -> String {
         let name = self.described.name.as_ref();
         let name = name.map_or_else(|| segment.recording.source().file.clone(), ToString::to_string);
-        place(&name, segment.segment)
+        place(&name, &segment.segment.label)
     }
 
     /// The rows of a record's beginning, those of the settling time among them.

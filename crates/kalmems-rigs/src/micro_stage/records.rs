@@ -98,7 +98,7 @@ pub fn read(
     let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
     let mut records = Vec::new();
     for segment in recording.segments() {
-        let place = place(&name, segment);
+        let place = place(&name, &segment.label);
         if let Some((column, count)) = clipped(&recording, segment, &wanted) {
             let why = format!(
                 "the column `{column}` is clipped in {count} samples; what it was there is not known, and its waveform is \
@@ -233,8 +233,8 @@ pub fn read_file(
 }
 
 /// A record for messages.
-pub fn place(name: &str, segment: &Segment) -> String {
-    match segment.label.as_str() {
+pub fn place(name: &str, label: &str) -> String {
+    match label {
         "" => name.to_owned(),
         label => format!("{name}, record `{label}`"),
     }

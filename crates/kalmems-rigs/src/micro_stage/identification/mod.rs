@@ -6,6 +6,7 @@
 //! | `bias_on`, `bias_off` | `drive`, `signal_<electrode>`; one record per drive amplitude | gaps, gains, delay, feedthrough |
 //! | `zero_drive` | `bias_on_<electrode>` or `signal_<electrode>` | the noise of each channel |
 
+mod common_noise;
 mod crests;
 mod figures;
 mod gaps;

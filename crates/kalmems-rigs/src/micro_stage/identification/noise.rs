@@ -1,11 +1,13 @@
 //! The noise of the channels from a recording without drive.
 
+use super::common_noise::CommonNoise;
 use super::{quantity, words};
 use crate::config::{Experiment, Fault, Key, MicroStage};
 use crate::estimate::Progress;
-use crate::identify::{Identification, IdentifyError, Material, fit_still};
+use crate::identify::{Identification, IdentifyError, Material, STRETCH, StillRecord};
 use crate::micro_stage::hardware::Hardware;
-use crate::micro_stage::records::{DRIVE, place, read_file};
+use crate::micro_stage::records::{DRIVE, place};
+use crate::recording::{Around, Stretches};
 use crate::units::kind;
 
 /// Finds the variance of each channel, and puts it into the device table and the hardware.
@@ -35,32 +37,58 @@ pub fn identify(
         })
         .collect();
     let names: Vec<&str> = columns.iter().map(|(_, column)| *column).collect();
-    let recording = read_file(experiment, described, &described.layout(&names), progress)?;
-    let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-    let [segment] = recording.segments() else {
-        let why = format!("it holds {} records; expected one, without drive", recording.segments().len());
+    let around = Around { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
+    let path = experiment.resolve(&described.file);
+    let mut stretches = Stretches::open(&path, &described.layout(&names), around)?;
+    let (mut records, mut common) = (Vec::new(), CommonNoise::new(columns.len()));
+    let (mut segments, mut started, mut label) = (0, false, String::new());
+    while let Some(stretch) = stretches.next(&mut |done, total| {
+        if !started {
+            progress.begin("reading", total);
+            started = true;
+        }
+        progress.reached(done)
+    })? {
+        for segment in stretch.recording.segments() {
+            segments += usize::from(stretch.begins);
+            label.clone_from(&segment.label);
+            let signals = (names.iter())
+                .map(|name| Ok(stretch.recording.column_of(name, &kind::VOLTAGE)?.of(segment)))
+                .collect::<Result<Vec<&[f64]>, IdentifyError>>()?;
+            let interval_s = segment.time.interval_s().unwrap_or(f64::NAN);
+            records.resize_with(names.len(), || StillRecord::new(interval_s));
+            let time_s = segment.time.to_vec();
+            for (record, signal) in records.iter_mut().zip(&signals) {
+                record.take(&time_s, signal);
+            }
+            common.take(&signals);
+        }
+        stretches.reuse(stretch);
+    }
+    let (source, diagnosis) = stretches.finish();
+    let name = described.name.as_ref().map_or_else(|| source.file.clone(), ToString::to_string);
+    if segments != 1 {
+        let why = format!("it holds {segments} records; expected one, without drive");
         return Err(IdentifyError::Unfit { recording: name, why });
-    };
-    let place = place(&name, segment);
-    let unfit = |why: &str| IdentifyError::Unfit { recording: place.clone(), why: why.to_owned() };
-    let interval_s =
-        segment.time.interval_s().ok_or_else(|| unfit("it holds one sample; expected hundreds"))?;
-    let time_s = segment.time.to_vec();
-    let mut signals = Vec::new();
-    for (electrode, column) in columns {
-        let signal = recording.column_of(column, &kind::VOLTAGE)?.of(segment);
-        let still = fit_still(&time_s, signal, interval_s).ok_or_else(|| {
-            unfit("fewer than 32 samples of a channel, or none that varies; there is no noise to see")
+    }
+    let place = place(&name, &label);
+    let interval_s = records.first().map_or(f64::NAN, StillRecord::interval_s);
+    let mut channels = Vec::new();
+    for ((electrode, _), record) in columns.iter().zip(records) {
+        let still = record.finish().ok_or_else(|| IdentifyError::Unfit {
+            recording: place.clone(),
+            why: "fewer than 32 samples of a channel, or none that varies; there is no noise to see"
+                .to_owned(),
         })?;
-        let channel = &mut hardware.channels[electrode];
+        let channel = &mut hardware.channels[*electrode];
         channel.noise_variance = Some(still.variance);
         words::noise(found, &name, &channel.name, &still);
         if let Some(table) = device.electrodes.get_mut(&channel.name) {
             table.noise_variance = Some(quantity(experiment, still.variance, "V^2")?);
         }
-        signals.push((channel.name.clone(), still.mean, signal));
+        channels.push(channel.name.clone());
     }
-    words::common_noise(found, &name, &signals);
+    words::common_noise(found, &name, &common, &channels);
     found.materials.push(Material {
         name,
         role: described.role,
@@ -68,8 +96,8 @@ pub fn identify(
         interval_s,
         signal: Vec::new(),
         angle: Vec::new(),
-        sources: vec![recording.source().clone()],
-        diagnosis: recording.diagnosis().to_vec(),
+        sources: vec![source],
+        diagnosis,
     });
     Ok(())
 }

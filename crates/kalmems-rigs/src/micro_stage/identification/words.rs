@@ -1,5 +1,6 @@
 //! What is said of the fits: values, what is not determined and why.
 
+use super::common_noise::CommonNoise;
 use super::gaps::GapFit;
 use super::sweep::SweepFit;
 use super::trained::Line;
@@ -70,20 +71,9 @@ pub fn noise(found: &mut Identification, place: &str, name: &str, still: &Still)
 }
 
 /// The largest correlation of the noises of two channels.
-pub fn common_noise(found: &mut Identification, place: &str, signals: &[(String, f64, &[f64])]) {
-    let product = |(_, a0, a): &(String, f64, &[f64]), (_, b0, b): &(String, f64, &[f64])| {
-        a.iter().zip(*b).map(|(a, b)| (a - a0) * (b - b0)).filter(|v| v.is_finite()).sum::<f64>()
-    };
-    let mut largest: Option<(f64, &str, &str)> = None;
-    for (i, one) in signals.iter().enumerate() {
-        for other in &signals[..i] {
-            let r = product(one, other) / (product(one, one) * product(other, other)).sqrt();
-            if largest.is_none_or(|(most, ..)| r.abs() > most.abs()) {
-                largest = Some((r, &other.0, &one.0));
-            }
-        }
-    }
-    if let Some((r, one, other)) = largest {
+pub fn common_noise(found: &mut Identification, place: &str, common: &CommonNoise, names: &[String]) {
+    if let Some((r, one, other)) = common.largest() {
+        let (one, other) = (&names[one], &names[other]);
         found.notes.push(format!(
             "{place}: the largest correlation of two channels' noise is {r:+.3}, of {one} and {other}; the filters take them \
              for independent"

@@ -137,7 +137,8 @@ pub fn still(found: &mut Identification, material: &Material, fitted: &Still) {
     let all = material.time_s.len();
     let three = 3.0 * fitted.variance.sqrt();
     let points: Vec<(f64, f64)> = (0..all).map(|k| (material.time_s[k], material.signal[k])).collect();
-    let caption = "The signal without motion, with three standard deviations on each side of its mean.";
+    let caption = "The signal without motion, of a long record its beginning, with three standard deviations on each side \
+                   of the mean of all.";
     found.figures.push(
         Figure::new("noise", "Noise without motion", caption).with(
             Panel::new(time_axis(), Axis::new("signal", "V"))

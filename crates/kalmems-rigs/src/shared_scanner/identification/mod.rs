@@ -24,7 +24,7 @@ use super::settings::Hardware;
 use crate::config::kinds::KindOf;
 use crate::config::{Device, Experiment, Fault, Quantity, Role, SharedScanner, SignOf};
 use crate::estimate::Progress;
-use crate::identify::{Identification, IdentifyError, Material, Still, fit_still};
+use crate::identify::{Identification, IdentifyError, Material};
 use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::capacitance::GaussianComb;
@@ -49,7 +49,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     };
     let decay = channel(Role::RingDown, "current_signal", &[])?;
     let steady = channel(Role::SteadyState, "signal", &["drive"])?;
-    let still = channel(Role::ZeroDrive, "signal", &["drive"])?;
+    let still = Material::still_of_role(
+        experiment,
+        Role::ZeroDrive,
+        ("signal", &kind::VOLTAGE),
+        &["drive"],
+        progress,
+    )?;
     if decay.is_none() && steady.is_none() && still.is_none() {
         let why = "no recording has the role `ring_down`, `steady_state` or `zero_drive`; parameters are identified \
                    from those";
@@ -108,13 +114,11 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     }
     stop(progress)?;
     match still {
-        Some(material) => {
-            let fitted: Still = fit_still(&material.time_s, &material.signal, material.interval_s)
-                .ok_or_else(|| {
-                    material.unfit(
-                        "fewer than 32 samples, or none that varies; there is no noise to see".to_owned(),
-                    )
-                })?;
+        Some((material, fitted)) => {
+            let fitted = fitted.ok_or_else(|| {
+                let why = "fewer than 32 samples, or none that varies; there is no noise to see";
+                material.unfit(why.to_owned())
+            })?;
             words::still(&mut found, &material, &fitted);
             figures::still(&mut found, &material, &fitted);
             set(experiment, &mut device.readout.noise_variance, fitted.variance, "V^2")?;
