@@ -4,7 +4,6 @@ use crate::args::EstimateArguments;
 use crate::progress::Bar;
 use crate::{Ending, print};
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
 use kalmems::results::{
     LongEstimate, Metrics, RunInfo, WriteError, WriteOptions, notices, summary_table, write_estimate,
 };
