@@ -1,5 +1,6 @@
 //! Apache Parquet: columns that hold one value a row.
 
+mod layout;
 mod thrift;
 
 use crate::decimal::Shift;
@@ -26,6 +27,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const FORMAT: &str = "Parquet";
 /// Bytes that a page may unpack to. Writers make pages of one.
 const PAGE_BYTES: u64 = 16 << 20;
+/// Values of a dictionary. Writers stop at a megabyte.
+const DICTIONARY: u64 = 1 << 20;
 /// Bytes of the header of a page, and of one with long texts.
 const HEADER: usize = 1024;
 const LONG_HEADER: usize = 1 << 20;
@@ -68,27 +71,17 @@ impl ChunkReader for Pages {
             let external = |error: FormatError| ParquetError::External(Box::new(error));
             let mut head = vec![0; HEADER];
             let mut count = self.source.read_some(start, &mut head).map_err(external)?;
-            if thrift::struct_length(&head[..count]).is_none() && count == HEADER {
+            let mut page = Page::of(&head[..count]);
+            if page.is_none() && count == HEADER {
                 // Texts in its statistics may be long.
                 head.resize(LONG_HEADER, 0);
                 count = self.source.read_some(start, &mut head).map_err(external)?;
+                page = Page::of(&head[..count]);
             }
-            if thrift::struct_length(&head[..count]).is_none() {
+            let Some(page) = page else {
                 return Err(ParquetError::General(format!("no header of a page at byte {start}")));
-            }
-            match page_bytes(&head) {
-                Some((unpacked, packed)) if unpacked.max(packed) <= PAGE_BYTES => {}
-                Some((unpacked, packed)) => {
-                    let too_large = FormatError::TooLarge {
-                        format: FORMAT,
-                        what: format!("the bytes of the page at byte {start}"),
-                        found: unpacked.max(packed),
-                        limit: PAGE_BYTES,
-                    };
-                    return Err(ParquetError::External(Box::new(too_large)));
-                }
-                None => return Err(ParquetError::General(format!("no page at byte {start}"))),
-            }
+            };
+            page.refuse_too_large(start).map_err(external)?;
         }
         Ok(BufReader::with_capacity(512, At { source: Arc::clone(&self.source), offset: start }))
     }
@@ -101,30 +94,43 @@ impl ChunkReader for Pages {
     }
 }
 
-/// What a page unpacks to, and what it is packed in: the second and third field of its header, whose first is its
-/// kind. Each is a byte that says which field and that it is of 32 bits, and a number in groups of seven bits.
-fn page_bytes(head: &[u8]) -> Option<(u64, u64)> {
-    let mut rest = head;
-    let mut field = || {
-        let (first, after) = rest.split_first()?;
-        if *first != 0x15 {
-            return None;
-        }
-        rest = after;
-        let mut number = 0_u64;
-        for shift in (0..35).step_by(7) {
-            let (byte, after) = rest.split_first()?;
-            rest = after;
-            number |= u64::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                // The last bit is the sign.
-                return (number & 1 == 0).then_some(number >> 1);
+/// What the header of a page claims.
+#[derive(Default)]
+struct Page {
+    unpacked: u64,
+    packed: u64,
+    /// Values of a dictionary, for which the library makes room before it looks for them.
+    values: u64,
+}
+
+impl Page {
+    /// That of a header; `None` where it is none, or counts something below zero.
+    fn of(head: &[u8]) -> Option<Self> {
+        let (mut page, mut sound) = (Self::default(), true);
+        let is_page = thrift::is_struct(head, layout::PAGE, &mut |place, number| {
+            let count = || u64::try_from(number);
+            match place {
+                [2] => count().map_or_else(|_| sound = false, |count| page.unpacked = count),
+                [3] => count().map_or_else(|_| sound = false, |count| page.packed = count),
+                [7, 1] => count().map_or_else(|_| sound = false, |count| page.values = count),
+                // Values, nulls, rows and lengths of a page of data.
+                [5, 1] | [8, 1 | 2 | 3 | 5 | 6] => sound &= number >= 0,
+                _ => {}
             }
-        }
-        None
-    };
-    field()?;
-    Some((field()?, field()?))
+        });
+        (is_page && sound).then_some(page)
+    }
+
+    fn refuse_too_large(&self, start: u64) -> Result<(), FormatError> {
+        let bytes = self.unpacked.max(self.packed);
+        limits::at_most(FORMAT, &format!("the bytes of the page at byte {start}"), bytes, PAGE_BYTES)?;
+        limits::at_most(
+            FORMAT,
+            &format!("the values of the dictionary at byte {start}"),
+            self.values,
+            DICTIONARY,
+        )
+    }
 }
 
 fn failed(place: &str, error: ParquetError) -> FormatError {
@@ -169,12 +175,10 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
     let metadata =
         end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, length as usize));
     let metadata = metadata.transpose()?.unwrap_or_default();
-    if thrift::struct_length(&metadata).is_none() {
-        return Err(damaged(
-            "the metadata",
-            "metadata that end too early, have lists of more than 65536 elements or of another kind"
-                .to_owned(),
-        ));
+    if !thrift::is_struct(&metadata, layout::FILE, &mut |_, _| {}) {
+        let found =
+            "metadata that end too early, have lists of more than 65536 elements or fields of another type";
+        return Err(damaged("the metadata", found.to_owned()));
     }
     drop(metadata);
     let pages = Pages { source: Arc::clone(&source), pages: Arc::new(AtomicBool::new(false)) };
@@ -508,5 +512,28 @@ impl Records<'_> {
             }
         }
         Ok(rows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Page;
+
+    #[test]
+    fn a_dictionary_that_claims_too_much_is_refused() {
+        // A dictionary page of 300 bytes in 200 with 1 048 576 values, and with one more.
+        let header = |values: [u8; 4]| {
+            let mut header = vec![0x15, 4, 0x15, 0xd8, 4, 0x15, 0x90, 3, 0x4c, 0x15];
+            header.extend(values);
+            header.extend([0x15, 0, 0, 0]);
+            Page::of(&header).unwrap()
+        };
+        let page = header([0x80, 0x80, 0x80, 1]);
+        assert_eq!((page.unpacked, page.packed, page.values), (300, 200, 1 << 20));
+        assert!(page.refuse_too_large(0).is_ok());
+        let said = header([0x82, 0x80, 0x80, 1]).refuse_too_large(7).unwrap_err().to_string();
+        assert!(said.contains("the values of the dictionary at byte 7"), "{said}");
+        // Below zero.
+        assert!(Page::of(&[0x15, 4, 0x15, 1, 0x15, 2, 0]).is_none());
     }
 }

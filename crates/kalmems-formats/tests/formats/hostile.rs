@@ -379,17 +379,36 @@ fn metadata_that_claim_too_much_are_refused() {
     refused(&std::fs::read(fixture("offsets.parquet")).unwrap(), &hints, "columns that are not in the file");
 }
 
+/// What is said of each column of a file, read by itself.
+fn said_of_columns(file: &str) -> Vec<String> {
+    let hints = Hints { format: Some(Format::Parquet), ..Hints::default() };
+    let bytes = std::fs::read(fixture(file)).unwrap();
+    let open = || open_reader(Cursor::new(bytes.clone()), "", &hints);
+    let columns = open().unwrap().description().columns.len();
+    let mut said = Vec::new();
+    for column in 0..columns {
+        let mut table = open().unwrap();
+        let number = table.want(&[Wanted::Number { column, power: 0 }]);
+        number.or_else(|_| table.want(&[Wanted::Label { column }])).unwrap();
+        let mut block = Block::with_capacity(4096);
+        let error = (0..64).find_map(|_| table.read(&mut block).err());
+        said.extend(error.map(|error| error.to_string()));
+    }
+    said
+}
+
 /// A column that refers to a dictionary which is not there, at which the library gives up by a panic.
 #[test]
 fn a_panic_of_the_library_is_a_damaged_file() {
-    let hints = Hints { format: Some(Format::Parquet), ..Hints::default() };
-    let bytes = std::fs::read(fixture("dictionary.parquet")).unwrap();
-    let mut table = open_reader(Cursor::new(bytes), "", &hints).unwrap();
-    let mut said = Vec::new();
-    for column in 0..table.description().columns.len() {
-        table.want(&[Wanted::Label { column }]).unwrap();
-        let mut block = Block::with_capacity(256);
-        said.extend(table.read(&mut block).err().map(|error| error.to_string()));
-    }
+    let said = said_of_columns("dictionary.parquet");
     assert!(said.iter().any(|said| said.contains("does not expect")), "{said:?}");
+}
+
+/// Headers of pages that keep the library busy for a minute, and that make it ask for eight gigabytes.
+#[test]
+fn pages_that_claim_too_much_are_refused() {
+    for file in ["types.parquet", "entries.parquet"] {
+        let said = said_of_columns(file);
+        assert!(said.iter().any(|said| said.contains("no header of a page")), "{file}: {said:?}");
+    }
 }
