@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// derivative is odd where the others are even. Neither gain nor noise matters.
 ///
 /// ```
-/// use kalmems_rigs::rigs::shared_scanner::identification::gain_ambiguity;
+/// use kalmems_rigs::shared_scanner::identification::gain_ambiguity;
 /// assert!(gain_ambiguity(0.1, 0.2) > 10.0 * gain_ambiguity(0.4, 0.2));
 /// ```
 pub fn gain_ambiguity(amplitude: f64, width: f64) -> f64 {

@@ -126,8 +126,8 @@ const GROWTH: f64 = 5.0;
 /// answer starts with a positive angle or rate; θ₀ and the angle are then known apart only by the bias's pull.
 ///
 /// ```
-/// use kalmems_rigs::rigs::shared_scanner::identification::{RingDown, fit_ring_down, unknown};
-/// use kalmems_rigs::simulate::{Drive, Simulator};
+/// use kalmems_rigs::shared_scanner::identification::{RingDown, fit_ring_down, unknown};
+/// use kalmems_engines::simulate::{Drive, Simulator};
 /// use kalmems_models::{capacitance::GaussianComb, dynamics::{ParametricScanner, TorsionalResonator}};
 /// let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
 /// let resonator = TorsionalResonator { inertia: 1.15e-14, damping: 5.95e-12, stiffness: 1.10e-4 };

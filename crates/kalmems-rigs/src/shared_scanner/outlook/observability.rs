@@ -30,7 +30,7 @@ impl CycleBound {
     /// From a number of samples, each with this variance in V².
     ///
     /// ```
-    /// use kalmems_rigs::rigs::shared_scanner::CycleBound;
+    /// use kalmems_rigs::shared_scanner::CycleBound;
     /// use kalmems_models::{capacitance::GaussianComb, readout::DemodulatedComb};
     /// let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
     /// let readout = DemodulatedComb { comb, gain: -0.3574e12, offset: 6.3945 };
