@@ -4,7 +4,8 @@ use crate::csv::number::quick;
 use std::io::Write as _;
 
 /// Shifts the decimal point of numbers. What stands for a binary number is the shortest decimal number that reads
-/// back as it, which is what a text file of the same data holds; so both give the same bits.
+/// back as it, the nearest of those and of two the even one, which is what a text file of the same data holds; so both give
+/// the same bits.
 pub struct Shift {
     power: i32,
     shortest: zmij::Buffer,
@@ -62,7 +63,11 @@ mod tests {
 
     /// The same by way of the standard library alone.
     fn by_text(number: f64, power: i32) -> f64 {
-        let text = format!("{number:e}");
+        let shortest = format!("{number:e}");
+        // Of two that are as near the library takes the larger one; rounded to as many digits it is the even one.
+        let digits = shortest.split_once('e').unwrap().0.trim_start_matches('-').len();
+        let nearest = format!("{number:.*e}", digits.saturating_sub(2));
+        let text = if nearest.parse() == Ok(number) { nearest } else { shortest };
         let (digits, exponent) = text.split_once('e').unwrap();
         format!("{digits}e{}", exponent.parse::<i32>().unwrap() + power).parse().unwrap()
     }
@@ -84,6 +89,16 @@ mod tests {
         assert_eq!(Shift::new(3).float(-0.0).to_bits(), (-0.0_f64).to_bits());
         assert!(Shift::new(3).float(f64::NAN).is_nan());
         assert_eq!(Shift::new(-3).float(f64::NEG_INFINITY), f64::NEG_INFINITY);
+    }
+
+    /// 33030808352293.0625 lies between two numbers of 17 digits, of which writers take the even one.
+    #[test]
+    fn of_two_that_are_as_near_the_even_one_stands_for_a_number() {
+        let number = f64::from_bits(4_809_293_089_715_135_760);
+        assert_eq!(format!("{number:.6}"), "33030808352293.062500");
+        let [even, odd]: [f64; 2] =
+            ["33030808352293.062e18", "33030808352293.063e18"].map(|text| text.parse().unwrap());
+        assert!(Shift::new(18).float(number) == even && even != odd);
     }
 
     #[test]
