@@ -4,6 +4,19 @@
 //! segments; what the numbers mean is the workbench's business. It is read from front to back in blocks, so that
 //! memory is bounded by a block and not by the file. What is no number is told cell by cell and never replaced.
 
+// What several formats share is of no use to each of them alone.
+#![cfg_attr(
+    not(all(
+        feature = "hdf5",
+        feature = "mat",
+        feature = "npy",
+        feature = "parquet",
+        feature = "tdms",
+        feature = "wav"
+    )),
+    allow(dead_code, unused_imports, unused_variables)
+)]
+
 mod block;
 mod csv;
 mod decimal;

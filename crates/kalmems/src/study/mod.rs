@@ -39,7 +39,7 @@ mod description;
 mod error;
 mod journal;
 mod map;
-#[cfg(feature = "parquet")]
+#[cfg(feature = "parquet-results")]
 mod parquet;
 mod patch;
 mod pictures;

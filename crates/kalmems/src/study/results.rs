@@ -79,7 +79,7 @@ impl Plan {
     /// `summary.csv` with median and range of those that are drawn, `report.html` with its `figures/`, the study and its experiment, and
     /// `run.toml`. The same runs give the same bytes, in whatever order and on whatever machines they were made.
     ///
-    /// With the feature `parquet` also `results.parquet`.
+    /// With the feature `parquet-results` also `results.parquet`.
     pub fn write_results(
         &self,
         journals: &[PathBuf],
@@ -91,7 +91,7 @@ impl Plan {
         let output = Output::prepare(out, &input_id, force)?;
         let table = Table::of(self, &runs);
         output.write("results.csv", |w| table.write_csv(w))?;
-        #[cfg(feature = "parquet")]
+        #[cfg(feature = "parquet-results")]
         output.write("results.parquet", |w| super::parquet::write(&table, w))?;
         let drawn = self.description.figure.iter().filter_map(|picture| table.column(&picture.metric));
         let drawn: Vec<usize> = drawn.filter(|column| table.is_number(*column)).collect();
