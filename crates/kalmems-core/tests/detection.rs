@@ -4,7 +4,8 @@ mod chance;
 
 use chance::{Chance, spread};
 use kalmems_core::detect::{
-    CubicFit, DetectError, Detection, Detector, Hold, Peak, SlopeKernel, Threshold, angle_at, peaks,
+    CubicDesign, CubicFit, DetectError, Detection, Detector, Hold, Peak, SlopeDesign, SlopeKernel, Threshold,
+    angle_at, peaks,
 };
 use kalmems_core::{
     Covariance, Ekf, Filter, LinearMeasurement, LinearProcess, Mat, NoiseDensity, Scalar,
@@ -169,6 +170,28 @@ fn a_threshold_has_the_rate_of_false_alarms_that_was_asked_for() {
         // A false alarm brings others with it: counts spread by up to √2.4 more.
         assert!(near(count, per_sample * samples as f64, 2.0 * bias), "{count} for {per_sample}");
     }
+}
+
+/// A table made before a program is has the numbers of the program's kernel and fit.
+#[test]
+fn a_design_is_what_the_kernel_weighs_with() {
+    let (kernel, design) = (SlopeKernel::<f64, 7>::new(2.5).unwrap(), SlopeDesign::new(2.5, 7).unwrap());
+    for n in 1..=7 {
+        let mut impulse = [0.0; 15];
+        impulse[7 + n] = 1.0;
+        assert_eq!(kernel.response(&impulse), design.weight(n));
+    }
+    assert_eq!(kernel.noise_deviation(1.0), design.noise_gain().sqrt());
+    // A cubic is fitted exactly, and its value at the centre by weights with the sum one.
+    let fit = CubicDesign::new(3.0, 9).unwrap();
+    let [zeroth, second, fourth, _] = fit.moments;
+    let weight = |n: usize| {
+        fit.weight(n) * (fourth - second * (n as f64 / 3.0).powi(2)) / (zeroth * fourth - second.powi(2))
+    };
+    let both = |f: &dyn Fn(usize) -> f64| f(0) + 2.0 * (1..=9).map(f).sum::<f64>();
+    assert!((both(&weight) - 1.0).abs() < 1e-12);
+    assert!(both(&|n| weight(n) * (n as f64).powi(2)).abs() < 1e-12);
+    assert!((both(&|n| weight(n).powi(2)) / fit.noise_gain - 1.0).abs() < 1e-12);
 }
 
 #[test]

@@ -39,6 +39,50 @@ pub struct CubicFit<T, const REACH: usize> {
     noise_gain: T,
 }
 
+/// The numbers of a [`CubicFit`] for any reach, in f64: for a table that is made before a program is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CubicDesign {
+    width: f64,
+    /// Σ w·u^(2i) over all samples, i = 0 … 3.
+    pub moments: [f64; 4],
+    /// Σk₀²: the variance of the fitted value at the centre, per variance of white noise.
+    pub noise_gain: f64,
+}
+
+impl CubicDesign {
+    /// For a Gaussian of standard deviation `width` samples and `reach` samples on each side.
+    ///
+    /// # Errors
+    /// Where the width is not a positive number.
+    pub fn new(width: f64, reach: usize) -> Result<Self, DetectError> {
+        if !(width > 0.0 && width.is_finite()) {
+            return Err(DetectError::Width { samples: width });
+        }
+        let mut design = Self { width, moments: [1.0, 0.0, 0.0, 0.0], noise_gain: 0.0 };
+        for n in 1..=reach {
+            let mut term = 2.0 * design.weight(n);
+            for moment in &mut design.moments {
+                *moment += term;
+                term *= (n as f64 / width).sq();
+            }
+        }
+        let [zeroth, second, fourth, _] = design.moments;
+        let value = |n: usize| {
+            design.weight(n) * (fourth - second * (n as f64 / width).sq()) / (zeroth * fourth - second.sq())
+        };
+        let mut noise = value(0).sq();
+        for n in 1..=reach {
+            noise += 2.0 * value(n).sq();
+        }
+        Ok(Self { noise_gain: noise, ..design })
+    }
+
+    /// The Gaussian at n; one at 0.
+    pub fn weight(&self, n: usize) -> f64 {
+        Scalar::exp(-(n as f64 / self.width).sq() / 2.0)
+    }
+}
+
 impl<T: Scalar<Mask = bool>, const REACH: usize> CubicFit<T, REACH> {
     /// The fit with a Gaussian of standard deviation `width` samples.
     ///
@@ -46,29 +90,13 @@ impl<T: Scalar<Mask = bool>, const REACH: usize> CubicFit<T, REACH> {
     /// Where the width is not a positive number.
     pub fn new(width: f64) -> Result<Self, DetectError> {
         const { assert!(REACH > 1, "a cubic needs four samples") };
-        if !(width > 0.0 && width.is_finite()) {
-            return Err(DetectError::Width { samples: width });
-        }
-        let bell = |n: usize| Scalar::exp(-(n as f64 / width).sq() / 2.0);
+        let design = CubicDesign::new(width, REACH)?;
         let mut weights = [T::of(0.0); REACH];
-        let mut moments = [1.0, 0.0, 0.0, 0.0];
         for (i, weight) in weights.iter_mut().enumerate() {
-            *weight = T::of(bell(i + 1));
-            let mut term = 2.0 * bell(i + 1);
-            for moment in &mut moments {
-                *moment += term;
-                term *= ((i + 1) as f64 / width).sq();
-            }
+            *weight = T::of(design.weight(i + 1));
         }
-        let [zeroth, second, fourth, _] = moments;
-        let value = |n: usize| {
-            bell(n) * (fourth - second * (n as f64 / width).sq()) / (zeroth * fourth - second.sq())
-        };
-        let mut noise = value(0).sq();
-        for n in 1..=REACH {
-            noise += 2.0 * value(n).sq();
-        }
-        Ok(Self { weights, scale: T::of(1.0 / width), moments: moments.map(T::of), noise_gain: T::of(noise) })
+        let (moments, noise_gain) = (design.moments.map(T::of), T::of(design.noise_gain));
+        Ok(Self { weights, scale: T::of(1.0 / width), moments, noise_gain })
     }
 
     /// The zero of `signal` − `offset` near the sample `centre`.

@@ -30,6 +30,56 @@ pub struct SlopeKernel<T, const HALF: usize> {
     maxima: NoiseMaxima,
 }
 
+/// The numbers of a [`SlopeKernel`] for any length, in f64: for a table that is made before a program is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlopeDesign {
+    width: f64,
+    /// Σn·n·e^(−n²/2s²) over both sides.
+    ramp: f64,
+    /// λ₀, λ₂ and λ₄: the variances of the response and of its first two derivatives by the sample, per variance of white
+    /// noise.
+    moments: [f64; 3],
+}
+
+/// e^(−n²/2s²).
+fn bell(n: f64, width: f64) -> f64 {
+    Scalar::exp(-(n / width).sq() / 2.0)
+}
+
+impl SlopeDesign {
+    /// For rising edges, of a Gaussian of standard deviation `width` samples, with `half` samples on each side.
+    ///
+    /// # Errors
+    /// Where the width is not a positive number.
+    pub fn new(width: f64, half: usize) -> Result<Self, DetectError> {
+        if !(width > 0.0 && width.is_finite()) {
+            return Err(DetectError::Width { samples: width });
+        }
+        // The kernel n·e^(−n²/2s²) and its derivatives by n, summed over both sides.
+        let (mut ramp, mut squares) = (0.0, [0.0, 0.5, 0.0]);
+        for i in 0..half {
+            let n = (i + 1) as f64;
+            let u = (n / width).sq();
+            ramp += 2.0 * n * n * bell(n, width);
+            let derivatives = [n, 1.0 - u, n * (u - 3.0) / width.sq()];
+            for (square, derivative) in squares.iter_mut().zip(derivatives) {
+                *square += (derivative * bell(n, width)).sq();
+            }
+        }
+        Ok(Self { width, ramp, moments: squares.map(|square| 2.0 * square / ramp.sq()) })
+    }
+
+    /// g_n, n = 1 … `half`.
+    pub fn weight(&self, n: usize) -> f64 {
+        n as f64 * bell(n as f64, self.width) / self.ramp
+    }
+
+    /// The variance of the response to white noise of variance one per sample.
+    pub const fn noise_gain(&self) -> f64 {
+        self.moments[0]
+    }
+}
+
 impl<T: Scalar, const HALF: usize> SlopeKernel<T, HALF> {
     /// The kernel for rising edges, of a Gaussian of standard deviation `width` samples.
     ///
@@ -37,29 +87,14 @@ impl<T: Scalar, const HALF: usize> SlopeKernel<T, HALF> {
     /// Where the width is not a positive number.
     pub fn new(width: f64) -> Result<Self, DetectError> {
         const { assert!(HALF > 0, "a slope needs a sample on each side") };
-        if !(width > 0.0 && width.is_finite()) {
-            return Err(DetectError::Width { samples: width });
-        }
-        let bell = |n: f64| Scalar::exp(-(n / width).sq() / 2.0);
-        // The kernel n·e^(−n²/2s²) and its derivatives by n, summed over both sides.
-        let (mut ramp, mut squares) = (0.0, [0.0, 0.5, 0.0]);
-        for i in 0..HALF {
-            let n = (i + 1) as f64;
-            let u = (n / width).sq();
-            ramp += 2.0 * n * n * bell(n);
-            let derivatives = [n, 1.0 - u, n * (u - 3.0) / width.sq()];
-            for (square, derivative) in squares.iter_mut().zip(derivatives) {
-                *square += (derivative * bell(n)).sq();
-            }
-        }
-        let moments = squares.map(|square| 2.0 * square / ramp.sq());
+        let design = SlopeDesign::new(width, HALF)?;
         let mut weights = [T::of(0.0); HALF];
         for (i, weight) in weights.iter_mut().enumerate() {
-            let n = (i + 1) as f64;
-            *weight = T::of(n * bell(n) / ramp);
+            *weight = T::of(design.weight(i + 1));
         }
-        let [noise, jitter, _] = moments.map(T::of);
-        Ok(Self { weights, noise_gain: noise, jitter_gain: jitter, maxima: NoiseMaxima::of_moments(moments) })
+        let [noise, jitter, _] = design.moments.map(T::of);
+        let maxima = NoiseMaxima::of_moments(design.moments);
+        Ok(Self { weights, noise_gain: noise, jitter_gain: jitter, maxima })
     }
 
     /// The same for falling edges: all responses change their sign.

@@ -37,11 +37,11 @@ mod past;
 mod threshold;
 mod window;
 
-pub use crossing::{Crossing, CubicFit};
+pub use crossing::{Crossing, CubicDesign, CubicFit};
 pub use detector::{Detection, Detector};
 pub use error::DetectError;
 pub use false_alarms::NoiseMaxima;
-pub use kernel::SlopeKernel;
+pub use kernel::{SlopeDesign, SlopeKernel};
 pub use maxima::{Peak, Peaks, peaks};
 pub use past::{angle_at, angle_variance};
 pub use threshold::{Hold, Threshold};

@@ -3,6 +3,7 @@
 use crate::config::ConfigError;
 use crate::output::OutputError;
 use crate::recording::ReadError;
+use kalmems_core::detect::DetectError;
 
 /// Why a filter cannot be exported.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +17,9 @@ pub enum ExportError {
     /// The source cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The detector's widths are none.
+    #[error("the kernels of its detector: {0}")]
+    Detect(#[from] DetectError),
     /// There is no such filter.
     #[error("there is no filter `{found}`; the experiment has: {}", known.join(", "))]
     NoFilter {

@@ -1,6 +1,7 @@
 //! The filter of a threshold-sensing scanner in units of its own.
 
 use super::{fill, number};
+use kalmems_core::Mat;
 use kalmems_models::capacitance::CurveShape;
 use kalmems_models::dynamics::MirrorResonator;
 use kalmems_models::readout::CurrentReadout;
@@ -48,10 +49,62 @@ const KERNEL_WIDTHS: f64 = 4.0;
 const FIT_WIDTHS: f64 = 2.0;
 const FIT_REACH: f64 = 3.0;
 
+/// The numbers of a [`ThresholdFilter`] in units of 1/N_θ, of the interval T and of the noise's standard deviation σ.
+pub struct ScaledThreshold {
+    /// 1/N_θ in rad.
+    pub angle_unit: f64,
+    /// 1/(N_θ·T) in rad/s.
+    pub rate_unit: f64,
+    /// 1/σ in 1/V.
+    pub per_volt: f64,
+    /// e^{A·T}.
+    pub transition: [[f64; 2]; 2],
+    /// Q₀₀, Q₁₀ and Q₁₁.
+    pub noise: [f64; 3],
+    /// A per sample.
+    pub system: Mat<f64, 2, 2>,
+    /// θ_c.
+    pub centre: f64,
+    /// N_g.
+    pub gain: f64,
+    /// s(u).
+    pub shape: CurveShape,
+    /// Whether a signal falls where the angle is passed.
+    pub falls: bool,
+    /// y₀.
+    pub offset: f64,
+    /// The variance that the filter reckons with.
+    pub variance: f64,
+    /// The first mean.
+    pub start: [f64; 2],
+    /// Its standard deviations.
+    pub start_sd: [f64; 2],
+    /// The standard deviation of the kernel's Gaussian in samples, and how many it has on each side.
+    pub kernel: (f64, usize),
+    /// The same of the cubic's.
+    pub fit: (f64, usize),
+    /// The least distance between crossings in samples.
+    pub reach: usize,
+    /// How many samples after it happened a crossing is known.
+    pub look_ahead: usize,
+    /// How many samples are kept.
+    pub memory: usize,
+    /// The response that counts, in standard deviations of that to noise.
+    pub deviations: f64,
+    /// 1/|h′| where h is 0.
+    pub per_steepest: f64,
+    /// The angle of a crossing.
+    pub angle: f64,
+    /// The variance that it has at least.
+    pub least_variance: f64,
+    /// The largest normalised innovation squared that is believed, if any is not.
+    pub gate_nis: Option<f64>,
+}
+
 impl ThresholdFilter {
-    /// The module behind its heading, for Rust.
-    pub fn to_rust(&self, interval_s: f64) -> String {
-        let comb = self.readout.comb;
+    /// For an interval in s.
+    pub fn scaled(&self, interval_s: f64) -> ScaledThreshold {
+        let (comb, crossings) = (self.readout.comb, &self.crossings);
         let unit = 1.0 / comb.steepness;
         let units = [unit, unit / interval_s];
         let sd = self.noise_variance.sqrt();
@@ -62,31 +115,60 @@ impl ThresholdFilter {
         let density = self.acceleration_density * interval_s.powi(3) / (unit * unit);
         let step = per_sample.exact(1.0, density);
         let noise = step.noise.covariance();
-        let matrix = |m: [[f64; 2]; 2]| m.map(|row| row.map(|x| format!("of({})", number(x))));
-        let [[f00, f01], [f10, f11]] = matrix(step.transition.0);
-        let [[q00, _], [q10, q11]] = matrix([[noise.get(0, 0), 0.0], [noise.get(1, 0), noise.get(1, 1)]]);
-        let [[_, a01], [a10, a11]] = matrix(per_sample.system_matrix().0);
-        let width = self.crossings.width_s / interval_s;
+        let width = crossings.width_s / interval_s;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, and a few hundred
         let samples = |x: f64| (x - 1e-6).ceil().max(1.0) as usize;
         let half = samples(KERNEL_WIDTHS * width);
         let fit = samples(FIT_REACH * FIT_WIDTHS * width);
-        let reach = samples((self.crossings.separation_s / interval_s).round());
+        let reach = samples((crossings.separation_s / interval_s).round());
         let look_ahead = half + reach + 1;
-        let memory = look_ahead + fit + 3 * fit / 8 + 2;
-        let gate = if self.crossings.gate_nis.is_finite() {
-            format!("Gate {{ nis: T::of({}) }}", number(self.crossings.gate_nis))
-        } else {
-            "Always".to_owned()
+        ScaledThreshold {
+            angle_unit: units[0],
+            rate_unit: units[1],
+            per_volt: 1.0 / sd,
+            transition: step.transition.0,
+            noise: [(0, 0), (1, 0), (1, 1)].map(|(i, j)| noise.get(i, j)),
+            system: per_sample.system_matrix(),
+            centre: comb.centre / unit,
+            gain: comb.gain * units[1] / sd,
+            shape: comb.shape,
+            falls: comb.steepest() < 0.0,
+            offset: self.readout.offset / sd,
+            variance: self.signal_variance / self.noise_variance,
+            start: [0, 1].map(|i| self.start[i] / units[i]),
+            start_sd: [0, 1].map(|i| self.start_sd[i] / units[i]),
+            kernel: (width, half),
+            fit: (FIT_WIDTHS * width, fit),
+            reach,
+            look_ahead,
+            memory: look_ahead + fit + 3 * fit / 8 + 2,
+            deviations: crossings.deviations,
+            per_steepest: (sd * interval_s / (comb.steepest() * unit * unit)).abs(),
+            angle: crossings.angle / unit,
+            least_variance: crossings.least_variance / (unit * unit),
+            gate_nis: Some(crossings.gate_nis).filter(|nis| nis.is_finite()),
+        }
+    }
+}
+
+impl ScaledThreshold {
+    /// The module behind its heading, for Rust.
+    pub fn to_rust(&self) -> String {
+        let of = |x: f64| format!("of({})", number(x));
+        let [[f00, f01], [f10, f11]] = self.transition.map(|row| row.map(of));
+        let [[_, a01], [a10, a11]] = self.system.0.map(|row| row.map(of));
+        let [q00, q10, q11] = self.noise.map(of);
+        let [angle, rate] = self.start.map(number);
+        let [angle_sd, rate_sd] = self.start_sd.map(number);
+        let (policy, gate) = match self.gate_nis {
+            Some(nis) => ("Gate", format!("Gate {{ nis: T::of({}) }}", number(nis))),
+            None => ("Always", "Always".to_owned()),
         };
-        let policy = if self.crossings.gate_nis.is_finite() { "Gate" } else { "Always" };
-        let shape = match comb.shape {
+        let shape = match self.shape {
             CurveShape::Logistic => "Logistic",
             CurveShape::Gaussian => "Gaussian",
         };
-        let [angle, rate] = [0, 1].map(|i| number(self.start[i] / units[i]));
-        let [angle_sd, rate_sd] = [0, 1].map(|i| number(self.start_sd[i] / units[i]));
-        let falling = if comb.steepest() < 0.0 { ".falling()" } else { "" };
+        let falling = if self.falls { ".falling()" } else { "" };
         fill(
             MODULE,
             &[
@@ -95,37 +177,37 @@ impl ThresholdFilter {
                 ("a11", &a11),
                 ("angle", &angle),
                 ("angle_sd", &angle_sd),
-                ("angle_unit", &number(units[0])),
-                ("centre", &number(comb.centre / unit)),
-                ("deviations", &number(self.crossings.deviations)),
+                ("angle_unit", &number(self.angle_unit)),
+                ("centre", &number(self.centre)),
+                ("deviations", &number(self.deviations)),
                 ("f00", &f00),
                 ("f01", &f01),
                 ("f10", &f10),
                 ("f11", &f11),
                 ("falling", &falling),
-                ("fit", &fit),
-                ("fit_width", &number(FIT_WIDTHS * width)),
-                ("gain", &number(comb.gain * units[1] / sd)),
+                ("fit", &self.fit.1),
+                ("fit_width", &number(self.fit.0)),
+                ("gain", &number(self.gain)),
                 ("gate", &gate),
-                ("half", &half),
-                ("least", &number(self.crossings.least_variance / (unit * unit))),
-                ("look_ahead", &look_ahead),
-                ("memory", &memory),
-                ("offset", &number(self.readout.offset / sd)),
-                ("per_steepest", &number((sd * interval_s / (comb.steepest() * unit * unit)).abs())),
-                ("per_volt", &number(1.0 / sd)),
+                ("half", &self.kernel.1),
+                ("least", &number(self.least_variance)),
+                ("look_ahead", &self.look_ahead),
+                ("memory", &self.memory),
+                ("offset", &number(self.offset)),
+                ("per_steepest", &number(self.per_steepest)),
+                ("per_volt", &number(self.per_volt)),
                 ("policy", &policy),
                 ("q00", &q00),
                 ("q10", &q10),
                 ("q11", &q11),
                 ("rate", &rate),
                 ("rate_sd", &rate_sd),
-                ("rate_unit", &number(units[1])),
-                ("reach", &reach),
+                ("rate_unit", &number(self.rate_unit)),
+                ("reach", &self.reach),
                 ("shape", &shape),
-                ("threshold", &number(self.crossings.angle / unit)),
-                ("variance", &number(self.signal_variance / self.noise_variance)),
-                ("width", &number(width)),
+                ("threshold", &number(self.angle)),
+                ("variance", &number(self.variance)),
+                ("width", &number(self.kernel.0)),
             ],
         )
     }

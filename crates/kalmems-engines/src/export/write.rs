@@ -59,21 +59,21 @@ pub fn export(rig: &dyn Rig, experiment: &Experiment, request: &Request) -> Resu
             vec![("filter.rs".to_owned(), rust::module(what, &heading, &body))]
         }
         (Filter::Scanner(filter), Target::C) => {
-            let name = c_name(&experiment.name.to_string());
             let scaled = filter.scaled(interval_s);
-            let (header, source) =
-                c::files((&scaled, filter.integration), (interval_s, every), &name, &heading);
-            vec![(format!("{name}.h"), header), (format!("{name}.c"), source)]
+            let name = c_name(&experiment.name.to_string());
+            let files = c::scanner((&scaled, filter.integration), (interval_s, every), &name, &heading);
+            c_files(&name, files)
         }
-        (Filter::Threshold(_), Target::C) => {
-            return refuse("its detector is written in Rust alone; use `--target rust`");
-        }
-        (Filter::Threshold(_), Target::Rust) if every > 1 => {
+        (Filter::Threshold(_), _) if every > 1 => {
             return refuse("its detector needs every sample; leave `--update-every` out");
         }
         (Filter::Threshold(filter), Target::Rust) => {
             let what = "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
-            vec![("filter.rs".to_owned(), rust::module(what, &heading, &filter.to_rust(interval_s)))]
+            vec![("filter.rs".to_owned(), rust::module(what, &heading, &filter.scaled(interval_s).to_rust()))]
+        }
+        (Filter::Threshold(filter), Target::C) => {
+            let name = c_name(&experiment.name.to_string());
+            c_files(&name, c::threshold(&filter.scaled(interval_s), interval_s, &name, &heading)?)
         }
     };
     if request.samples > 0 {
@@ -171,6 +171,10 @@ fn digest(experiment: &Experiment) -> String {
         let _ = write!(text, "{byte:02x}");
     }
     text
+}
+
+fn c_files(name: &str, (header, source): (String, String)) -> Vec<(String, String)> {
+    vec![(format!("{name}.h"), header), (format!("{name}.c"), source)]
 }
 
 /// A name that C takes.

@@ -1,12 +1,7 @@
 //! The filter of a shared-electrode scanner in C99.
 
-use super::scanner::{Integration, Scaled};
-
-/// A number in f32 as C reads it.
-#[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
-fn float(value: f64) -> String {
-    format!("{:?}F", value as f32)
-}
+use super::super::scanner::{Integration, Scaled};
+use super::{PRELUDE, comment, constants, float};
 
 /// Header and source; `name` begins the names of types and functions and is a C name.
 pub fn files(
@@ -15,10 +10,7 @@ pub fn files(
     name: &str,
     heading: &[String],
 ) -> (String, String) {
-    let upper = name.to_uppercase();
-    let lines: Vec<String> =
-        heading.iter().map(|line| format!(" * {}\n", line.replace("*/", "* /"))).collect();
-    let comment = lines.concat();
+    let (upper, comment) = (name.to_uppercase(), comment(heading));
     let (parameters, arguments, what) = match integration {
         Integration::Euler => ("float drive_v", "drive_v", "at the start of the interval"),
         Integration::RungeKutta => (
@@ -27,16 +19,7 @@ pub fn files(
             "at the start of the interval, in its middle and at its end",
         ),
     };
-    let constants = [
-        ("ANGLE_UNIT_RAD", scaled.angle_unit, "The unit of the angle in rad."),
-        ("RATE_UNIT_RAD_PER_S", scaled.rate_unit, "The unit of the rate in rad/s."),
-        ("PER_VOLT", scaled.per_volt, "What a signal of 1 V is, in standard deviations of its noise."),
-        ("INTERVAL_S", interval_s, "The sampling interval in s."),
-    ];
-    let constants = constants.map(|(constant, value, what)| {
-        format!("/* {what} */\n#define {upper}_{constant} {}\n", float(value))
-    });
-    let constants = constants.concat();
+    let constants = constants(&upper, [scaled.angle_unit, scaled.rate_unit, scaled.per_volt, interval_s]);
     let header = format!(
         r"/*
 {comment} */
@@ -75,7 +58,7 @@ int {name}_step({name}_t *filter, {parameters}, float signal_v);
         Integration::Euler => EULER,
         Integration::RungeKutta => RUNGE_KUTTA,
     };
-    let body = [EXP, ACCELERATION, predict, REST]
+    let body = [PRELUDE, ACCELERATION, predict, REST]
         .concat()
         .replace("@name@", name)
         .replace("@UPPER@", &upper)
@@ -96,38 +79,6 @@ int {name}_step({name}_t *filter, {parameters}, float signal_v);
         .replace("@p11@", &float(scaled.start_sd[1].powi(2)));
     (header, format!("/*\n{comment} */\n#include \"{name}.h\"\n{body}"))
 }
-
-const EXP: &str = r"
-#include <stdint.h>
-
-/* e^x for x <= 0, as in kalmems-core: x = n ln 2 + r, a polynomial in r, and n added to the exponent. */
-static float falling_exp(float x)
-{
-    union { float value; uint32_t bits; } result, count;
-    float r, low, square, tail;
-    if (!(x > -64.0F)) {
-        /* Below 2e-28, and not a number of what is none. */
-        return x <= -64.0F ? 0.0F : x;
-    }
-    count.value = 12582912.0F + x * 1.44269504F;
-    r = count.value - 12582912.0F;
-    x = x - r * 0.693145752F;
-    low = r * -1.42860677e-06F;
-    r = x + low;
-    square = r * r;
-    tail = (0.00138145813F * square + 0.041668389F) * square + 0.49999994F;
-    tail = tail + (0.00836872775F * square + 0.166665211F) * r;
-    result.value = 1.0F + (x + (low + square * tail));
-    result.bits += count.bits << 23;
-    return result.value;
-}
-
-/* Whether a number is neither infinite nor none. */
-static int is_finite(float x)
-{
-    return x - x == 0.0F;
-}
-";
 
 const ACCELERATION: &str = r"
 /* The acceleration, and its derivative by the angle; that by the rate is constant. */
