@@ -10,6 +10,7 @@ mod progress;
 
 use args::{Arguments, Command};
 use clap::Parser;
+use kalmems::recording::panic_is_caught;
 use std::process::ExitCode;
 
 /// How a command ended, other than well.
@@ -25,6 +26,7 @@ enum Ending {
 }
 
 fn main() -> ExitCode {
+    tell_of_unexpected_panics_alone();
     let arguments = Arguments::parse();
     interrupt::listen();
     let ending = match &arguments.command {
@@ -51,6 +53,16 @@ fn main() -> ExitCode {
     };
     eprintln!("error: {message}");
     ExitCode::from(code)
+}
+
+/// A panic that a damaged file causes in a reader's library is told as the error that it becomes.
+fn tell_of_unexpected_panics_alone() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic_is_caught() {
+            tell(panic);
+        }
+    }));
 }
 
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.

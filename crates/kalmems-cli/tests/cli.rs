@@ -335,6 +335,12 @@ fn inspect_says_what_a_file_holds() {
     let output = run(&["inspect", recording, "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["rows"], 24_001);
+    // At this one the library that reads it panics, which is told as what it is.
+    let output = run(&["inspect", "crates/kalmems-formats/tests/fixtures/dictionary.parquet"]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("damaged Parquet at column") && !said.contains("panicked"), "{said}");
+
     let output = run(&["inspect", "nowhere.csv"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("nowhere.csv"));

@@ -32,6 +32,7 @@ mod name;
 #[cfg(feature = "npy")]
 mod npy;
 mod open;
+mod panics;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod records;
@@ -49,5 +50,6 @@ pub use csv::{Cells, CsvHints, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
 pub use open::{Format, Hints, open, open_reader};
+pub use panics::panic_is_caught;
 pub use source::ReadSeek;
 pub use table::{Column, Description, Digest, Table, Wanted};

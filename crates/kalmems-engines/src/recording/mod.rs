@@ -49,7 +49,7 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-pub use kalmems_formats::Hints;
+pub use kalmems_formats::{Hints, panic_is_caught};
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;

@@ -5,6 +5,7 @@ mod thrift;
 
 use crate::decimal::Shift;
 use crate::limits::{self, BLOCK_BYTES};
+use crate::panics;
 use crate::records::{push_label, refuse_infinities};
 use crate::source::Source;
 use crate::{
@@ -20,7 +21,6 @@ use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
 use std::io::{BufReader, Read};
-use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -101,6 +101,8 @@ struct Page {
     packed: u64,
     /// Values of a dictionary, for which the library makes room before it looks for them.
     values: u64,
+    /// Bytes of the levels before the values of a page of the second kind, which are never packed.
+    levels: u64,
 }
 
 impl Page {
@@ -113,12 +115,14 @@ impl Page {
                 [2] => count().map_or_else(|_| sound = false, |count| page.unpacked = count),
                 [3] => count().map_or_else(|_| sound = false, |count| page.packed = count),
                 [7, 1] => count().map_or_else(|_| sound = false, |count| page.values = count),
-                // Values, nulls, rows and lengths of a page of data.
-                [5, 1] | [8, 1 | 2 | 3 | 5 | 6] => sound &= number >= 0,
+                [8, 5 | 6] => count()
+                    .map_or_else(|_| sound = false, |count| page.levels = page.levels.saturating_add(count)),
+                // Values, nulls and rows of a page of data.
+                [5, 1] | [8, 1..=3] => sound &= number >= 0,
                 _ => {}
             }
         });
-        (is_page && sound).then_some(page)
+        (is_page && sound && page.levels <= page.unpacked.min(page.packed)).then_some(page)
     }
 
     fn refuse_too_large(&self, start: u64) -> Result<(), FormatError> {
@@ -155,10 +159,9 @@ fn damaged(place: &str, found: String) -> FormatError {
 
 /// What the library says. Some damaged files make it panic, and no list of what to check before is known to be whole.
 fn guarded<R>(place: &str, call: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, FormatError> {
-    // What it leaves behind is not used again: an error is the end of the table.
-    match std::panic::catch_unwind(AssertUnwindSafe(call)) {
-        Ok(said) => said.map_err(|error| failed(place, error)),
-        Err(_) => Err(damaged(place, "something that the library does not expect".to_owned())),
+    match panics::caught(call) {
+        Some(said) => said.map_err(|error| failed(place, error)),
+        None => Err(damaged(place, "something that the library does not expect".to_owned())),
     }
 }
 

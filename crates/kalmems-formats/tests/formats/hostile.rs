@@ -404,10 +404,11 @@ fn a_panic_of_the_library_is_a_damaged_file() {
     assert!(said.iter().any(|said| said.contains("does not expect")), "{said:?}");
 }
 
-/// Headers of pages that keep the library busy for a minute, and that make it ask for eight gigabytes.
+/// Headers of pages that keep the library busy for a minute, that make it ask for eight gigabytes, and whose levels are
+/// longer than the page.
 #[test]
 fn pages_that_claim_too_much_are_refused() {
-    for file in ["types.parquet", "entries.parquet"] {
+    for file in ["types.parquet", "entries.parquet", "levels.parquet"] {
         let said = said_of_columns(file);
         assert!(said.iter().any(|said| said.contains("no header of a page")), "{file}: {said:?}");
     }
