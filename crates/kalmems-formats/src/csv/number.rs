@@ -84,11 +84,12 @@ pub(crate) fn quick(text: &[u8], start: usize, point: u8, power: i32) -> Option<
     if count == 0 {
         return None;
     }
+    let last = place;
     if let Some(b'e' | b'E') = text.get(place) {
         q = q.checked_add(exponent(text, &mut place)?)?;
     }
     // 19 digits fit 64 bits; zeros in front are none.
-    if count > 19 && count - leading_zeros(text.get(first..)?, point) > 19 {
+    if count > 19 && count - leading_zeros(text.get(first..last)?, point) > 19 {
         return None;
     }
     let number = scaled(w, q)?;
@@ -229,6 +230,8 @@ mod tests {
             ("12345678", 12_345_678.0, 8),
             ("123456789.25", 123_456_789.25, 12),
             ("1.5 V", 1.5, 3),
+            // Zeros behind a second point are none of it.
+            ("00000000000000000000.00000.000", 0.0, 26),
         ] {
             assert_eq!(read(text, 0), Some((number, length)), "{text}");
         }
