@@ -69,15 +69,16 @@ proptest! {
             kalman.update(&seen, &[y], &r).unwrap();
             ekf.update(&seen, &[y], &r).unwrap();
             ukf.update(&seen, &[y], &r).unwrap();
-            // Steps of 2 ms against rates of up to 3/s: each is right to (3·0.002)⁵/120, below 1e-13.
+            // Steps of 2 ms against rates of up to 3/s: each is right to (3·0.002)⁵/120, below 1e-13. In seven samples there
+            // are up to 1750 of them, and what they leave grows until it is corrected.
+            let near = |p: f64, q: f64| (p - q).abs() <= 1e-9 * p.abs().max(1.0);
             for i in 0..3 {
-                prop_assert!((kalman.mean()[i] - ekf.mean()[i]).abs() <= 1e-10 * kalman.mean()[i].abs().max(1.0));
-                prop_assert!((kalman.mean()[i] - ukf.mean()[i]).abs() <= 1e-10 * kalman.mean()[i].abs().max(1.0));
+                prop_assert!(near(kalman.mean()[i], ekf.mean()[i]));
+                prop_assert!(near(kalman.mean()[i], ukf.mean()[i]));
                 for j in 0..=i {
-                    let (p, q) = (kalman.covariance().get(i, j), ekf.covariance().get(i, j));
-                    prop_assert!((p - q).abs() <= 1e-10 * p.abs().max(1.0));
-                    let q = ukf.covariance().get(i, j);
-                    prop_assert!((p - q).abs() <= 1e-10 * p.abs().max(1.0));
+                    let p = kalman.covariance().get(i, j);
+                    prop_assert!(near(p, ekf.covariance().get(i, j)));
+                    prop_assert!(near(p, ukf.covariance().get(i, j)));
                 }
             }
         }

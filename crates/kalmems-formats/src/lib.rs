@@ -25,6 +25,7 @@ mod error;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod lanes;
+mod length;
 mod limits;
 #[cfg(feature = "mat")]
 mod mat;
@@ -49,6 +50,7 @@ pub use block::{Block, CellFault, Fault, Labels};
 pub use csv::{Cells, CsvHints, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
+pub use length::has_more_rows;
 pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;

@@ -2,12 +2,13 @@
 
 use kalmems_core::lanes::{Isa, Kernel, Lane, Real};
 use kalmems_core::{
-    Covariance, Ekf, Filter, Mat, Measurement, Nodes, NoiseDensity, Process, ProcessNoise, Rk4, Scalar,
-    SigmaPoints, Ukf,
+    Covariance, Ekf, Euler, Filter, Mat, Measurement, Nodes, NoiseDensity, Process, ProcessNoise, Rk4,
+    Scalar, SigmaPoints, Ukf,
 };
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
+use std::marker::PhantomData;
 
 const DEVICES: usize = 1024;
 const STEPS: usize = 200;
@@ -48,29 +49,54 @@ fn measurements() -> Vec<f64> {
 
 /// Follows all devices with filters made by `make`.
 struct Follow<'a, M> {
-    make: M,
+    make: PhantomData<M>,
     measurements: &'a [f64],
     /// Where a drive is infinite: device and step.
     broken: &'a dyn Fn(usize, usize) -> bool,
 }
 
-/// A filter for any kind of number.
+/// A filter for any kind of number, and how it steps.
 trait Make {
-    fn filter<S: Scalar>(&self, mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2>;
+    type Drive<S: Scalar>;
+    fn process<S: Scalar>(
+        scanner: ParametricScanner<S>,
+        noise: Covariance<S, 2>,
+    ) -> impl Process<S, 2, Input = Self::Drive<S>>;
+    fn drive<S: Scalar>(volts: S) -> Self::Drive<S>;
+    fn filter<S: Scalar>(mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2>;
 }
 
-#[derive(Clone, Copy)]
 struct MakeEkf;
 impl Make for MakeEkf {
-    fn filter<S: Scalar>(&self, mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2> {
+    type Drive<S: Scalar> = Nodes<S>;
+    fn process<S: Scalar>(
+        scanner: ParametricScanner<S>,
+        noise: Covariance<S, 2>,
+    ) -> impl Process<S, 2, Input = Nodes<S>> {
+        Rk4::with_noise(scanner, S::of(1e-6), ProcessNoise::from(noise))
+    }
+    fn drive<S: Scalar>(volts: S) -> Nodes<S> {
+        Nodes::held(volts)
+    }
+    fn filter<S: Scalar>(mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2> {
         Ekf::new(mean, covariance)
     }
 }
 
-#[derive(Clone, Copy)]
+/// By Euler's method: with five sigma points and four evaluations each, the compiler would be at it for half a minute.
 struct MakeUkf;
 impl Make for MakeUkf {
-    fn filter<S: Scalar>(&self, mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2> {
+    type Drive<S: Scalar> = S;
+    fn process<S: Scalar>(
+        scanner: ParametricScanner<S>,
+        noise: Covariance<S, 2>,
+    ) -> impl Process<S, 2, Input = S> {
+        Euler::new(scanner, S::of(1e-6), noise)
+    }
+    fn drive<S: Scalar>(volts: S) -> S {
+        volts
+    }
+    fn filter<S: Scalar>(mean: [S; 2], covariance: Covariance<S, 2>) -> impl Filter<S, 2> {
         Ukf::new(mean, covariance, SigmaPoints::standard())
     }
 }
@@ -102,15 +128,15 @@ impl<F: Real + Into<f64>, M: Make> Kernel<F> for Follow<'_, M> {
             let noise = Covariance::from_lower(Mat::from_fn(|i, j| {
                 L::from_fn(|lane| F::of(noises[lane].covariance().get(i, j)))
             }));
-            let process = Rk4::with_noise(scanner, L::of(1e-6), ProcessNoise::from(noise));
+            let process = M::process(scanner, noise);
             let start = Covariance::from_standard_deviations([L::of(0.05), L::of(5e3)]);
-            let mut filter = self.make.filter([L::of(0.12), L::of(0.0)], start);
+            let mut filter = M::filter([L::of(0.12), L::of(0.0)], start);
             for (step, at) in self.measurements.chunks_exact(DEVICES).enumerate() {
                 let drive = L::from_fn(|lane| {
                     F::of(if (self.broken)(first + lane, step) { f64::INFINITY } else { 23.76 })
                 });
                 let y = L::from_fn(|lane| F::of(at[first + lane]));
-                let taken = filter.predict(&process, &Nodes::held(drive)).ok();
+                let taken = filter.predict(&process, &M::drive(drive)).ok();
                 record(&mut courses[first..], &filter, taken);
                 let taken = filter.update(&readout, &[y], &r).ok().map(|innovation| innovation.taken);
                 record(&mut courses[first..], &filter, taken);
@@ -135,7 +161,7 @@ fn record<F: Into<f64>, L: Lane<F>>(
 }
 
 /// Runs every instruction set against one filter at a time; with faults, checks what they did too.
-fn compare<F: Real + Into<f64>, M: Make + Copy>(make: M, steps: usize, faults: bool) {
+fn compare<F: Real + Into<f64>, M: Make>(steps: usize, faults: bool) {
     let mut measurements = measurements();
     measurements.truncate(steps * DEVICES);
     let missing = |index: usize, step: usize| faults && index % 37 == 5 && step % 11 == 7;
@@ -145,7 +171,7 @@ fn compare<F: Real + Into<f64>, M: Make + Copy>(make: M, steps: usize, faults: b
             *y = f64::NAN;
         }
     }
-    let kernel = || Follow { make, measurements: &measurements, broken: &broken };
+    let kernel = || Follow { make: PhantomData::<M>, measurements: &measurements, broken: &broken };
     let expected: Vec<Course> = kernel().run::<F>();
     for (index, course) in expected.iter().enumerate() {
         for step in 0..steps {
@@ -172,20 +198,20 @@ fn compare<F: Real + Into<f64>, M: Make + Copy>(make: M, steps: usize, faults: b
 
 #[test]
 fn extended_filters_agree() {
-    compare::<f64, _>(MakeEkf, STEPS, false);
-    compare::<f32, _>(MakeEkf, STEPS, false);
+    compare::<f64, MakeEkf>(STEPS, false);
+    compare::<f32, MakeEkf>(STEPS, false);
 }
 
 #[test]
 fn unscented_filters_agree() {
-    compare::<f64, _>(MakeUkf, 100, false);
-    compare::<f32, _>(MakeUkf, 100, false);
+    compare::<f64, MakeUkf>(100, false);
+    compare::<f32, MakeUkf>(100, false);
 }
 
 /// A missing measurement or a broken input stops its own lane, and no other.
 #[test]
 fn a_refused_lane_is_as_if_alone() {
-    compare::<f64, _>(MakeEkf, 60, true);
-    compare::<f32, _>(MakeEkf, 60, true);
-    compare::<f64, _>(MakeUkf, 60, true);
+    compare::<f64, MakeEkf>(60, true);
+    compare::<f32, MakeEkf>(60, true);
+    compare::<f64, MakeUkf>(60, true);
 }

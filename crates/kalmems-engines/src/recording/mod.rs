@@ -55,6 +55,12 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+/// Whether a file has more rows than `most`, without reading them; see [`kalmems_formats::has_more_rows`].
+pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, ReadError> {
+    kalmems_formats::has_more_rows(path, &layout.hints, most)
+        .map_err(|source| ReadError::of_format(path, source))
+}
+
 /// What an experiment file says about the columns of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {

@@ -3,7 +3,9 @@
 
 mod hostile;
 
-use kalmems_formats::{Block, Fault, Format, FormatError, Hints, Table, Wanted, open, open_reader};
+use kalmems_formats::{
+    Block, Fault, Format, FormatError, Hints, Table, Wanted, has_more_rows, open, open_reader,
+};
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -368,4 +370,26 @@ fn numbers_serve_as_labels() {
         let content = content(&mut *table, &wanted, 64).unwrap();
         assert_eq!(content.labels[0], reference()["count_1"], "{name}");
     }
+}
+
+/// Formats say how many rows they have; of text the lines are counted, the header among them.
+#[test]
+fn a_long_file_is_known_without_reading_it() {
+    for (name, rows) in [
+        ("fields.npy", 120),
+        ("none.parquet", 120),
+        ("columns.h5", 120),
+        ("variables.mat", 120),
+        ("segments.tdms", 120),
+        ("reference.csv", 121),
+    ] {
+        let more_than = |most| has_more_rows(&fixture(name), &Hints::default(), most).unwrap();
+        assert!(more_than(0) && more_than(rows - 1) && !more_than(rows), "{name}");
+    }
+    // A line may be longer than a look, and lines may be as short as can be.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lines.csv");
+    std::fs::write(&path, format!("time_s,{}_V\n{}", "x".repeat(200_000), "\n".repeat(100_000))).unwrap();
+    let more_than = |most| has_more_rows(&path, &Hints::default(), most).unwrap();
+    assert!(more_than(100_000) && !more_than(100_001));
 }

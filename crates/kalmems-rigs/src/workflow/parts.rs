@@ -62,25 +62,9 @@ pub fn is_long(experiment: &Experiment) -> Result<bool, WorkflowError> {
         let described = experiment.recording(index)?;
         let path = experiment.resolve(&described.file);
         require(experiment, &described.file, Key::from("recording").index(index).child("file"))?;
-        if !path.is_file() || has_more_rows(&path, &rig.layout(experiment, index)?, LONG)? {
+        if !path.is_file() || recording::has_more_rows(&path, &rig.layout(experiment, index)?, LONG as u64)? {
             return Ok(true);
         }
-    }
-    Ok(false)
-}
-
-/// Whether a file has more rows than this; as far as it can be read.
-fn has_more_rows(path: &Path, layout: &recording::Layout, most: usize) -> Result<bool, WorkflowError> {
-    let around = recording::Around { rows: PART, first: PART, before: 0, after: 0 };
-    let mut stretches = Stretches::open(path, layout, around)?;
-    let mut rows = 0;
-    // What is wrong with it is told when it is read.
-    while let Ok(Some(stretch)) = stretches.next(&mut |_, _| ControlFlow::Continue(())) {
-        rows += stretch.fresh.len();
-        if rows > most {
-            return Ok(true);
-        }
-        stretches.reuse(stretch);
     }
     Ok(false)
 }
