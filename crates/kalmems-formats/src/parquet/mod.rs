@@ -1,6 +1,8 @@
 //! Apache Parquet: columns that hold one value a row.
 
 mod layout;
+mod packing;
+mod pages;
 mod thrift;
 
 use crate::decimal::Shift;
@@ -11,131 +13,18 @@ use crate::source::Source;
 use crate::{
     Block, CellFault, Column, Description, Fault, FormatError, Hints, Labels, Table, Wanted, element,
 };
-use bytes::Bytes;
+use pages::{ColumnPages, PAGE_BYTES};
 use parquet::basic::{ConvertedType, LogicalType, Type};
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::ColumnChunkMetaData;
-use parquet::file::reader::{ChunkReader, FileReader, Length};
-use parquet::file::serialized_reader::SerializedFileReader;
+use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
 use parquet::schema::types::ColumnDescriptor;
-use std::io::{BufReader, Read};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 const FORMAT: &str = "Parquet";
-/// Bytes that a page may unpack to. Writers make pages of one.
-const PAGE_BYTES: u64 = 16 << 20;
-/// Values of a dictionary. Writers stop at a megabyte.
-const DICTIONARY: u64 = 1 << 20;
-/// Bytes of the header of a page, and of one with long texts.
-const HEADER: usize = 1024;
-const LONG_HEADER: usize = 1 << 20;
 /// Groups of rows.
 const GROUPS: usize = 1 << 16;
-
-/// The file for the library.
-#[derive(Clone)]
-struct Pages {
-    source: Arc<Source>,
-    /// The end of the file is known, so that what is read on are pages.
-    pages: Arc<AtomicBool>,
-}
-
-/// A place of the file that is read on.
-struct At {
-    source: Arc<Source>,
-    offset: u64,
-}
-
-impl Read for At {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let count = self.source.read_some(self.offset, buffer).map_err(std::io::Error::other)?;
-        self.offset += count as u64;
-        Ok(count)
-    }
-}
-
-impl Length for Pages {
-    fn len(&self) -> u64 {
-        self.source.length()
-    }
-}
-
-impl ChunkReader for Pages {
-    type T = BufReader<At>;
-
-    fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
-        if self.pages.load(Ordering::Relaxed) {
-            let external = |error: FormatError| ParquetError::External(Box::new(error));
-            let mut head = vec![0; HEADER];
-            let mut count = self.source.read_some(start, &mut head).map_err(external)?;
-            let mut page = Page::of(&head[..count]);
-            if page.is_none() && count == HEADER {
-                // Texts in its statistics may be long.
-                head.resize(LONG_HEADER, 0);
-                count = self.source.read_some(start, &mut head).map_err(external)?;
-                page = Page::of(&head[..count]);
-            }
-            let Some(page) = page else {
-                return Err(ParquetError::General(format!("no header of a page at byte {start}")));
-            };
-            page.refuse_too_large(start).map_err(external)?;
-        }
-        Ok(BufReader::with_capacity(512, At { source: Arc::clone(&self.source), offset: start }))
-    }
-
-    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
-        limits::at_most(FORMAT, "a stretch to read", length as u64, PAGE_BYTES)
-            .and_then(|()| self.source.bytes(FORMAT, start, length))
-            .map(Bytes::from)
-            .map_err(|error| ParquetError::External(Box::new(error)))
-    }
-}
-
-/// What the header of a page claims.
-#[derive(Default)]
-struct Page {
-    unpacked: u64,
-    packed: u64,
-    /// Values of a dictionary, for which the library makes room before it looks for them.
-    values: u64,
-    /// Bytes of the levels before the values of a page of the second kind, which are never packed.
-    levels: u64,
-}
-
-impl Page {
-    /// That of a header; `None` where it is none, or counts something below zero.
-    fn of(head: &[u8]) -> Option<Self> {
-        let (mut page, mut sound) = (Self::default(), true);
-        let is_page = thrift::is_struct(head, layout::PAGE, &mut |place, number| {
-            let count = || u64::try_from(number);
-            match place {
-                [2] => count().map_or_else(|_| sound = false, |count| page.unpacked = count),
-                [3] => count().map_or_else(|_| sound = false, |count| page.packed = count),
-                [7, 1] => count().map_or_else(|_| sound = false, |count| page.values = count),
-                [8, 5 | 6] => count()
-                    .map_or_else(|_| sound = false, |count| page.levels = page.levels.saturating_add(count)),
-                // Values, nulls and rows of a page of data.
-                [5, 1] | [8, 1..=3] => sound &= number >= 0,
-                _ => {}
-            }
-        });
-        (is_page && sound && page.levels <= page.unpacked.min(page.packed)).then_some(page)
-    }
-
-    fn refuse_too_large(&self, start: u64) -> Result<(), FormatError> {
-        let bytes = self.unpacked.max(self.packed);
-        limits::at_most(FORMAT, &format!("the bytes of the page at byte {start}"), bytes, PAGE_BYTES)?;
-        limits::at_most(
-            FORMAT,
-            &format!("the values of the dictionary at byte {start}"),
-            self.values,
-            DICTIONARY,
-        )
-    }
-}
 
 fn failed(place: &str, error: ParquetError) -> FormatError {
     // What was refused by our own limits says so itself.
@@ -178,17 +67,12 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
     let metadata =
         end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, length as usize));
     let metadata = metadata.transpose()?.unwrap_or_default();
-    if !thrift::is_struct(&metadata, layout::FILE, &mut |_, _| {}) {
+    if thrift::length_of_struct(&metadata, layout::FILE, &mut |_, _| {}).is_none() {
         let found =
             "metadata that end too early, have lists of more than 65536 elements or fields of another type";
         return Err(damaged("the metadata", found.to_owned()));
     }
-    drop(metadata);
-    let pages = Pages { source: Arc::clone(&source), pages: Arc::new(AtomicBool::new(false)) };
-    let file = guarded("the metadata", || SerializedFileReader::new(pages.clone()))?;
-    pages.pages.store(true, Ordering::Relaxed);
-
-    let metadata = file.metadata();
+    let metadata = guarded("the metadata", || ParquetMetaDataReader::decode_metadata(&metadata))?;
     limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups() as u64, GROUPS as u64)?;
     let mut rows = 0_u64;
     for group in metadata.row_groups() {
@@ -196,14 +80,8 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let count =
             count.map_err(|_| damaged("the metadata", format!("{} rows in a group", group.num_rows())))?;
         rows = rows.saturating_add(count);
-        // The library takes these for granted.
         let sound = |chunk: &ColumnChunkMetaData| {
-            let start = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
-            let start = u64::try_from(start.min(chunk.data_page_offset()));
-            let (length, values) =
-                (u64::try_from(chunk.compressed_size()), u64::try_from(chunk.num_values()));
-            matches!((start, length, values), (Ok(start), Ok(length), Ok(_))
-                if start.checked_add(length).is_some_and(|end| end <= file_bytes))
+            chunk.num_values() >= 0 && pages::place(chunk).is_some_and(|place| place.end <= file_bytes)
         };
         let columns = metadata.file_metadata().schema_descr().num_columns();
         if group.num_columns() != columns || !group.columns().iter().all(sound) {
@@ -236,7 +114,16 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         });
     }
     let description = Description { format: FORMAT, recognised, columns, rows: Some(rows) };
-    Ok(Box::new(ParquetTable { description, file, kinds, rows, row: 0, file_bytes, wanted: Vec::new() }))
+    Ok(Box::new(ParquetTable {
+        description,
+        source,
+        metadata,
+        kinds,
+        rows,
+        row: 0,
+        file_bytes,
+        wanted: Vec::new(),
+    }))
 }
 
 /// A column of the schema.
@@ -296,7 +183,8 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
 
 struct ParquetTable {
     description: Description,
-    file: SerializedFileReader<Pages>,
+    source: Arc<Source>,
+    metadata: ParquetMetaData,
     kinds: Vec<Leaf>,
     rows: u64,
     row: u64,
@@ -337,7 +225,7 @@ impl Table for ParquetTable {
             let Some(leaf) = self.kinds.get(column).copied() else {
                 return Err(unsupported(format!("column {column}, which is not there,")));
             };
-            let schema = self.file.metadata().file_metadata().schema_descr();
+            let schema = self.metadata.file_metadata().schema_descr();
             let text = schema.column(leaf.number).physical_type() == Type::BYTE_ARRAY;
             if text && matches!(want, Wanted::Number { .. }) {
                 let name = &self.description.columns[column].name;
@@ -366,7 +254,12 @@ impl Table for ParquetTable {
             match cursor.want {
                 Wanted::Number { power, .. } => {
                     let out = &mut block.numbers[number];
-                    let missing = cursor.read(&self.file, name, rows, Sink::Numbers { out, power })?;
+                    let missing = cursor.read(
+                        (&self.source, &self.metadata),
+                        name,
+                        rows,
+                        Sink::Numbers { out, power },
+                    )?;
                     refuse_infinities(out, column, self.row, &mut block.faults);
                     // They are NaN so far, and were taken for such.
                     for fault in block.faults.iter_mut().filter(|fault| fault.column == Some(column)) {
@@ -378,7 +271,8 @@ impl Table for ParquetTable {
                 }
                 Wanted::Label { .. } => {
                     let out = &mut block.labels[label];
-                    let missing = cursor.read(&self.file, name, rows, Sink::Labels { out })?;
+                    let missing =
+                        cursor.read((&self.source, &self.metadata), name, rows, Sink::Labels { out })?;
                     for (row, _) in missing.iter().enumerate().filter(|(_, missing)| **missing) {
                         let line = self.row + row as u64 + 1;
                         block.faults.push(CellFault {
@@ -408,7 +302,7 @@ impl Cursor {
     /// Reads the next rows; says which of them have no value.
     fn read(
         &mut self,
-        file: &SerializedFileReader<Pages>,
+        (source, metadata): (&Arc<Source>, &ParquetMetaData),
         name: &str,
         rows: usize,
         mut sink: Sink<'_>,
@@ -417,8 +311,10 @@ impl Cursor {
         let mut done = 0;
         while done < rows {
             let Some(reader) = &mut self.reader else {
-                let (group, leaf) = (self.group, self.leaf.number);
-                self.reader = Some(guarded(name, || file.get_row_group(group)?.get_column_reader(leaf))?);
+                let leaf = self.leaf.number;
+                let pages = ColumnPages::of(source, metadata.row_group(self.group).column(leaf))?;
+                let descriptor = metadata.file_metadata().schema_descr().column(leaf);
+                self.reader = Some(get_column_reader(descriptor, Box::new(pages)));
                 continue;
             };
             self.levels.clear();
@@ -428,7 +324,7 @@ impl Cursor {
             if count == 0 {
                 self.reader = None;
                 self.group += 1;
-                if self.group >= file.metadata().num_row_groups() {
+                if self.group >= metadata.num_row_groups() {
                     return Err(damaged(&format!("column `{name}`"), "fewer values than rows".to_owned()));
                 }
             }
@@ -515,28 +411,5 @@ impl Records<'_> {
             }
         }
         Ok(rows)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Page;
-
-    #[test]
-    fn a_dictionary_that_claims_too_much_is_refused() {
-        // A dictionary page of 300 bytes in 200 with 1 048 576 values, and with one more.
-        let header = |values: [u8; 4]| {
-            let mut header = vec![0x15, 4, 0x15, 0xd8, 4, 0x15, 0x90, 3, 0x4c, 0x15];
-            header.extend(values);
-            header.extend([0x15, 0, 0, 0]);
-            Page::of(&header).unwrap()
-        };
-        let page = header([0x80, 0x80, 0x80, 1]);
-        assert_eq!((page.unpacked, page.packed, page.values), (300, 200, 1 << 20));
-        assert!(page.refuse_too_large(0).is_ok());
-        let said = header([0x82, 0x80, 0x80, 1]).refuse_too_large(7).unwrap_err().to_string();
-        assert!(said.contains("the values of the dictionary at byte 7"), "{said}");
-        // Below zero.
-        assert!(Page::of(&[0x15, 4, 0x15, 1, 0x15, 2, 0]).is_none());
     }
 }

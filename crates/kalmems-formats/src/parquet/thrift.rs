@@ -31,11 +31,16 @@ pub(super) enum Kind {
 /// A field's number and what it holds.
 pub(super) type Field = (i64, Kind);
 
-/// Whether the bytes begin with a struct of these fields, each of its type, with all that it claims to hold. `each` hears the
-/// numbers with the places that lead to them.
-pub(super) fn is_struct(bytes: &[u8], fields: &'static [Field], each: &mut dyn FnMut(&[i64], i64)) -> bool {
+/// How long the struct is that the bytes begin with, if it is one of these fields, each of its type, with all that it claims
+/// to hold. `each` hears the numbers with the places that lead to them, a flag as 0 or 1.
+pub(super) fn length_of_struct(
+    bytes: &[u8],
+    fields: &'static [Field],
+    each: &mut dyn FnMut(&[i64], i64),
+) -> Option<usize> {
     let mut reader = Reader { rest: bytes, place: Vec::new(), each };
-    reader.fields(fields, DEPTH).is_some()
+    reader.fields(fields, DEPTH)?;
+    Some(bytes.len() - reader.rest.len())
 }
 
 struct Reader<'a> {
@@ -88,7 +93,7 @@ impl Reader<'_> {
             let kind = fields.iter().find(|(known, _)| *known == last).map(|(_, kind)| *kind);
             self.place.push(last);
             match (head & 15, kind) {
-                (1 | 2, None | Some(Kind::Flag)) => {}
+                (flag @ (1 | 2), None | Some(Kind::Flag)) => (self.each)(&self.place, i64::from(flag == 1)),
                 (code, kind) => self.value(code, kind, depth)?,
             }
             self.place.pop();
@@ -131,21 +136,23 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::Kind::{Bytes, Flag, List, Number, Struct};
-    use super::{Field, is_struct};
+    use super::{Field, length_of_struct};
 
     const FIELDS: &[Field] = &[(1, Number), (2, Bytes), (3, List(&Struct(&[(1, Number)]))), (4, Flag)];
 
     /// The numbers in a struct, or `None` where there is none.
     fn numbers(bytes: &[u8], fields: &'static [Field]) -> Option<Vec<(Vec<i64>, i64)>> {
         let mut found = Vec::new();
-        is_struct(bytes, fields, &mut |place, number| found.push((place.to_vec(), number))).then_some(found)
+        let length =
+            length_of_struct(bytes, fields, &mut |place, number| found.push((place.to_vec(), number)));
+        length.map(|_| found)
     }
 
     #[test]
     fn what_is_there_is_passed_over() {
         // Field 1: the number 300; field 2: a text; field 3: a list of two structs; field 4: a flag.
         let bytes = [0x15, 0xd8, 0x04, 0x18, 2, b'a', b'b', 0x19, 0x2c, 0, 0x15, 2, 0, 0x11, 0, 99];
-        let expected = vec![(vec![1], 300), (vec![3, 1], 1)];
+        let expected = vec![(vec![1], 300), (vec![3, 1], 1), (vec![4], 1)];
         assert_eq!(numbers(&bytes, FIELDS), Some(expected.clone()));
         // Nothing need be known of it.
         assert_eq!(numbers(&bytes, &[]), Some(expected));

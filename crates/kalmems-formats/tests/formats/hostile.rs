@@ -37,6 +37,8 @@ fn fixtures() -> Vec<(&'static str, Hints)> {
         "i24.wav",
         "rf64.wav",
         "f64.wav",
+        "zstd.parquet",
+        "polars.parquet",
     ]);
     let names = ["time_s", "drive_V", "cap_V"];
     all.extend(["plain.npy", "fortran.npy", "matrix.mat"].map(|name| (name, named(&names))));
