@@ -1,4 +1,5 @@
-//! A look over metadata (Apache Thrift, compact protocol) before the library reads it.
+//! A look over metadata (Apache Thrift, compact protocol) before the library reads them, and all that is read of the headers of
+//! pages, which it never sees.
 //!
 //! The library believes lengths of lists before it has seen their elements, and passes over lists of flags without
 //! reading a byte for each, so that a few bytes can keep it busy for hours. Here every element is seen to be there, and
