@@ -67,4 +67,18 @@ static int is_finite(float x)
 {
     return x - x == 0.0F;
 }
+
+/* Takes over a state if it is one. */
+static int take(@name@_t *filter, float angle, float rate, float p00, float p10, float p11)
+{
+    if (!(is_finite(angle) && is_finite(rate) && is_finite(p00) && is_finite(p10) && is_finite(p11))) {
+        return 0;
+    }
+    filter->angle = angle;
+    filter->rate = rate;
+    filter->p00 = p00;
+    filter->p10 = p10;
+    filter->p11 = p11;
+    return 1;
+}
 "#;

@@ -152,15 +152,7 @@ int @name@_predict(@name@_t *filter, float start_v, float middle_v, float end_v)
     p11 = fp10 * f[2] + fp11 * f[3] + @q11@;
 ";
 
-const REST: &str = r"    if (!(is_finite(angle) && is_finite(rate) && is_finite(p00) && is_finite(p10) && is_finite(p11))) {
-        return 0;
-    }
-    filter->angle = angle;
-    filter->rate = rate;
-    filter->p00 = p00;
-    filter->p10 = p10;
-    filter->p11 = p11;
-    return 1;
+const REST: &str = r"    return take(filter, angle, rate, p00, p10, p11);
 }
 
 int @name@_update(@name@_t *filter, float signal_v)
@@ -178,16 +170,10 @@ int @name@_update(@name@_t *filter, float signal_v)
     const float p00 = a00 * (a00 * filter->p00) + k0 * k0;
     const float p10 = a00 * b10 + k1 * k0;
     const float p11 = a10 * b10 + b11 + k1 * k1;
-    if (!(variance > 0.0F && is_finite(variance) && is_finite(angle) && is_finite(rate) && is_finite(p00)
-          && is_finite(p10) && is_finite(p11))) {
+    if (!(variance > 0.0F && is_finite(variance))) {
         return 0;
     }
-    filter->angle = angle;
-    filter->rate = rate;
-    filter->p00 = p00;
-    filter->p10 = p10;
-    filter->p11 = p11;
-    return 1;
+    return take(filter, angle, rate, p00, p10, p11);
 }
 
 void @name@_start(@name@_t *filter)

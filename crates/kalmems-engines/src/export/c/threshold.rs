@@ -363,20 +363,6 @@ const GATE: &str = r"    if (is_crossing && residual * residual > @nis@ * varian
 ";
 
 const FILTER: &str = r"
-/* Takes over a state if it is one. */
-static int take(@name@_t *filter, float angle, float rate, float p00, float p10, float p11)
-{
-    if (!(is_finite(angle) && is_finite(rate) && is_finite(p00) && is_finite(p10) && is_finite(p11))) {
-        return 0;
-    }
-    filter->angle = angle;
-    filter->rate = rate;
-    filter->p00 = p00;
-    filter->p10 = p10;
-    filter->p11 = p11;
-    return 1;
-}
-
 /* The mirror swings freely, which is linear. */
 static int predict(@name@_t *filter)
 {
