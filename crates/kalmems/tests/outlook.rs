@@ -100,6 +100,43 @@ fn a_device_that_oscillates_is_described() {
     );
 }
 
+/// A square wave far below the resonance, whose 9th harmonic pumps: four and a half cycles of the motion in each of its
+/// periods. It grows as Meissner's equation has it (two stiffnesses in turn, solved exactly), and starts in the time that
+/// follows.
+#[test]
+fn a_high_harmonic_that_pumps_is_followed() {
+    let (inertia, damping) = (1.15e-14, 5.95e-12);
+    let decay = 0.5 * damping / inertia;
+    // C₀/θ₀² is what a V² adds.
+    let rates = [0.0_f64, 480.0].map(|volts| {
+        let stiffness = 1.10e-4 + 5.71e-12 / 0.2_f64.powi(2) * (volts.powi(2) + 18.0);
+        (stiffness / inertia - decay * decay).sqrt()
+    });
+    let growth_at = |drive_hz: f64| {
+        let [(s, c), (s2, c2)] = rates.map(|rate| (0.5 * rate / drive_hz).sin_cos());
+        let trace = 2.0 * c * c2 - (rates[0] / rates[1] + rates[1] / rates[0]) * s * s2;
+        (0.5 * trace.abs()).max(1.0).acosh() * drive_hz - decay
+    };
+    let best_hz = 2.0 * rates[0].midpoint(rates[1]) / std::f64::consts::TAU / 9.0;
+    let drive_hz = (-100..=100)
+        .map(|i| best_hz * (1.0 + 1e-4 * f64::from(i)))
+        .max_by(|a, b| growth_at(*a).total_cmp(&growth_at(*b)))
+        .unwrap();
+    let outlook = outlook_of(|toml| {
+        let (before, rest) = toml.split_once("[simulate.drive.sine]").unwrap();
+        let (_, after) = rest.split_once("\n\n").unwrap();
+        let levels = "low = \"0 V\"\nhigh = \"480 V\"\nduty_cycle = \"50 %\"";
+        format!("{before}[simulate.drive.square]\n{levels}\nfrequency = \"{drive_hz} Hz\"\n\n{after}")
+    });
+    println!("{}", outlook.to_text());
+    let growth = values(&outlook, "growth_rate_per_s")[0];
+    near(growth, growth_at(drive_hz), 0.01 * growth);
+    let [time_s, amplitude_deg] = values(&outlook, "start_up_s_and_deg")[..] else {
+        panic!("a time and an angle")
+    };
+    near(time_s, (amplitude_deg.to_radians() / 1e-6).ln() / growth, 0.1 * time_s);
+}
+
 #[test]
 fn without_a_drive_the_device_alone_is_described() {
     let outlook = outlook_of(|toml| {

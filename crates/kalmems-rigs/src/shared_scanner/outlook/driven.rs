@@ -18,8 +18,12 @@ pub struct Driven {
     pub start: Option<Start>,
 }
 
-/// Integration steps per period of the drive, half a cycle of the motion: the frequency is right to 3e-6.
+/// Integration steps per half cycle of the motion, which is a period of the harmonic of the drive that pumps: the frequency
+/// is right to 3e-6.
 const STEPS: u32 = 24;
+/// Likewise where growth is told, and where a start is waited for.
+const FINE_STEPS: u32 = 64;
+const START_STEPS: u32 = 48;
 /// What disturbs a device at rest, in rad.
 const DISTURBANCE: f64 = 1e-6;
 /// What it is disturbed by at each frequency of a sweep, so that slow starts are seen too.
@@ -27,6 +31,8 @@ const AT_LEAST: f64 = 1e-3;
 /// Frequencies of a sweep, and the points of a map along and across.
 const SWEEP_POINTS: u32 = 43;
 const MAP_POINTS: [u32; 2] = [161, 101];
+/// Half cycles of the motion for which each frequency of a sweep is held at most: forty e-foldings of the motion at Q = 770.
+const LONGEST_HOLD: f64 = 20_000.0;
 /// A start that takes more steps than this is not waited for.
 const LONGEST_START: f64 = 4e6;
 
@@ -49,7 +55,7 @@ impl Driven {
         };
         let curve = Balance::of(scanner, drive).map_or_else(Vec::new, |balance| balance.curve());
         let response = response(scanner, drive, &stability, curve);
-        let motion = response.as_ref().map(|response| Motion::of(scanner, drive, response));
+        let motion = response.as_ref().map(|response| Motion::of(scanner, drive, &stability, response));
         let mut topics = vec![starts(scanner, drive, &stability)];
         topics.extend(motion.as_ref().map(|motion| motion.topic.clone()));
         Self {
@@ -96,7 +102,7 @@ fn starts(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability
             ),
         );
     }
-    if let Some(growth) = floquet_exponent(*scanner, drive, 64) {
+    if let Some(growth) = floquet_exponent(*scanner, drive, FINE_STEPS * stability.harmonic) {
         let hz = stability.drive_hz[0];
         let place = match stability.tongue_hz() {
             Some([low, high]) if (low..=high).contains(&hz) => String::new(),
@@ -141,12 +147,17 @@ fn response(
 ) -> Option<Response> {
     let [low, high] = span(balance.iter().map(|motion| motion.drive_hz))?;
     let beyond = 0.12 * (high - low);
-    // Forty times as long as a motion takes to fall to 1/e, as long as Q leaves that a matter of seconds.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
-    let periods = (26.0 * stability.quality / f64::from(stability.harmonic)).clamp(500.0, 60_000.0) as u32;
-    let hold = Hold { periods, steps_per_period: STEPS * stability.harmonic, disturbance: AT_LEAST };
+    let hold = hold(stability);
     let sweeps = sweeps_both_ways(*scanner, drive, &grid(low - beyond, high + beyond, SWEEP_POINTS), &hold)?;
     Some(Response { sweeps, balance })
+}
+
+/// Forty times as long as a motion takes to fall to 1/e, as long as Q leaves that a matter of seconds.
+fn hold(stability: &Stability) -> Hold {
+    let harmonic = f64::from(stability.harmonic);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+    let periods = ((26.0 * stability.quality).clamp(500.0, LONGEST_HOLD) / harmonic).ceil() as u32;
+    Hold { periods, steps_per_period: STEPS * stability.harmonic, disturbance: AT_LEAST }
 }
 
 /// From no drive to half again as much as is there, or as is needed.
@@ -171,7 +182,12 @@ struct Motion {
 }
 
 impl Motion {
-    fn of(scanner: &ParametricScanner<f64>, drive: &Drive, response: &Response) -> Self {
+    fn of(
+        scanner: &ParametricScanner<f64>,
+        drive: &Drive,
+        stability: &Stability,
+        response: &Response,
+    ) -> Self {
         let stable: Vec<&SteadyMotion> = response.balance.iter().filter(|motion| motion.is_stable).collect();
         let by_amplitude = |a: &&&SteadyMotion, b: &&&SteadyMotion| a.amplitude.total_cmp(&b.amplitude);
         let by_frequency = |a: &&&SteadyMotion, b: &&&SteadyMotion| a.drive_hz.total_cmp(&b.drive_hz);
@@ -208,7 +224,7 @@ impl Motion {
             return Self { topic, amplitude: largest.map(|motion| motion.amplitude) };
         };
         let balance = Balance::of(scanner, drive).map_or_else(Vec::new, |b| b.motions_at(*frequency_hz));
-        let growth = floquet_exponent(*scanner, drive, 64).unwrap_or(f64::NAN);
+        let growth = floquet_exponent(*scanner, drive, FINE_STEPS * stability.harmonic).unwrap_or(f64::NAN);
         let motion = balance.iter().rev().find(|motion| motion.is_stable);
         topic = match motion {
             None => topic.with(
@@ -232,17 +248,18 @@ impl Motion {
             ),
         };
         if let Some(motion) = motion.filter(|_| growth > 0.0) {
-            topic = starting(topic, scanner, drive, motion, growth);
+            let rate_hz = f64::from(START_STEPS * stability.harmonic) * frequency_hz;
+            topic = starting(topic, scanner, (drive, rate_hz), motion, growth);
         }
         Self { topic, amplitude: motion.map(|motion| motion.amplitude) }
     }
 }
 
-/// How long it takes from almost nothing.
+/// How long it takes from almost nothing, with so many steps per second.
 fn starting(
     topic: Topic,
     scanner: &ParametricScanner<f64>,
-    drive: &Drive,
+    (drive, rate_hz): (&Drive, f64),
     motion: &SteadyMotion,
     growth: f64,
 ) -> Topic {
@@ -250,7 +267,6 @@ fn starting(
     let decay = 0.5 * scanner.resonator.damping / scanner.resonator.inertia;
     let expected_s = Scalar::ln(motion.amplitude / DISTURBANCE) / growth;
     let limit_s = 1.3 * expected_s + 10.0 / decay;
-    let rate_hz = drive.period_s().map_or(f64::NAN, |period| f64::from(STEPS) * 2.0 / period);
     let begun = (limit_s * rate_hz < LONGEST_START)
         .then(|| start_up(*scanner, drive, DISTURBANCE, rate_hz, limit_s))
         .flatten();
