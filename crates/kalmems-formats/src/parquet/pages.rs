@@ -6,6 +6,7 @@ use crate::FormatError;
 use crate::limits;
 use crate::source::Source;
 use bytes::Bytes;
+use flate2::Crc;
 use parquet::basic::Encoding;
 use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::errors::ParquetError;
@@ -55,7 +56,7 @@ impl ColumnPages {
             let body = self.left.start;
             self.left.start += header.packed;
             #[allow(clippy::cast_possible_truncation)] // 16 MiB at most
-            let read = || self.source.bytes(FORMAT, body, header.packed as usize);
+            let read = || header.checked(self.source.bytes(FORMAT, body, header.packed as usize)?, start);
             if let Some(page) = header.page(read, self.packing, start)? {
                 return Ok(Some(page));
             }
@@ -112,6 +113,8 @@ struct Header {
     kind: i64,
     unpacked: u64,
     packed: u64,
+    /// The checksum of its bytes as they are packed, where there is one.
+    sum: Option<u32>,
     values: u64,
     encoding: i64,
     /// Of a page of the first kind the encodings of its levels, definition and repetition.
@@ -136,6 +139,10 @@ impl Header {
                 [1] => header.kind = number,
                 [2] => count(&mut header.unpacked),
                 [3] => count(&mut header.packed),
+                [4] => match i32::try_from(number) {
+                    Ok(sum) => header.sum = Some(sum.cast_unsigned()),
+                    Err(_) => sound = false,
+                },
                 [5 | 7 | 8, 1] => count(&mut header.values),
                 [5 | 7, 2] | [8, 4] => header.encoding = number,
                 [5, 3] => header.levels[0] = number,
@@ -160,6 +167,18 @@ impl Header {
             limits::at_most(FORMAT, &what, self.values, DICTIONARY)?;
         }
         Ok(())
+    }
+
+    /// The bytes of the page, compared with their checksum.
+    fn checked(&self, bytes: Vec<u8>, start: u64) -> Result<Vec<u8>, FormatError> {
+        let Some(expected) = self.sum else { return Ok(bytes) };
+        let mut crc = Crc::new();
+        crc.update(&bytes);
+        if crc.sum() == expected {
+            return Ok(bytes);
+        }
+        let found = format!("a checksum of {:08x} over its bytes, and {expected:08x} stored", crc.sum());
+        Err(damaged(&format!("the page at byte {start}"), found))
     }
 
     /// The page with what `read` gives; `None` of an index, which is not read.

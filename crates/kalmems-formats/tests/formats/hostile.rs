@@ -39,6 +39,7 @@ fn fixtures() -> Vec<(&'static str, Hints)> {
         "f64.wav",
         "zstd.parquet",
         "polars.parquet",
+        "sums.parquet",
     ]);
     let names = ["time_s", "drive_V", "cap_V"];
     all.extend(["plain.npy", "fortran.npy", "matrix.mat"].map(|name| (name, named(&names))));
@@ -397,6 +398,33 @@ fn said_of_columns(file: &str) -> Vec<String> {
         said.extend(error.map(|error| error.to_string()));
     }
     said
+}
+
+/// Any bit that is altered in a file whose pages have checksums is told, or the numbers are those of the whole file.
+#[test]
+fn checksums_of_pages_are_compared() {
+    let bytes = std::fs::read(fixture("sums.parquet")).unwrap();
+    let (whole, error) = drain(&bytes, &Hints::default()).unwrap();
+    assert!(error.is_none());
+    let mut told = 0;
+    for place in 4..bytes.len() {
+        let mut altered = bytes.clone();
+        altered[place] ^= 1 << (place % 8);
+        match drain(&altered, &Hints::default()) {
+            Ok((columns, None)) if place < data_end(&bytes) => {
+                assert_eq!(columns, whole, "byte {place}");
+            }
+            Ok((_, Some(error))) => told += usize::from(error.to_string().contains("a checksum of")),
+            _ => {}
+        }
+    }
+    assert!(told > 1000, "{told}");
+}
+
+/// Where the metadata of a Parquet file begin, which have no checksum.
+fn data_end(bytes: &[u8]) -> usize {
+    let length = bytes[bytes.len() - 8..].first_chunk().map_or(0, |length| u32::from_le_bytes(*length));
+    bytes.len() - 8 - length as usize
 }
 
 /// A column that refers to a dictionary which is not there, at which the library gives up by a panic.

@@ -148,7 +148,7 @@ fn npz_is_the_text() {
 
 #[test]
 fn parquet_is_the_text() {
-    for name in ["none", "snappy", "gzip", "lz4", "zstd", "polars", "groups", "encoded"] {
+    for name in ["none", "snappy", "gzip", "lz4", "zstd", "polars", "groups", "encoded", "sums"] {
         compare(&format!("{name}.parquet"), &Hints::default(), &ALL);
     }
 }
