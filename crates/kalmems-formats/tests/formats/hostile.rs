@@ -400,22 +400,20 @@ fn said_of_columns(file: &str) -> Vec<String> {
     said
 }
 
-/// Any bit that is altered in a file whose pages have checksums is told, or the numbers are those of the whole file.
+/// A bit that is altered in any byte of pages with checksums is told, or the numbers are those of the whole file.
 #[test]
 fn checksums_of_pages_are_compared() {
     let bytes = std::fs::read(fixture("sums.parquet")).unwrap();
     let (whole, error) = drain(&bytes, &Hints::default()).unwrap();
     assert!(error.is_none());
     let mut told = 0;
-    for place in 4..bytes.len() {
+    for place in 4..data_end(&bytes) {
         let mut altered = bytes.clone();
         altered[place] ^= 1 << (place % 8);
-        match drain(&altered, &Hints::default()) {
-            Ok((columns, None)) if place < data_end(&bytes) => {
-                assert_eq!(columns, whole, "byte {place}");
-            }
-            Ok((_, Some(error))) => told += usize::from(error.to_string().contains("a checksum of")),
-            _ => {}
+        let (columns, error) = drain(&altered, &Hints::default()).unwrap();
+        match error {
+            Some(error) => told += usize::from(error.to_string().contains("a checksum of")),
+            None => assert_eq!(columns, whole, "byte {place}"),
         }
     }
     assert!(told > 1000, "{told}");
