@@ -490,6 +490,7 @@ impl Interferogram {
                 segment_column: None,
                 columns: Some(self.columns.clone()),
                 hints: Hints::default(),
+                origin: None,
             },
         }
     }

@@ -21,7 +21,7 @@ pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, ReadError, Source, Stretch, Stretches};
+use crate::recording::{Around, Clock, Finding, Origin, ReadError, Source, Stretch, Stretches};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -141,6 +141,7 @@ pub fn inspect_with(
         segment_column: survey.segment.as_deref(),
         columns: Wanted::AllBut(&survey.text),
         hints: &hints,
+        origin: None,
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };
@@ -160,6 +161,7 @@ pub fn inspect_with(
     let timed = survey.time.is_some();
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
+    recognised.extend(source.origin.as_ref().map(Origin::sentence));
     Ok(Inspection {
         source,
         rows,

@@ -61,6 +61,10 @@ pub enum FindingKind {
     Gap,
     /// Intervals that differ from the median.
     IrregularTime,
+    /// Times that the file keeps in too few digits for their interval.
+    RoundedTime,
+    /// Times that come in bursts, as those of a host do.
+    BurstTime,
     /// The signal stays at its highest or lowest value.
     Saturation,
     /// The same value in every row.
@@ -93,6 +97,8 @@ impl FindingKind {
             | Self::Infinite
             | Self::Gap
             | Self::IrregularTime
+            | Self::RoundedTime
+            | Self::BurstTime
             | Self::Saturation
             | Self::Constant => Severity::Note,
         }
@@ -107,6 +113,7 @@ impl FindingKind {
             Self::BlankLine => ("line", "lines"),
             Self::Gap => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
+            Self::BurstTime => ("burst", "bursts"),
             Self::Saturation => ("sample", "samples"),
             _ => ("", ""),
         }
@@ -149,6 +156,14 @@ impl FindingKind {
             }
             Self::Gap => "nothing is put in: an estimate predicts over the gap",
             Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
+            Self::RoundedTime => {
+                "each is taken as its shortest decimal digits: write integers, such as of ns, or take off the start before \
+                 writing, or leave the column out and declare the rate, such as `clock = { rate = \"1 MHz\" }`"
+            }
+            Self::BurstTime => {
+                "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate instead \
+                 of the column, such as `clock = { rate = \"1 MHz\" }`; if they were sampled in bursts, nothing is to be done"
+            }
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \
                  measured signal"

@@ -7,8 +7,8 @@ use super::rails::{LONG_RUN, Part, Rails};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
 use super::time::TimeCheck;
-use super::{Clock, Column, Finding, FindingKind as Kind, Recording, Source};
-use kalmems_formats::{Block, CellFault, Fault};
+use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
+use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -37,19 +37,37 @@ pub(super) struct Pass {
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
     times: Vec<f64>,
     base: usize,
+    /// Where the times count from, and to how many s the file rounds them.
+    origin: Instant,
+    resolution_s: f64,
 }
 
 impl Pass {
     /// `head`: rows of a segment over which its usual interval is found.
-    pub(super) fn new(plan: Plan, findings: Findings, clock: &Clock, head: usize) -> Self {
+    pub(super) fn new(
+        plan: Plan,
+        findings: Findings,
+        (clock, origin): (&Clock, Option<Instant>),
+        head: usize,
+    ) -> Self {
+        // A start far from zero is an origin like a first time.
+        let mut times = TimeReader::new(TimeUnit::SECOND, origin);
+        let clock = match clock {
+            Clock::Rate { rate_hz, start_s } => {
+                Clock::Rate { rate_hz: *rate_hz, start_s: times.float(*start_s) }
+            }
+            Clock::Column(name) => Clock::Column(name.clone()),
+        };
         let rails = |target: &super::plan::Target| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
         Self {
             rails: plan.targets.iter().map(rails).collect(),
             plan,
-            clock: clock.clone(),
+            clock,
             head,
+            origin: times.origin().unwrap_or_default(),
+            resolution_s: 0.0,
             findings,
             lines: Lines::default(),
             drafts: Vec::new(),
@@ -65,6 +83,9 @@ impl Pass {
     pub(super) fn take(&mut self, block: &Block) {
         let begin = self.lines.rows();
         self.lines.push_many(block.rows, &block.lines);
+        if self.plan.clock.is_some() {
+            (self.origin, self.resolution_s) = (block.origin, block.resolution_s);
+        }
         self.append(block, begin);
         let whole = [(0, Vec::new())];
         let runs = match block.labels.first() {
@@ -90,7 +111,7 @@ impl Pass {
     fn append(&mut self, block: &Block, begin: usize) {
         let numbers = |slot: usize| block.numbers.get(slot).map_or(&[][..], Vec::as_slice);
         if let Some(clock) = &self.plan.clock {
-            append(&mut self.times, numbers(clock.slot), clock.scale, |_, _| {});
+            self.times.extend_from_slice(numbers(clock.slot));
         }
         for target in &mut self.plan.targets {
             append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
@@ -186,6 +207,7 @@ impl Pass {
             let start = draft.start;
             let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
             let times = self.times.get(start.max(self.base) - self.base..rows.end - self.base);
+            draft.check.hear_resolution(self.resolution_s);
             draft.check.take(times.unwrap_or_default(), rows.len(), place, &mut self.findings);
         }
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
@@ -263,6 +285,11 @@ impl Pass {
         self.base = row;
     }
 
+    /// Where the times count from, as far as it is known.
+    pub(super) fn origin(&self) -> Option<Origin> {
+        Origin::of(self.origin, self.plan.clock_unit.calendar)
+    }
+
     /// The number of rows so far.
     pub(super) const fn rows(&self) -> usize {
         self.lines.rows()
@@ -321,6 +348,7 @@ impl Pass {
             segments: vec![Segment { label: draft.label.clone(), rows: 0..rows.len(), time }],
             diagnosis: Vec::new(),
             rows: rows.len(),
+            origin: self.origin,
         })
     }
 
@@ -358,6 +386,7 @@ impl Pass {
             diagnosis: self.findings.list(&self.plan.names, &self.labels),
             segments,
             rows,
+            origin: self.origin,
         }
     }
 }

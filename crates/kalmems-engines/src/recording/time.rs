@@ -2,6 +2,7 @@
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
+use super::stamps;
 use std::cmp::Ordering;
 
 /// How far an interval may be from the segment's median, as a part of the median.
@@ -19,7 +20,11 @@ pub(super) struct TimeCheck {
     /// Whether the head is read; then the usual interval, none where no row of the head follows another in time.
     settled: bool,
     median: Option<f64>,
+    /// To how many s the file rounds the times.
+    resolution_s: f64,
     ordered: bool,
+    /// Whether all intervals are the usual one.
+    even: bool,
     gaps: Found,
     missing: f64,
     irregular: Found,
@@ -34,7 +39,9 @@ impl TimeCheck {
             rows: 0,
             settled: false,
             median: None,
+            resolution_s: 0.0,
             ordered: true,
+            even: true,
             gaps: Found::default(),
             missing: 0.0,
             irregular: Found::default(),
@@ -51,6 +58,11 @@ impl TimeCheck {
     /// The usual interval, as far as it is known.
     pub(super) const fn interval_s(&self) -> Option<f64> {
         self.median
+    }
+
+    /// Hears to how many s the file rounds the times.
+    pub(super) const fn hear_resolution(&mut self, resolution_s: f64) {
+        self.resolution_s = self.resolution_s.max(resolution_s);
     }
 
     /// Takes the last `fresh` of `times`, which are the segment's times up to now: all while the head is read, at least the
@@ -83,17 +95,25 @@ impl TimeCheck {
         if !self.is_waiting() {
             self.judge(times, first, base, place);
         } else if self.rows >= self.head {
-            self.settle(times, place);
+            self.settle(times, place, findings);
         }
     }
 
     /// Finds the usual interval and judges all so far by it.
-    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place) {
+    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place, findings: &mut Findings) {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
         let mut positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
         self.settled = true;
         self.median = median(&mut positive);
+        if let Some(median) = &mut self.median
+            && self.resolution_s > TIME_TOLERANCE * *median
+        {
+            *median = stamps::mean_of_rounded(&positive, *median, self.resolution_s);
+        }
+        if let Some(bursts) = stamps::bursts(head) {
+            findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
+        }
         self.judge(times, 0, 0, place);
     }
 
@@ -102,7 +122,11 @@ impl TimeCheck {
         let Some(median) = self.interval_s() else { return };
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
-            if !is_off(before, after, median) {
+            if !is_off(before, after, median, 0.0) {
+                continue;
+            }
+            self.even = false;
+            if !is_off(before, after, median, self.resolution_s) {
                 continue;
             }
             let whole = (interval / median).round();
@@ -125,7 +149,7 @@ impl TimeCheck {
         findings: &mut Findings,
     ) -> (Option<f64>, bool) {
         if self.is_waiting() {
-            self.settle(times, place);
+            self.settle(times, &place, findings);
         }
         let Some(median) = self.interval_s() else { return (None, false) };
         if let Some(place) = self.gaps.first {
@@ -145,22 +169,25 @@ impl TimeCheck {
                 format!("{intervals}, more than {percent} % off the median of {median} s")
             });
         }
-        let regular = self.gaps.count == 0 && self.irregular.count == 0;
-        (Some(median), self.rows > 1 && self.ordered && regular)
+        if let Some(detail) = stamps::rounded(median, self.resolution_s) {
+            findings.add(Kind::RoundedTime, place(0), || detail);
+        }
+        (Some(median), self.rows > 1 && self.ordered && self.even)
     }
 }
 
 /// Whether all of some times follow each other by the usual interval.
 pub(super) fn are_uniform(times: &[f64], median: Option<f64>) -> bool {
-    let usual =
-        |median| steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median));
+    let usual = |median| {
+        steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median, 0.0))
+    };
     times.len() > 1 && median.is_some_and(usual)
 }
 
-/// Whether an interval is one, and not the median within the tolerance.
-fn is_off(before: f64, after: f64, median: f64) -> bool {
+/// Whether an interval is one, and not the median within the tolerance, of times that the file rounds to `resolution_s`.
+fn is_off(before: f64, after: f64, median: f64, resolution_s: f64) -> bool {
     // The times themselves are rounded; far from zero that is more than a part of the interval.
-    let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
+    let rounding = (4.0 * f64::EPSILON * before.abs().max(after.abs())).max(2.0 * resolution_s);
     // False for times that are no numbers as well.
     after > before && (after - before - median).abs() > TIME_TOLERANCE * median + rounding
 }

@@ -57,7 +57,7 @@ impl Cells {
 }
 
 /// A cell in a message, shortened.
-pub(super) fn excerpt(cell: &[u8]) -> String {
+pub(crate) fn excerpt(cell: &[u8]) -> String {
     const LONGEST: usize = 40;
     // A character has four bytes at most; a cell can be long.
     let begin = cell.get(..cell.len().min(4 * LONGEST + 4)).unwrap_or_default();

@@ -9,6 +9,7 @@ mod split;
 mod table;
 
 pub use cell::Cells;
+pub(crate) use cell::excerpt;
 pub use hints::CsvHints;
 
 use crate::{FormatError, Hints, ReadSeek, Table};

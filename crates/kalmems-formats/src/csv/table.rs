@@ -1,11 +1,13 @@
 //! A text as a table.
 
 use super::cell::Cells;
-use super::dialect::{Dialect, Origin};
+use super::dialect::{Dialect, DialectColumn, Origin};
 use super::input::Input;
 use super::number::quick;
 use super::split::Split;
-use crate::{Block, CellFault, Description, Digest, Fault, FormatError, Table, Wanted};
+use crate::{
+    Block, CellFault, Description, Digest, Fault, FormatError, Table, TimeKind, TimeReader, TimeUnit, Wanted,
+};
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
 const BYTES_PER_BLOCK: u64 = 16 << 20;
@@ -15,8 +17,17 @@ const BYTES_PER_BLOCK: u64 = 16 << 20;
 struct Use {
     /// Read as a number, times this power of ten.
     power: Option<i32>,
+    /// Read as a time, among the numbers.
+    time: bool,
     /// Kept as a label.
     label: bool,
+}
+
+impl Use {
+    /// Whether it is among the numbers.
+    const fn is_number(self) -> bool {
+        self.power.is_some() || self.time
+    }
 }
 
 /// Where the numbers of a wanted column come from.
@@ -39,6 +50,8 @@ pub(super) struct CsvTable {
     /// One for each wanted column of numbers, and the cells of the wanted columns of labels.
     values: Vec<Value>,
     labels: Vec<usize>,
+    /// Reads the cells that are times.
+    times: TimeReader,
     /// The cells that are labels, in their order.
     label_cells: Vec<usize>,
     /// The column of the description that each cell is; none for those that are no column.
@@ -84,6 +97,7 @@ impl CsvTable {
             uses: vec![Use::default(); dialect.cells],
             values: Vec::new(),
             labels: Vec::new(),
+            times: TimeReader::new(TimeUnit::SECOND, None),
             label_cells: Vec::new(),
             column_of,
             line: dialect.first_row_line,
@@ -101,17 +115,44 @@ impl CsvTable {
         self.dialect.columns.get(column).map(|column| column.origin)
     }
 
+    /// Where the numbers of a column come from, which count this unit.
+    fn value(&self, column: usize, unit: TimeUnit) -> Value {
+        let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
+        let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
+        match self.origin(column) {
+            Some(Origin::Cell(cell)) => Value::Cell(number_of(cell)),
+            Some(Origin::Affine { cell, start, step }) => {
+                Value::Affine { cell: number_of(cell), start: start * decimal * factor, step: step * factor }
+            }
+            Some(Origin::Counted { start, step }) => {
+                Value::Counted { start: start * decimal * factor, step: step * decimal * factor }
+            }
+            // A column that is not there has no numbers.
+            None => Value::Cell(usize::MAX),
+        }
+    }
+
     /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be.
     fn quick_rows(&mut self, block: &mut Block) -> Step {
         // A row after blank lines is told differently.
         if self.blank.1 > 0 {
             return Step::On;
         }
+        // The first time, of a row that is one, says where they count from.
+        if !self.settle_times() {
+            return Step::On;
+        }
         let text = self.input.lines();
         let mut place = 0;
         while block.rows < block.capacity {
-            let next =
-                quick_row(text, place, &self.dialect, &self.uses, &mut self.numbers, &mut self.stretches);
+            let next = quick_row(
+                text,
+                place,
+                &self.dialect,
+                &self.uses,
+                (&mut self.numbers, &mut self.times),
+                &mut self.stretches,
+            );
             let Some(next) = next else { break };
             place = next;
             let stretch = |cell: usize| {
@@ -128,6 +169,16 @@ impl CsvTable {
         }
         self.input.take(place);
         if block.rows < block.capacity { Step::On } else { Step::Full }
+    }
+
+    /// Whether it is known where the times count from, if there are any. Those that are plain numbers are read as such from
+    /// then on.
+    fn settle_times(&mut self) -> bool {
+        let Some(usage) = self.uses.iter_mut().find(|usage| usage.time) else { return true };
+        if self.times.is_plain() {
+            (usage.power, usage.time) = (Some(self.times.power()), false);
+        }
+        self.times.origin().is_some()
     }
 
     /// Reads one row of any kind.
@@ -221,8 +272,12 @@ impl CsvTable {
     fn take_row(&mut self, block: &mut Block) {
         self.numbers.clear();
         for (index, usage) in self.uses.iter().enumerate() {
-            let Some(power) = usage.power else { continue };
-            let number = self.cells.read(self.split.cell(index), self.dialect.point, power);
+            let cell = self.split.cell(index);
+            let number = match usage.power {
+                Some(power) => self.cells.read(cell, self.dialect.point, power),
+                None if usage.time => self.times.cell(cell, self.dialect.point),
+                None => continue,
+            };
             self.numbers.push(number.unwrap_or_else(|fault| {
                 let column = self.column_of.get(index).copied().flatten();
                 block.faults.push(CellFault { row: block.rows, line: self.line, column, fault });
@@ -251,38 +306,39 @@ impl Table for CsvTable {
         self.values.clear();
         self.labels.clear();
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
-            let cell = self.origin(column).and_then(Origin::cell);
+            let cell = self.origin(want.column()).and_then(Origin::cell);
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
                 (Wanted::Number { power, .. }, Some(usage)) => usage.power = Some(*power),
+                // The header's own clock counts from where it says.
+                (Wanted::Time { column, unit, .. }, Some(usage)) => match self.dialect.columns.get(*column) {
+                    Some(DialectColumn { origin: Origin::Cell(_), .. }) => usage.time = true,
+                    _ => usage.power = Some(unit.power),
+                },
                 (Wanted::Label { .. }, Some(usage)) => usage.label = true,
                 (_, None) => {}
             }
         }
-        let number_of = |cell: usize| {
-            self.uses.get(..cell).unwrap_or_default().iter().filter(|usage| usage.power.is_some()).count()
-        };
         for want in wanted {
             match *want {
                 Wanted::Number { column, power } => {
-                    let unit = 10_f64.powi(power);
-                    self.values.push(match self.origin(column) {
-                        Some(Origin::Cell(cell)) => Value::Cell(number_of(cell)),
-                        Some(Origin::Affine { cell, start, step }) => {
-                            Value::Affine { cell: number_of(cell), start: start * unit, step }
-                        }
-                        Some(Origin::Counted { start, step }) => {
-                            Value::Counted { start: start * unit, step: step * unit }
-                        }
-                        // A column that is not there has no numbers.
-                        None => Value::Cell(usize::MAX),
-                    });
+                    let value = self.value(column, TimeUnit::decimal(power));
+                    self.values.push(value);
+                }
+                Wanted::Time { column, unit, .. } => {
+                    let value = self.value(column, unit);
+                    self.values.push(value);
                 }
                 Wanted::Label { column } => {
                     self.labels.push(self.origin(column).and_then(Origin::cell).unwrap_or(usize::MAX));
                 }
             }
+        }
+        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+            self.times = match self.time_kind(column) {
+                Some(_) => TimeReader::of_iso(origin),
+                None => TimeReader::new(unit, origin),
+            };
         }
         let label = |(index, usage): (usize, &Use)| usage.label.then_some(index);
         self.label_cells = self.uses.iter().enumerate().filter_map(label).collect();
@@ -291,6 +347,27 @@ impl Table for CsvTable {
 
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
+        let read = self.rows_into(block);
+        block.tell_times(&self.times);
+        read
+    }
+
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        self.dialect.columns.get(column)?.time
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        self.input.progress()
+    }
+
+    fn digest(&mut self) -> Option<Digest> {
+        self.input.digest()
+    }
+}
+
+impl CsvTable {
+    /// Reads rows until the block is full.
+    fn rows_into(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let (begin, _) = self.input.progress();
         loop {
             if matches!(self.quick_rows(block), Step::Full) {
@@ -306,14 +383,6 @@ impl Table for CsvTable {
             }
         }
     }
-
-    fn progress(&self) -> (u64, u64) {
-        self.input.progress()
-    }
-
-    fn digest(&mut self) -> Option<Digest> {
-        self.input.digest()
-    }
 }
 
 /// Reads the row at `place` into `numbers` and the places of its labels; where the next row begins. `None` where the row
@@ -324,7 +393,7 @@ fn quick_row(
     mut place: usize,
     dialect: &Dialect,
     uses: &[Use],
-    numbers: &mut Vec<f64>,
+    (numbers, times): (&mut Vec<f64>, &mut TimeReader),
     labels: &mut Vec<(usize, usize)>,
 ) -> Option<usize> {
     numbers.clear();
@@ -342,6 +411,11 @@ fn quick_row(
             place = skip_spaces(text, place);
             let (number, end) = quick(text, place, dialect.point, power)?;
             numbers.push(number);
+            place = skip_spaces(text, end);
+        } else if usage.time {
+            place = skip_spaces(text, place);
+            let (time, end) = times.quick(text, place, separator, dialect.point)?;
+            numbers.push(time);
             place = skip_spaces(text, end);
         } else {
             let rest = text.get(place..)?;

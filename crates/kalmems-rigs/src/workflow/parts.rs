@@ -3,8 +3,8 @@
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
 use crate::estimate::{Around, EstimateError, Part, Progress, Silent};
-use crate::evaluate::{ReferenceParts, ReferenceRecording};
-use crate::recording::{self, Finding, Source, Stretches};
+use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
+use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, of};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -105,10 +105,11 @@ impl Work<'_> {
         let file = &experiment.recording(index)?.file;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
         let mut estimator = self.rig.estimator(experiment, index, &Silent)?;
-        let mut reference = ReferenceParts::open(experiment, index, self.rig.angles(), self.rig.values())?;
         let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
+        // It is opened once the recording says where its times count from.
+        let mut reference: Option<Option<ReferenceParts>> = None;
         let mut begun = false;
         let progress = self.progress;
         let mut hear = |done: u64, total: u64| {
@@ -138,6 +139,10 @@ impl Work<'_> {
                 ends: stretch.ends,
             };
             require_head(estimator.as_ref(), &part, file)?;
+            let reference = match &mut reference {
+                Some(reference) => reference,
+                closed => closed.insert(self.reference(stretch.recording.origin())?),
+            };
             let outcome = self.part(estimator.as_mut(), &part, reference.as_mut())?;
             let (begins, ends) = (stretch.begins, stretch.ends);
             taken(PartOutcome { index: self.place, outcome, begins, ends }).map_err(PartsError::Taken)?;
@@ -149,7 +154,13 @@ impl Work<'_> {
         }
         let (source, diagnosis) = stretches.finish();
         estimator.conclude(&source.file, &diagnosis)?;
-        Ok(WholeRecording { source, diagnosis, reference: reference.map(ReferenceParts::finish) })
+        let reference = reference.flatten().map(ReferenceParts::finish);
+        Ok(WholeRecording { source, diagnosis, reference })
+    }
+
+    fn reference(&self, origin: Instant) -> Result<Option<ReferenceParts>, ReferenceError> {
+        let place = (self.index, origin);
+        ReferenceParts::open(self.experiment, place, self.rig.angles(), self.rig.values())
     }
 
     fn part(

@@ -85,6 +85,7 @@ impl<'a> LongEstimate<'a> {
             self.recordings.push(RecordingMetrics {
                 name,
                 file,
+                origin: part.outcome.recording.source().origin.clone(),
                 diagnosis: Vec::new(),
                 reference,
                 reference_diagnosis: Vec::new(),

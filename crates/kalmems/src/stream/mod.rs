@@ -21,7 +21,7 @@ pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
 use crate::estimate::{EstimateError, ForetoldCounts, Part, Past, SegmentEstimate, Silent, Trajectory};
-use crate::recording::{self, Clock, Finding, ReadError, Stretches};
+use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
 use output::Writer;
@@ -80,6 +80,9 @@ pub enum StreamError {
 pub struct StreamSummary {
     /// What was received, and what the way has made of it.
     pub received: WayCounts,
+    /// Where the times of all estimates count from, where that is not zero of the samples' clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// What was found in the samples.
     pub diagnosis: Vec<Finding>,
     /// Samples that were estimated.
@@ -198,10 +201,10 @@ pub fn stream(
         }
     }
     live.writer.flush()?;
-    let (_, diagnosis) = stretches.finish();
+    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
     let Live { estimated, events, latency, .. } = live;
     let ahead = described.trigger.as_ref().map(|_| live.ahead);
-    Ok(StreamSummary { received: counts.now(), diagnosis, estimated, events, ahead, latency })
+    Ok(StreamSummary { received: counts.now(), origin, diagnosis, estimated, events, ahead, latency })
 }
 
 /// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
@@ -307,7 +310,9 @@ impl Live {
             };
             (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
         };
-        if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
+        if let Some(acknowledged_s) =
+            keeper.given((trajectories, part.recording.origin()), last, part.ends)?
+        {
             self.writer.acknowledged(acknowledged_s)?;
         }
         Ok(())
@@ -356,6 +361,7 @@ impl Live {
             self.start_s = part.segment.time.start_s();
         }
         let from_s = self.start_s + self.skip_s;
+        self.writer.origin(part.recording.source().origin.as_ref())?;
         self.writer.estimates(trajectories)?;
         let crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
         self.events += crossings.len() as u64;

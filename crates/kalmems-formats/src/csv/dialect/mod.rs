@@ -9,6 +9,7 @@ mod units;
 
 use super::input::Input;
 use super::split::Split;
+use crate::time::{IsoTime, TimeKind, parse_iso};
 use crate::{Column, FormatError, Hints};
 use head::Head;
 
@@ -42,6 +43,8 @@ pub(super) struct Dialect {
 pub(super) struct DialectColumn {
     pub(super) column: Column,
     pub(super) origin: Origin,
+    /// Where its cells are dates or times of a day as text.
+    pub(super) time: Option<TimeKind>,
 }
 
 /// Where the values of a column come from.
@@ -209,8 +212,12 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
             }
         }
     }
-    let column =
-        |(name, origin): (String, Origin)| DialectColumn { column: Column { name, place: None }, origin };
+    let times = times(head, &found);
+    let column = |((name, origin), time): ((String, Origin), Option<TimeKind>)| DialectColumn {
+        column: Column { name, place: None },
+        origin,
+        time,
+    };
     let dialect = Dialect {
         separator: found.separator,
         point: found.point,
@@ -218,10 +225,27 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
         first_row_line: head.number(found.first_row),
         cells: found.cells,
         trailing: found.trailing,
-        columns: found.columns.into_iter().map(column).collect(),
+        columns: found.columns.into_iter().zip(times).map(column).collect(),
         recognised: words.join(", "),
     };
     Ok((dialect, head.bytes_before(found.first_row)))
+}
+
+/// Which columns hold dates and times of a day as text, by the first cell of each that is not empty.
+fn times(head: &Head, found: &Found) -> Vec<Option<TimeKind>> {
+    /// Rows whose cells may be empty before the first that is not.
+    const ROWS: usize = 16;
+    let rows: Vec<Vec<String>> =
+        head.rows(found.first_row).take(ROWS).map(|row| head.cells(row, found.separator)).collect();
+    let kind = |(_, origin): &(String, Origin)| {
+        let Origin::Cell(cell) = *origin else { return None };
+        let first = rows.iter().filter_map(|row| row.get(cell)).find(|cell| !cell.is_empty())?;
+        Some(match parse_iso(first.as_bytes())? {
+            IsoTime::Calendar(_) => TimeKind::Calendar,
+            IsoTime::OfDay(_) => TimeKind::Elapsed,
+        })
+    };
+    found.columns.iter().map(kind).collect()
 }
 
 /// The dialect of an empty text.
