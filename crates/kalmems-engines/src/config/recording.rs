@@ -1,6 +1,6 @@
 //! What an experiment file says about its recordings.
 
-use super::Name;
+use super::{Gaps, Name};
 use super::format::FileFormat;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
@@ -34,6 +34,9 @@ pub struct Recording {
     pub segments: Option<Segments>,
     /// When the samples were taken.
     pub clock: Clock,
+    /// What is done where samples are missing in time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaps: Option<Gaps>,
     /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`.
     pub channels: Channels,
     /// An independent measurement of the motion. Only the evaluation of an estimate, or an identification,

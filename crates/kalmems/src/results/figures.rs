@@ -203,7 +203,7 @@ fn reference_window(
     start: f64,
     end: f64,
 ) -> Option<Vec<(f64, f64)>> {
-    let references = recording.reference.as_ref()?.segment(&segment.estimate.segment.label).ok()?;
+    let references = recording.reference.as_ref()?.angles_of(&segment.estimate.segment).ok()?;
     let reference = references.iter().find(|reference| reference.states[0] == angle)?;
     let samples = reference.time_s.iter().zip(&reference.angle);
     Some(samples.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, a)| (*t, a.to_degrees())).collect())
