@@ -21,7 +21,7 @@ pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, Origin, ReadError, Source, Stretch, Stretches};
+use crate::recording::{Around, Clock, Finding, Origin, ReadError, Restarts, Source, Stretch, Stretches};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -142,6 +142,7 @@ pub fn inspect_with(
         columns: Wanted::AllBut(&survey.text),
         hints: &hints,
         origin: None,
+        restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };

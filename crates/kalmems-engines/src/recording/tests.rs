@@ -16,6 +16,7 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
         hints: Hints::default(),
         origin: None,
+        restarts: None,
     }
 }
 
