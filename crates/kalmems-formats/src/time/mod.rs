@@ -7,6 +7,8 @@ mod code;
 mod instant;
 mod iso;
 mod reader;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use code::TimeCode;
 pub use instant::{Instant, NoInstant};

@@ -181,8 +181,8 @@ impl TimeReader {
     }
 }
 
-/// The digits of a text that are kept: 15 before the point and 18 behind it.
-const KEPT: usize = 33;
+/// The digits of a text that are kept: 19 before the point and 18 behind it, and fewer where a unit multiplies them.
+const KEPT: [usize; 2] = [37, 32];
 
 /// A decimal number of any length in a unit. `None` where it is none, or beyond the range.
 pub(super) fn exact(text: &[u8], point: u8, unit: TimeUnit) -> Option<Instant> {
@@ -200,6 +200,7 @@ pub(super) fn exact(text: &[u8], point: u8, unit: TimeUnit) -> Option<Instant> {
         None => 0,
         Some((_, digits)) => std::str::from_utf8(digits).ok()?.parse::<i32>().ok()?,
     };
+    let most = KEPT[usize::from(unit.factor > 1)];
     let (mut w, mut kept, mut seen, mut behind) = (0_u128, 0, false, false);
     for byte in mantissa {
         if *byte == point && !behind {
@@ -208,7 +209,7 @@ pub(super) fn exact(text: &[u8], point: u8, unit: TimeUnit) -> Option<Instant> {
         }
         let digit = byte.checked_sub(b'0').filter(|digit| *digit < 10)?;
         seen = true;
-        if kept < KEPT {
+        if kept < most {
             w = w * 10 + u128::from(digit);
             kept += usize::from(w > 0);
             q = q.checked_sub(i32::from(behind))?;
