@@ -70,6 +70,9 @@ pub const CYCLES: f64 = 6.0;
 pub struct SegmentSummary {
     /// Its label; empty where the file is one record.
     pub label: String,
+    /// Which stretch of its record it is, where the clock went back before it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretch: Option<usize>,
     /// The number of its rows.
     pub rows: usize,
     /// Its first time, where there is a time column.
@@ -198,6 +201,7 @@ impl Draft {
         if stretch.begins {
             self.segments.push(SegmentSummary {
                 label: segment.label.clone(),
+                stretch: Some(segment.stretch.number).filter(|number| *number > 1),
                 rows: 0,
                 start_s: finite(time.at(stretch.fresh.start)),
                 duration_s: None,

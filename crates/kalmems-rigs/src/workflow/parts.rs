@@ -3,11 +3,12 @@
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
 use crate::estimate::{
-    Around, EstimateError, Part, Progress, SegmentEstimate, Silent, StretchJudge, StretchSummary,
+    Around, EstimateError, Part, Progress, SegmentEstimate, StretchJudge, StretchSummary,
 };
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
 use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, of};
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -108,7 +109,8 @@ impl Work<'_> {
         let (experiment, index) = (self.experiment, self.index);
         let file = &experiment.recording(index)?.file;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
-        let mut estimator = self.rig.estimator(experiment, index, &Silent)?;
+        let stopped = Stopped { progress: self.progress, reached: Cell::new(0) };
+        let mut estimator = self.rig.estimator(experiment, index, &stopped)?;
         let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
@@ -121,6 +123,7 @@ impl Work<'_> {
                 progress.begin("estimating", total);
                 begun = true;
             }
+            stopped.reached.set(done);
             progress.reached(done)
         };
         let (mut any, mut judge) = (false, StretchJudge::default());
@@ -193,6 +196,21 @@ impl Work<'_> {
         let described = self.experiment.recording(self.index)?;
         let estimates = (vec![estimate], StretchSummary::default());
         Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known)?)
+    }
+}
+
+/// Stops the work on a part where the whole is stopped, and tells nothing of it.
+struct Stopped<'a> {
+    progress: &'a dyn Progress,
+    /// How far the whole has come.
+    reached: Cell<u64>,
+}
+
+impl Progress for Stopped<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        self.progress.reached(self.reached.get())
     }
 }
 
