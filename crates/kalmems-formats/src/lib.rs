@@ -43,6 +43,7 @@ mod stream;
 mod table;
 #[cfg(feature = "tdms")]
 mod tdms;
+mod unit_words;
 #[cfg(feature = "wav")]
 mod wav;
 
@@ -55,3 +56,4 @@ pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;
 pub use table::{Column, Description, Digest, Table, Wanted};
+pub use unit_words::unit_ending;
