@@ -58,6 +58,11 @@ impl Input {
         self.ended
     }
 
+    /// Whether the text is in UTF-16.
+    pub(super) const fn is_wide(&self) -> bool {
+        self.wide.is_some()
+    }
+
     /// Whether the last byte is read and the last line came without an end, as a line does that is cut.
     pub(super) const fn open_end(&self) -> bool {
         self.open_end

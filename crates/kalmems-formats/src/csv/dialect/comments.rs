@@ -1,7 +1,8 @@
 //! Lines before the rows that are marked as comments, among which names of columns may stand.
 
+use super::head::cells;
 use super::marks;
-use super::units::unit_cell;
+use super::units::{says_unit, unit_cell};
 
 /// As many are kept, the last ones.
 const KEPT: usize = 16;
@@ -41,6 +42,10 @@ impl Comments {
         let mut last = self.lines.iter().enumerate().rev();
         last.find_map(|(index, (line, comment))| {
             let names = marks::names(comment, separator, count)?;
+            // Words that are separated otherwise than the rows could be a sentence; names have units.
+            if cells(comment, separator).len() != count && !names.iter().any(|name| says_unit(name)) {
+                return None;
+            }
             let before = index.checked_sub(1).and_then(|before| self.lines.get(before));
             let before = before.filter(|_| count > 1 && names.iter().all(|name| unit_cell(name).is_some()));
             let above =

@@ -108,12 +108,15 @@ fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usiz
     if separator == BLANKS
         && let Some(count) = marks::cells_of_rows(head, header + 1, separator)
     {
+        let words = head.cells(header, separator);
         return match marks::names(line, separator, count) {
             Some(names) => Ok((names, 1)),
+            // Rows of numbers from the first line on, whose names the experiment file may have.
+            None if words.len() == count => Ok((words, 1)),
             None => Err(FormatError::NotRecognised {
                 found: format!(
                     "{} words in line {} above rows of {count} numbers between blanks",
-                    head.cells(header, separator).len(),
+                    words.len(),
                     head.number(header)
                 ),
                 expected: "a name for each column, in the file or in the experiment file: `format = { kind = \"csv\", \

@@ -184,7 +184,10 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
             generic::find(&head, index, &comments, hints)?
         }
     };
-    let (dialect, bytes) = finish(found, &head, hints)?;
+    let (mut dialect, bytes) = finish(found, &head, hints)?;
+    if input.is_wide() {
+        dialect.recognised = format!("UTF-16, {}", dialect.recognised);
+    }
     input.take(bytes);
     Ok(dialect)
 }

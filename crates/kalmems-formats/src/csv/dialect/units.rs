@@ -10,6 +10,8 @@ pub(super) fn unit_cell(cell: &str) -> Option<String> {
         Some(("", inside)) => Some(unit_ending(inside).unwrap_or_else(|| inside.trim().to_owned())),
         Some(_) => None,
         None if cell == "-" => Some(String::new()),
+        // A row of ones.
+        None if cell == "1" => None,
         None => unit_ending(cell),
     }
 }
@@ -23,6 +25,12 @@ pub(super) fn column_name(name: &str, elsewhere: Option<&str>, index: usize) -> 
         (None, Some(unit)) => with_unit(&unnamed(name, unit, index), unit),
         (None, None) => name.to_owned(),
     }
+}
+
+/// Whether a name says its unit in any way: `cap_V`, `cap (V)`.
+pub(super) fn says_unit(name: &str) -> bool {
+    let ending = || name.rsplit_once('_').is_some_and(|(_, word)| unit_ending(word).is_some());
+    parts(name).is_some() || ending()
 }
 
 /// A name for what has none: what is in seconds is the time.
@@ -64,7 +72,7 @@ mod tests {
         {
             assert_eq!(unit_cell(cell).as_deref(), Some(unit), "{cell}");
         }
-        for cell in ["CH1 (V)", "1.5", "left", ""] {
+        for cell in ["CH1 (V)", "1.5", "1", "left", ""] {
             assert_eq!(unit_cell(cell), None, "{cell}");
         }
     }
