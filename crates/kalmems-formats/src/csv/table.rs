@@ -142,15 +142,15 @@ impl CsvTable {
         self.dialect.columns.get(column).map(|column| column.origin)
     }
 
-    /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be.
-    fn quick_rows(&mut self, block: &mut Block) -> Step {
+    /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be. `BLANK`: any number
+    /// of blanks separates the cells.
+    fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> Step {
         // A row after blank lines is told differently.
         if self.blank.1 > 0 {
             return Step::On;
         }
         let text = self.input.lines();
         let mut place = 0;
-        let quick_row = if self.dialect.separator == BLANKS { quick_row::<true> } else { quick_row::<false> };
         let headed = matches!(self.dialect.records, Records::Headed(_));
         let record_rows = self.dialect.record_rows();
         while block.rows < block.capacity {
@@ -158,8 +158,14 @@ impl CsvTable {
             if headed && text.get(place).is_some_and(u8::is_ascii_alphabetic) {
                 break;
             }
-            let next =
-                quick_row(text, place, &self.dialect, &self.uses, &mut self.numbers, &mut self.stretches);
+            let next = quick_row::<BLANK>(
+                text,
+                place,
+                &self.dialect,
+                &self.uses,
+                &mut self.numbers,
+                &mut self.stretches,
+            );
             let Some(next) = next else { break };
             place = next;
             let stretch = |cell: usize| {
@@ -395,8 +401,10 @@ impl Table for CsvTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
         let (begin, _) = self.input.progress();
+        let blanks = self.dialect.separator == BLANKS;
         loop {
-            if matches!(self.quick_rows(block), Step::Full) {
+            let step = if blanks { self.quick_rows::<true>(block) } else { self.quick_rows::<false>(block) };
+            if matches!(step, Step::Full) {
                 return Ok(());
             }
             match self.slow_row(block)? {
