@@ -100,4 +100,6 @@ pub enum Fault {
         /// As many.
         count: u64,
     },
+    /// The last line of a text has no line end: its last number is short if the text was cut there.
+    NoLineEnd,
 }

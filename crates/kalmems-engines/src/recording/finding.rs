@@ -53,6 +53,8 @@ pub enum FindingKind {
     NoUnit,
     /// Lines without cells between the rows.
     BlankLine,
+    /// The last line has no line end.
+    NoLineEnd,
     /// An empty cell.
     Missing,
     /// A cell that says it is no number.
@@ -99,6 +101,7 @@ impl FindingKind {
             | Self::SegmentReturns => Severity::Fatal,
             Self::NoUnit
             | Self::BlankLine
+            | Self::NoLineEnd
             | Self::Missing
             | Self::Nan
             | Self::Infinite
@@ -135,7 +138,8 @@ impl FindingKind {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
             }
             Self::NoHeader => {
-                "expected the names of the columns: put a line such as `time_s,cap_V` before it, without `#`"
+                "expected the names of the columns: put a line such as `time_s,cap_V` before it, or write \
+                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in its [[recording]]"
             }
             Self::Separator => "expected commas between cells and a point in numbers",
             Self::NoSuchColumn => "name a column that the file has",
@@ -160,6 +164,9 @@ impl FindingKind {
             }
             Self::NoUnit => "its numbers are kept as they stand",
             Self::BlankLine => "they are passed over",
+            Self::NoLineEnd => {
+                "it is read as it stands: if the file or the pipe was cut there, its last number is short of digits"
+            }
             Self::Missing | Self::Nan | Self::Infinite => {
                 "no value is made up: an estimate there is a prediction without update"
             }

@@ -149,6 +149,9 @@ impl Pass {
                     "nothing between the rows".to_owned()
                 });
             }
+            Fault::NoLineEnd => {
+                self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned())
+            }
             cell => {
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
                     self.findings.add(Kind::NoTime, place, || match cell {

@@ -63,7 +63,9 @@ fn files() -> Vec<(&'static str, String, Layout)> {
         ("empty", "", time.clone()),
         ("only comments", "# nothing\n\n", time.clone()),
         ("header only", "# a comment\ntime_s,cap_V\n", time.clone()),
-        ("no header", "# time_s,cap_V\n0,1\n1,2\n", time.clone()),
+        ("no header", "# a comment\n0,1\n1,2\n", time.clone()),
+        ("names in a comment", "# time_s,cap_V\n0,1\n1,2\n", time.clone()),
+        ("no line end", "time_s,cap_V\n0,1\n1,2", time.clone()),
         ("semicolons", "time_s;cap_V\n0;1\n", time.clone()),
         ("no such column", "time_s,cap_mV\n0,1\n1,2\n", time.clone()),
         ("nothing like it", "time_s,x_m\n0,1\n1,2\n", time.clone()),
@@ -199,12 +201,35 @@ fn forms_of_files() {
         "\u{feff}# a comment, with a \" in it\n#\n\ntime_s,cap_V\n0,1\n1,2\n",
         "\"time_s\",\"cap_V\"\r\n\"0\",\"1\"\r\n\"1\",\"2\"\r\n",
         " time_s , cap_V\n 0 , 1\n1,2\n\n\n",
+        "time_s   cap_V\n  0   1\n  1\t2\n",
+        "# time_s cap_V\n0.0e+00 1.0e+00\n1.0e+00 2.0e+00\n",
+        "sep=;\ntime_s;cap_V\n0;1,0\n1;2,0\n",
     ] {
         let recording = read(text.as_bytes(), &layout("time_s", "", &[])).unwrap();
         assert_eq!(recording.columns, expected.columns, "{text:?}");
         assert_eq!(recording.segments, expected.segments, "{text:?}");
-        assert_eq!(recording.diagnosis, [], "{text:?}");
+        let found: Vec<_> = recording.diagnosis.iter().map(|finding| finding.kind).collect();
+        let expected: &[_] = if text.ends_with('\n') { &[] } else { &[FindingKind::NoLineEnd] };
+        assert_eq!(found, expected, "{text:?}");
     }
+    let wide: Vec<u8> =
+        std::iter::once(0xfeff).chain(plain.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let recording = read(&wide, &layout("time_s", "", &[])).unwrap();
+    assert_eq!((&recording.columns, &recording.diagnosis), (&expected.columns, &expected.diagnosis));
+}
+
+/// What a scope writes: a channel is no unit, and neither is a text that nobody reads a fault.
+#[test]
+fn columns_of_scopes_have_the_units_that_their_files_state() {
+    let picoscope = "Time,Channel A,Channel B\n(ms),(V),(mV)\n\n0,1.5,-3\n1,1.6,-4\n";
+    let recording = read(picoscope.as_bytes(), &layout("Time_ms", "", &[])).unwrap();
+    let units: Vec<_> = recording.columns.iter().map(|c| (c.header.column.as_str(), c.header.unit)).collect();
+    let unit = |text: &str| Some(Unit::parse(text).unwrap());
+    assert_eq!(units, [("Channel A_V", unit("V")), ("Channel B_mV", unit("mV"))]);
+    assert_eq!(recording.columns[1].values, [-3e-3, -4e-3]);
+    let with_text = "stamp,time_s,cap_V\n2024-05-01T12:00:00.000001,0,1\n2024-05-01T12:00:00.000002,1,2\n";
+    let recording = read(with_text.as_bytes(), &layout("time_s", "", &["cap_V"])).unwrap();
+    assert_eq!((recording.rows, recording.diagnosis.len()), (2, 0));
 }
 
 #[test]
@@ -512,7 +537,10 @@ fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
     insta::assert_snapshot!(found.join("\n"), @"");
     // Without a policy the same file is refused, and shortly.
     let text = diagnosis(&text, &Layout { restarts: None, ..layout });
-    assert!(text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"), "{text}");
+    assert!(
+        text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"),
+        "{text}"
+    );
     assert!(text.lines().all(|line| line.len() < 300), "{text}");
 }
 
