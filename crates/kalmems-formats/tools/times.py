@@ -52,7 +52,7 @@ with h5py.File(path("times.h5"), "w") as file:
     file.create_dataset("time_ns", data=nanoseconds, **options)
     since = file.create_dataset("since", data=microseconds - START_US, **options)
     since.attrs["units"] = "microseconds since 2025-11-22T18:00:00"
-    file.create_dataset("time_s", data=microseconds * 1e-6, **options)
+    file.create_dataset("time_s", data=microseconds / 1e6, **options)
     file.create_dataset("drive_V", data=drive, **options)
     file.create_dataset("cap_V", data=cap, **options)
 
