@@ -1,7 +1,7 @@
 //! A text as a table.
 
 use super::cell::Cells;
-use super::dialect::{Dialect, DialectColumn, Origin, Records};
+use super::dialect::{Dialect, DialectColumn, Heading, Origin, Records};
 use super::input::Input;
 use super::number::quick;
 use super::split::{BLANKS, Split};
@@ -98,11 +98,18 @@ impl Record {
     }
 
     /// After a row, where records have so many.
+    #[inline]
     fn next_row(&mut self, rows: Option<u64>) {
         self.row += 1;
-        if Some(self.row) == rows {
-            *self = Self::new(self.number + 1);
+        if rows.is_some_and(|rows| self.row >= rows) {
+            self.begin_next();
         }
+    }
+
+    /// Begins the next record.
+    #[cold]
+    fn begin_next(&mut self) {
+        *self = Self::new(self.number + 1);
     }
 }
 
@@ -276,7 +283,7 @@ impl CsvTable {
     /// Passes over a header between records, if the row that is split is the first line of one.
     fn pass_header(&mut self) -> Result<bool, FormatError> {
         let Records::Headed(heading) = self.dialect.records else { return Ok(false) };
-        if !heading.begins(self.split.cell(0)) {
+        if !Heading::begins(self.split.cell(0)) {
             return Ok(false);
         }
         let channels = loop {
@@ -293,7 +300,7 @@ impl CsvTable {
         self.input.take(bytes);
         self.line += lines;
         self.blank = (0, 0);
-        self.record = Record::new(self.record.number + 1);
+        self.record.begin_next();
         Ok(true)
     }
 

@@ -19,7 +19,7 @@ pub(super) struct Comments {
 /// Names, and units where they have a line of their own, that comments hold.
 pub(super) struct Names {
     pub(super) line: u64,
-    pub(super) names: Vec<String>,
+    pub(super) columns: Vec<String>,
     pub(super) units: Option<(u64, Vec<String>)>,
 }
 
@@ -51,8 +51,8 @@ impl Comments {
             let above =
                 before.and_then(|(line, comment)| Some((*line, marks::names(comment, separator, count)?)));
             Some(match above {
-                Some((above, words)) => Names { line: above, names: words, units: Some((*line, names)) },
-                None => Names { line: *line, names, units: None },
+                Some((above, words)) => Names { line: above, columns: words, units: Some((*line, names)) },
+                None => Names { line: *line, columns: names, units: None },
             })
         })
     }

@@ -80,8 +80,8 @@ fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Opt
     let named = |(index, name): (usize, &String)| {
         (column_name(name, unit(index).as_deref(), index), Origin::Cell(index))
     };
-    let columns: Vec<(String, Origin)> = said.names.iter().enumerate().map(named).collect();
-    let joined = columns.iter().zip(&said.names).any(|((joined, _), name)| joined != name);
+    let columns: Vec<(String, Origin)> = said.columns.iter().enumerate().map(named).collect();
+    let joined = columns.iter().zip(&said.columns).any(|((joined, _), name)| joined != name);
     Ok(Some(Found {
         instrument: comments.instrument,
         separator,

@@ -1,17 +1,17 @@
 //! Keysight and Agilent: InfiniiVision in two lines, Infiniium in a preamble.
 
 use super::super::units::column_name;
-use super::{Beginning, columns, distinct, number};
+use super::{Beginning, Find, columns, distinct, number};
 use crate::FormatError;
 use crate::csv::dialect::{Found, Origin, marks};
 use crate::unit_words::unit_ending;
 
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
+pub(super) fn find(text: &Beginning) -> Find {
     if text.cell(0) == "x-axis" {
-        return Ok(infinii_vision(text));
+        return infinii_vision(text).map(Ok);
     }
     let revision = (0..2).any(|line| text.head.line(line).starts_with(b"Revision:"));
-    if revision { infiniium(text) } else { Ok(None) }
+    if revision { infiniium(text).transpose() } else { None }
 }
 
 /// `x-axis,1,2`, then `second,Volt,Volt`.
@@ -43,7 +43,7 @@ const LAST: [&str; 3] = ["Data", "Time Tags", "Min Bandwidth"];
 fn infiniium(text: &Beginning) -> Result<Option<Found>, FormatError> {
     let head = text.head;
     // The first line, of the names, may have other separators or none.
-    let separator = (0..4).any(|line| head.line(line).contains(&b'\t')).then_some(b'\t').unwrap_or(b',');
+    let separator = if (0..4).any(|line| head.line(line).contains(&b'\t')) { b'\t' } else { b',' };
     let values = |key: &str, nth: usize| -> Vec<String> {
         let line = (0..head.len()).filter(|line| head.line(*line).starts_with(key.as_bytes())).nth(nth);
         let Some(line) = line else { return Vec::new() };

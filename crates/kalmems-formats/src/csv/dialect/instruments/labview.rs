@@ -2,7 +2,7 @@
 
 use super::super::head::Head;
 use super::super::units::column_name;
-use super::{Beginning, distinct};
+use super::{Beginning, Find, distinct};
 use crate::FormatError;
 use crate::csv::dialect::{Found, Origin, Records};
 
@@ -39,11 +39,12 @@ pub(in crate::csv) struct Channels {
     columns: Vec<(String, Origin)>,
 }
 
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
-    let head = text.head;
-    if !head.line(0).starts_with(b"LabVIEW Measurement") {
-        return Ok(None);
-    }
+pub(super) fn find(text: &Beginning) -> Find {
+    text.head.line(0).starts_with(b"LabVIEW Measurement").then(|| found(text.head))
+}
+
+/// The dialect that the header on the file and the first on channels say.
+fn found(head: &Head) -> Result<Found, FormatError> {
     let ends: Vec<usize> = (0..head.len()).filter(|index| head.line(*index).starts_with(END)).collect();
     let [first, second, others @ ..] = ends.as_slice() else {
         let expected = "`***End_of_Header***` twice, once for the file and once for the channels";
@@ -69,7 +70,7 @@ pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
     if several {
         channels.columns.push(("segment".to_owned(), Origin::Record));
     }
-    Ok(Some(Found {
+    Ok(Found {
         instrument: Some("LabVIEW"),
         separator,
         // The first versions do not say it.
@@ -86,19 +87,19 @@ pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
         columns: channels.columns,
         units: "units in the header".to_owned(),
         records: if several { Records::Headed(heading) } else { Records::One },
-    }))
+    })
 }
 
 impl Heading {
     /// Whether a line begins another header on channels.
-    pub(in crate::csv) fn begins(&self, first_cell: &[u8]) -> bool {
+    pub(in crate::csv) fn begins(first_cell: &[u8]) -> bool {
         let words: [&[u8]; 5] = [b"Channels", b"Notes", b"Special", b"Test_", b"UUT_"];
         words.iter().any(|word| first_cell.starts_with(word))
     }
 
     /// What the header on channels at the beginning of `text` says of them; `None` where more text is needed.
     pub(in crate::csv) fn next(
-        &self,
+        self,
         text: &[u8],
         line: u64,
         ended: bool,
@@ -116,7 +117,7 @@ impl Heading {
     }
 
     /// The channels of a header between two lines, and their names behind it.
-    fn channels(&self, head: &Head, begin: usize, end: usize) -> Result<Channels, FormatError> {
+    fn channels(self, head: &Head, begin: usize, end: usize) -> Result<Channels, FormatError> {
         let names = head.cells(end + 1, self.separator);
         let comment = usize::from(names.last().is_some_and(|name| name == "Comment"));
         let count = names.len() - comment;
@@ -157,8 +158,7 @@ impl Heading {
         }
         for (place, (index, name)) in channels.iter().zip(&channel_names).enumerate() {
             let time = match self.times {
-                Times::One if place == 0 => Some("time".to_owned()),
-                Times::Each if place == 0 => Some("time".to_owned()),
+                Times::One | Times::Each if place == 0 => Some("time".to_owned()),
                 Times::Each => Some(format!("time of {name}")),
                 _ => None,
             };

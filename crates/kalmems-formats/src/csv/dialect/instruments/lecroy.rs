@@ -1,16 +1,15 @@
 //! LeCroy: `LECROYWR640Zi,12345,Waveform`, lines on the segments, then `Time,Ampl`.
 
-use super::{Beginning, columns, number};
-use crate::FormatError;
-use crate::csv::dialect::{Found, Origin, Records};
+use super::{Beginning, Find, columns};
+use crate::csv::dialect::{Origin, Records};
 
 /// Rows in seconds and a unit that is not said; those of several segments follow each other, each segment of a length
 /// that the second line states.
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
+pub(super) fn find(text: &Beginning) -> Find {
     if !text.cell(0).starts_with("LECROY") {
-        return Ok(None);
+        return None;
     }
-    let Some(header) = text.head.find("Time", text.separator) else { return Ok(None) };
+    let header = text.head.find("Time", text.separator)?;
     let (names, _) = text.filled(header);
     let mut columns = columns(&names, &["s".to_owned()]);
     let size = text.values("Segments").and_then(|values| {
@@ -29,10 +28,11 @@ pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
     let mut found = text.found("a LeCroy oscilloscope", header, header + 1, columns, units);
     found.cells = names.len();
     found.records = records;
-    Ok(Some(found))
+    Some(Ok(found))
 }
 
 /// How many lines a preamble of so many segments has.
 pub(super) fn lines(second: &[String]) -> usize {
-    number(second.get(1)).map_or(0, |segments| if segments < 1e5 { segments as usize + 8 } else { 0 })
+    let segments = second.get(1).and_then(|segments| segments.parse::<usize>().ok());
+    segments.filter(|segments| *segments < 100_000).map_or(0, |segments| segments + 8)
 }

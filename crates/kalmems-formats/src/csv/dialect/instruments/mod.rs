@@ -16,8 +16,11 @@ use super::units::column_name;
 use super::{Found, Origin, Records, marks};
 use crate::{CsvHints, FormatError};
 
+/// The dialect, where a text is an instrument's, or what is wrong with it.
+type Find = Option<Result<Found, FormatError>>;
+
 /// What tells a preamble from its first line, and the dialect behind it.
-const ALL: [fn(&Beginning) -> Result<Option<Found>, FormatError>; 8] = [
+const ALL: [fn(&Beginning) -> Find; 8] = [
     labview::find,
     rigol::find,
     keysight::find,
@@ -93,7 +96,8 @@ pub(super) fn find(head: &Head, hints: &CsvHints) -> Result<Option<Found>, Forma
     let separator = [b'\t', b';'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
     let beginning = Beginning { head, separator, cells: head.cells(0, separator) };
     for find in ALL {
-        if let Some(mut found) = find(&beginning)? {
+        if let Some(found) = find(&beginning) {
+            let mut found = found?;
             if found.point.is_none() {
                 found.point = Some(marks::point(head, found.first_row, found.separator, hints)?);
             }

@@ -1,19 +1,14 @@
 //! Rigol: the clock beside the names, or in them.
 
 use super::super::units::column_name;
-use super::{Beginning, columns, number};
-use crate::FormatError;
+use super::{Beginning, Find, columns, number};
 use crate::csv::dialect::{Found, Origin};
 
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
-    let name = |name: &String| text.cells.iter().position(|cell| cell == name);
-    Ok(if text.cell(0) == "X" && name(&"Increment".to_owned()).is_some() {
-        increments(text)
-    } else if text.cells.iter().any(|cell| volts(cell).is_some()) {
-        clock_in_the_names(text)
-    } else {
-        None
-    })
+pub(super) fn find(text: &Beginning) -> Find {
+    if text.cell(0) == "X" && text.cells.iter().any(|cell| cell == "Increment") {
+        return increments(text).map(Ok);
+    }
+    text.cells.iter().any(|cell| volts(cell).is_some()).then(|| Ok(clock_in_the_names(text)))
 }
 
 /// DS1000 and its kin: `X,CH1,Start,Increment,`, then `Sequence,Volt,-3e-04,1e-07`, and rows of an index and volts. The time
@@ -34,7 +29,7 @@ fn increments(text: &Beginning) -> Option<Found> {
 
 /// DS4000, MSO5000, DHO800 and their kin: `Time(s),CH1V,CH2V,t0 =-1.2e-3, tInc = 2e-9,`, without times where there is no
 /// first column for them.
-fn clock_in_the_names(text: &Beginning) -> Option<Found> {
+fn clock_in_the_names(text: &Beginning) -> Found {
     let (names, _) = text.filled(0);
     let said = |key: &str| {
         names.iter().find_map(|name| {
@@ -56,7 +51,7 @@ fn clock_in_the_names(text: &Beginning) -> Option<Found> {
     // Empty cells below the clock.
     found.cells = text.filled(1).0.len().max(channels);
     found.trailing = true;
-    Some(found)
+    found
 }
 
 /// The channel of a name such as `CH1V`.

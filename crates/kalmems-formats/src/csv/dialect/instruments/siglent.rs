@@ -1,15 +1,13 @@
 //! Siglent: lines of settings, then `Second,Volt,Volt`.
 
-use super::{Beginning, columns};
-use crate::FormatError;
-use crate::csv::dialect::Found;
+use super::{Beginning, Find, columns};
 
 /// The channels stand in `Source,CH1,CH2` in newer ones, in `Vertical Scale,CH1: 0.05,CH2: 1.0` in older.
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
+pub(super) fn find(text: &Beginning) -> Find {
     if text.cell(0) != "Record Length" || !text.cell(1).starts_with("Analog") {
-        return Ok(None);
+        return None;
     }
-    let Some(header) = text.head.find("Second", text.separator) else { return Ok(None) };
+    let header = text.head.find("Second", text.separator)?;
     let (units, _) = text.filled(header);
     let sources = text.values("Source").unwrap_or_else(|| {
         let scales = text.values("Vertical Scale").unwrap_or_default();
@@ -24,7 +22,7 @@ pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
     }
     let line = text.head.number(header);
     let columns = columns(&names, &units);
-    Ok(Some(text.found(
+    Some(Ok(text.found(
         "a Siglent oscilloscope",
         header,
         header + 1,

@@ -1,16 +1,16 @@
 //! Tektronix: settings above the columns, or beside the first rows.
 
 use super::super::units::column_name;
-use super::{Beginning, columns, number};
-use crate::FormatError;
+use super::{Beginning, Find, columns, number};
 use crate::csv::dialect::{Found, Origin};
 
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
-    Ok(match text.cell(0) {
+pub(super) fn find(text: &Beginning) -> Find {
+    match text.cell(0) {
         "Record Length" if [3, 4].iter().all(|cell| number(text.cells.get(*cell)).is_some()) => beside(text),
         "Model" | "Record Length" => above(text),
         _ => None,
-    })
+    }
+    .map(Ok)
 }
 
 /// The unit of times, for which older ones write a capital.

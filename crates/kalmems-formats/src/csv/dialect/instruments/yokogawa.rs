@@ -1,15 +1,16 @@
 //! Yokogawa DL, DLM and ScopeCorder: `"Header Size",16` and lines of settings, a value for each waveform.
 
 use super::super::units::column_name;
-use super::{Beginning, distinct, number};
+use super::{Beginning, Find, distinct, number};
 use crate::FormatError;
 use crate::csv::dialect::{Found, Origin};
 
+pub(super) fn find(text: &Beginning) -> Find {
+    if text.cell(0) == "Header Size" { found(text).transpose() } else { None }
+}
+
 /// Rows are values alone, below the keys an empty cell; the time is `HResolution × (number − 1) + HOffset`.
-pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
-    if text.cell(0) != "Header Size" {
-        return Ok(None);
-    }
+fn found(text: &Beginning) -> Result<Option<Found>, FormatError> {
     let values = |key: &str| text.values(key).unwrap_or_default();
     let filled = |cells: Vec<String>| cells.into_iter().filter(|cell| !cell.is_empty()).collect::<Vec<_>>();
     let names = distinct(filled(values("TraceName")));
@@ -20,9 +21,9 @@ pub(super) fn find(text: &Beginning) -> Result<Option<Found>, FormatError> {
         found: found.to_owned(),
         expected,
     };
-    let lines = number(text.cells.get(1)).filter(|lines| (2.0..=128.0).contains(lines));
+    let lines = text.cell(1).parse().ok().filter(|lines| (2..=128).contains(lines));
     let lines = lines.ok_or_else(|| damaged(text.cell(1), "the number of its lines".to_owned()))?;
-    let first_row = text.head.filled(lines as usize);
+    let first_row = text.head.filled(lines);
     let (cells, trailing) = text.filled(first_row);
     // Below the keys is an empty cell, or the time.
     let beside = cells.len().saturating_sub(names.len());
