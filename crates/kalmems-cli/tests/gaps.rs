@@ -21,7 +21,8 @@ fn rows(example: &str) -> Vec<Vec<String>> {
     let (recording, reference) = (read("recording.csv"), read("reference.csv"));
     let cells = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
     let both = recording.lines().zip(reference.lines());
-    both.map(|(own, known)| cells(own).into_iter().chain(cells(known).into_iter().skip(1)).collect()).collect()
+    both.map(|(own, known)| cells(own).into_iter().chain(cells(known).into_iter().skip(1)).collect())
+        .collect()
 }
 
 /// An example in a folder of its own, its reference in its recording's file.
@@ -102,8 +103,11 @@ fn a_gap_of_whatever_length_begins_a_stretch_that_is_as_right_as_the_whole_and_t
     assert!(before.get("stretches").is_none() && before["segments"][0].get("stretch").is_none());
     let known = errors(&before["segments"][0]);
     for gap_s in [60.0, 3600.0, 86_400.0, 1e6] {
-        let altered =
-            Altered::of("shared_scanner", |row, t| Some(t + if row >= 12_000 { gap_s } else { 0.0 }), NOTHING);
+        let altered = Altered::of(
+            "shared_scanner",
+            |row, t| Some(t + if row >= 12_000 { gap_s } else { 0.0 }),
+            NOTHING,
+        );
         let (recording, _, took) = altered.estimate();
         assert!(took < usual * 2 + Duration::from_secs(1), "{gap_s}: {took:?} for {usual:?}");
         assert_eq!(recording["stretches"]["restarts"], 1);
@@ -127,7 +131,8 @@ fn a_gap_of_whatever_length_begins_a_stretch_that_is_as_right_as_the_whole_and_t
 fn a_single_row_at_a_time_of_1e300_is_a_stretch_that_is_left_out() {
     let whole = Altered::of("shared_scanner", |_, t| Some(t), NOTHING);
     let (before, _, usual) = whole.estimate();
-    let altered = Altered::of("shared_scanner", |row, t| Some(if row == 24_000 { 1e300 } else { t }), NOTHING);
+    let altered =
+        Altered::of("shared_scanner", |row, t| Some(if row == 24_000 { 1e300 } else { t }), NOTHING);
     let (recording, _, took) = altered.estimate();
     assert!(took < usual * 2 + Duration::from_secs(1), "{took:?} for {usual:?}");
     assert_eq!(recording["stretches"]["restarts"], 1);

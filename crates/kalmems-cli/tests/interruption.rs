@@ -90,10 +90,16 @@ fn a_command_that_computes_ends_within_a_second_of_a_signal() {
     let folder = copied("shared_scanner");
     let simulation = folder.path().join("simulation.toml");
     let toml = std::fs::read_to_string(&simulation).unwrap();
-    let long: String = toml
-        .lines()
-        .map(|line| if line.starts_with("duration") { "duration = \"200 s\"\n".into() } else { format!("{line}\n") })
-        .collect();
+    let long: String =
+        toml.lines()
+            .map(|line| {
+                if line.starts_with("duration") {
+                    "duration = \"200 s\"\n".into()
+                } else {
+                    format!("{line}\n")
+                }
+            })
+            .collect();
     std::fs::write(&simulation, long).unwrap();
     for arguments in [
         &["simulate", "simulation.toml", "--out", "out"][..],

@@ -57,9 +57,7 @@ impl LongestGap {
                 .map_err(|why| format!("{why}, or a number of cycles, such as `20 cycles`"));
         };
         match number.trim().parse() {
-            Ok(cycles) if cycles > 0.0 && f64::is_finite(cycles) => {
-                Ok(Self::Cycles(cycles, text.to_owned()))
-            }
+            Ok(cycles) if cycles > 0.0 && f64::is_finite(cycles) => Ok(Self::Cycles(cycles, text.to_owned())),
             _ => Err(format!(
                 "`{}` is no number above 0; expected a number of cycles, such as `20 cycles`, or a time, such as `1 ms`",
                 super::error::shown(number.trim())

@@ -1,10 +1,10 @@
 //! What an experiment file says about its recordings.
 
-use super::{Gaps, Name};
 use super::format::FileFormat;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
+use super::{Gaps, Name};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};

@@ -51,12 +51,7 @@ impl Findings {
     }
 
     /// Makes all of one kind another kind, with the first of them told in other words.
-    pub(super) fn raise(
-        &mut self,
-        of: FindingKind,
-        kind: FindingKind,
-        words: impl Fn(&str) -> String,
-    ) {
+    pub(super) fn raise(&mut self, of: FindingKind, kind: FindingKind, words: impl Fn(&str) -> String) {
         let found: Vec<Key> = self.entries.keys().filter(|(own, ..)| *own == of).copied().collect();
         for key in found {
             if let Some(entry) = self.entries.remove(&key) {

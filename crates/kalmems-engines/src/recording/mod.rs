@@ -44,8 +44,8 @@ mod window;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
-pub use restart::{Restarts, StretchPlace};
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};

@@ -511,7 +511,10 @@ fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
     insta::assert_snapshot!(found.join("\n"), @"");
     // Without a policy the same file is refused, and shortly.
     let text = diagnosis(&text, &Layout { restarts: None, ..layout });
-    assert!(text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"), "{text}");
+    assert!(
+        text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"),
+        "{text}"
+    );
     assert!(text.lines().all(|line| line.len() < 300), "{text}");
 }
 

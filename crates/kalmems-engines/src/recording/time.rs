@@ -87,7 +87,8 @@ impl TimeCheck {
                 }
             };
             self.ordered = false;
-            findings.add(kind, place(base + i), || format!("{} s {word} {} s", written(after), written(before)));
+            findings
+                .add(kind, place(base + i), || format!("{} s {word} {} s", written(after), written(before)));
         }
         self.rows += fresh;
         if !self.is_waiting() {
@@ -130,11 +131,7 @@ impl TimeCheck {
     }
 
     /// The end of the segment, whose times are `times` as for [`TimeCheck::take`]: the usual interval, and whether all are it.
-    pub(super) fn finish(
-        &mut self,
-        times: &[f64],
-        place: impl Fn(usize) -> Place,
-    ) -> (Option<f64>, bool) {
+    pub(super) fn finish(&mut self, times: &[f64], place: impl Fn(usize) -> Place) -> (Option<f64>, bool) {
         if self.is_waiting() {
             self.settle(times, place);
         }
@@ -191,7 +188,11 @@ fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64)
 
 /// A time or a count in a message: all its digits, and an exponent where zeros would be hard to count.
 pub(super) fn written(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e15).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
+    if value == 0.0 || (1e-3..1e15).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
 }
 
 #[derive(Default)]

@@ -4,7 +4,8 @@ use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
-    CYCLES, ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+    CYCLES, ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign,
+    Start,
 };
 use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;

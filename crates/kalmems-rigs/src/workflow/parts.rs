@@ -2,9 +2,7 @@
 
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
-use crate::estimate::{
-    Around, EstimateError, Part, Progress, SegmentEstimate, StretchJudge, StretchSummary,
-};
+use crate::estimate::{Around, EstimateError, Part, Progress, SegmentEstimate, StretchJudge, StretchSummary};
 use crate::evaluate::{ReferenceParts, ReferenceRecording};
 use crate::recording::{self, Finding, Source, Stretches};
 use crate::{Estimator, Rig, of};

@@ -21,7 +21,8 @@ pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
 use crate::estimate::{
-    EstimateError, ForetoldCounts, Part, Past, Progress, SegmentEstimate, StretchJudge, StretchSummary, Trajectory,
+    EstimateError, ForetoldCounts, Part, Past, Progress, SegmentEstimate, StretchJudge, StretchSummary,
+    Trajectory,
 };
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
@@ -151,7 +152,8 @@ pub fn stream(
         before: around.before,
         after: around.after.max(1),
     };
-    let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, around_stretch)?;
+    let mut stretches =
+        Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, around_stretch)?;
     let channel = channel(experiment, described, &outputs)?;
     let mut live = Live {
         rig,
