@@ -2,7 +2,6 @@
 
 use crate::source::{ReadSeek, Source};
 use crate::{CsvHints, FormatError, Table, csv};
-use std::fs::File;
 use std::path::Path;
 
 /// A format that is read.
@@ -87,7 +86,7 @@ pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     if !std::fs::metadata(path)?.is_file() {
         return csv::open_csv(path, hints);
     }
-    let source = Source::new(Box::new(File::open(path)?))?;
+    let source = Source::open(path)?;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     match recognise(&source, name, hints)? {
         Format::Csv => csv::open_csv(path, hints),

@@ -3,6 +3,7 @@
 use crate::decimal::Shift;
 use crate::element::Element;
 use crate::limits::BLOCK_BYTES;
+use crate::scaling::Scaling;
 use crate::{Block, CellFault, Column, Description, Fault, FormatError, Labels, Table, Wanted};
 
 /// Records that are read one after the other.
@@ -71,6 +72,15 @@ pub(crate) struct Field {
     pub(crate) cells: Cells,
     /// As many; a clock has as many as are needed.
     pub(crate) rows: u64,
+    /// What the file says is to be done to its numbers.
+    pub(crate) scaling: Scaling,
+}
+
+impl Field {
+    /// A column whose cells are taken as they are.
+    pub(crate) fn new(column: Column, cells: Cells, rows: u64) -> Self {
+        Self { column, cells, rows, scaling: Scaling::default() }
+    }
 }
 
 /// A table of records.
@@ -87,6 +97,8 @@ pub(crate) struct RecordTable {
     row: u64,
     raw: Vec<Vec<u8>>,
     texts: Vec<Vec<Vec<u8>>>,
+    /// Rows of a column that the file says are none.
+    absent: Vec<usize>,
 }
 
 impl RecordTable {
@@ -101,7 +113,8 @@ impl RecordTable {
         let mut counts = fields.iter().filter(|f| !matches!(f.cells, Cells::Clock(_))).map(|f| f.rows);
         let first = counts.next();
         let rows = first.filter(|first| counts.all(|count| count == *first));
-        let columns = fields.iter().map(|f| f.column.clone()).collect();
+        let is_text = |field: &Field| matches!(field.cells, Cells::Text { .. } | Cells::Texts { .. });
+        let columns = fields.iter().map(|f| Column { text: is_text(f), ..f.column.clone() }).collect();
         let description = Description { format, recognised, columns, rows };
         let count = lanes.len();
         Self {
@@ -116,6 +129,7 @@ impl RecordTable {
             row: 0,
             raw: vec![Vec::new(); count],
             texts: vec![Vec::new(); count],
+            absent: Vec::new(),
         }
     }
 
@@ -200,8 +214,17 @@ impl Table for RecordTable {
         for want in &self.wanted {
             match *want {
                 Wanted::Number { column, power } => {
-                    self.numbers(column, power, rows, &mut block.numbers[number]);
+                    let (mut absent, first) = (std::mem::take(&mut self.absent), block.faults.len());
+                    absent.clear();
+                    self.numbers(column, power, rows, &mut block.numbers[number], &mut absent);
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
+                    // They are NaN so far, and were taken for such.
+                    for fault in &mut block.faults[first..] {
+                        if absent.binary_search(&fault.row).is_ok() {
+                            fault.fault = Fault::Missing;
+                        }
+                    }
+                    self.absent = absent;
                     number += 1;
                 }
                 Wanted::Label { column } => {
@@ -223,10 +246,28 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
-    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>) {
+    fn numbers(
+        &self,
+        column: usize,
+        power: i32,
+        rows: usize,
+        out: &mut Vec<f64>,
+        absent: &mut Vec<usize>,
+    ) {
+        let scaling = &self.fields[column].scaling;
         match self.fields[column].cells {
-            Cells::Numbers { lane, offset, element } => {
+            Cells::Numbers { lane, offset, element } if scaling.is_none() => {
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
+            }
+            Cells::Numbers { lane, offset, element } => {
+                let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
+                element.numbers(raw, offset, record, rows, 0, out);
+                let cells = raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
+                scaling.apply(element, cells, out, absent);
+                let mut shift = Shift::new(power);
+                for number in out {
+                    *number = shift.float(*number);
+                }
             }
             Cells::Clock(clock) => {
                 let mut shift = Shift::new(power);
@@ -245,8 +286,14 @@ impl RecordTable {
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
             match self.fields[column].cells {
-                Cells::Numbers { lane, offset, element } => {
+                Cells::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
+                }
+                Cells::Numbers { lane, offset, element } => {
+                    let cell = cell(lane, offset, element.bytes);
+                    let mut number = [element.exact(cell).rounded()];
+                    self.fields[column].scaling.apply(element, [cell].into_iter(), &mut number, &mut Vec::new());
+                    text = crate::element::shortest(number[0]).into_bytes();
                 }
                 Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),
                 Cells::Texts { lane } => {

@@ -153,19 +153,19 @@ struct Parts {
 impl Parts {
     fn add(&mut self, stretch: &Stretch, variable: Variable) {
         let Variable { name, value } = variable;
-        let column = Column { name: name.clone(), place: None };
+        let column = Column::new(&name);
         let lane = self.lanes.len();
         let single = !is_column(&value);
         match value {
             Value::Numbers { place, element, rows, columns } if !single => {
                 let rows = rows * columns;
                 self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes, rows)));
-                self.fields.push(Field { column, cells: Cells::Numbers { lane, offset: 0, element }, rows });
+                self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
             }
             Value::Texts(texts) if !single => {
                 let rows = texts.len() as u64;
                 self.lanes.push(Box::new(Texts { texts, next: 0 }));
-                self.fields.push(Field { column, cells: Cells::Texts { lane }, rows });
+                self.fields.push(Field::new(column, Cells::Texts { lane }, rows));
             }
             Value::Numbers { rows, columns, .. } => {
                 self.left_out.push(format!("`{name}` ({rows} × {columns})"));
@@ -203,8 +203,8 @@ impl Parts {
             let lane = self.lanes.len();
             let skip = place + number as u64 * rows * element.bytes as u64;
             self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes, rows)));
-            let column = Column { name: name.clone(), place: Some(format!("column {}", number + 1)) };
-            self.fields.push(Field { column, cells: Cells::Numbers { lane, offset: 0, element }, rows });
+            let column = Column::new(name).at(format!("column {}", number + 1));
+            self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
         }
         Ok(())
     }

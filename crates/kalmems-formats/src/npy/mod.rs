@@ -172,7 +172,7 @@ impl Array {
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
             table.lanes.push(self.lane(0, cell.bytes(), rows));
-            table.fields.push(Field { column: Column { name, place: None }, cells, rows });
+            table.fields.push(Field::new(Column::new(&name), cells, rows));
         }
     }
 
@@ -189,11 +189,9 @@ impl Array {
                 table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());
                 let mut offset = 0;
                 for (name, cell) in fields {
-                    let place = None;
                     match cells(cell, table.lanes.len(), offset) {
                         Some(cells) => {
-                            let column = Column { name: name.clone(), place };
-                            table.fields.push(Field { column, cells, rows: shape[0] });
+                            table.fields.push(Field::new(Column::new(name), cells, shape[0]));
                         }
                         // Padding has no name.
                         None if name.is_empty() => {}
@@ -237,8 +235,8 @@ impl Array {
         for (number, name) in names.iter().enumerate() {
             let (lane, offset) = if *fortran { (table.lanes.len(), 0) } else { (0, number * size) };
             if let Some(cells) = cells(cell, lane, offset) {
-                let column = Column { name: name.clone(), place: Some(format!("column {}", number + 1)) };
-                table.fields.push(Field { column, cells, rows });
+                let column = Column::new(name).at(format!("column {}", number + 1));
+                table.fields.push(Field::new(column, cells, rows));
             }
             if *fortran {
                 table.lanes.push(self.lane(number as u64 * rows * size as u64, size, rows));

@@ -96,7 +96,8 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let name = descriptor.path().string();
         match kind(descriptor) {
             Ok(kind) => {
-                columns.push(Column { name, place: None });
+                let text = descriptor.physical_type() == Type::BYTE_ARRAY;
+                columns.push(Column { text, ..Column::new(&name) });
                 kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
             Err(what) => left_out.push(format!("`{name}` ({what})")),

@@ -37,11 +37,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             continue;
         }
         limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
-        let column = Column {
-            name: with_unit(&channel.name, &channel.unit),
-            place: Some(format!("{} of {group}", channel.name)),
-        };
-        fields.push(Field { column, cells, rows: channel.rows });
+        let column = Column::new(&with_unit(&channel.name, &channel.unit)).at(format!("{} of {group}", channel.name));
+        fields.push(Field::new(column, cells, channel.rows));
         lanes.push(Box::new(ChannelLane {
             source: Arc::clone(&source),
             file: Arc::clone(&file),
@@ -98,8 +95,8 @@ fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
         );
     }
     let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
-    let column = Column { name: "time_s".to_owned(), place: None };
-    fields.insert(0, Field { column, cells: Cells::Clock(Clock::Increment { start, increment }), rows });
+    let clock = Cells::Clock(Clock::Increment { start, increment });
+    fields.insert(0, Field::new(Column::new("time_s"), clock, rows));
     format!(
         "; time_s = {start} s + k·{increment} s for row k from 0 on (wf_start_offset, wf_increment), which is not in \
          the file"
