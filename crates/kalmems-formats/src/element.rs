@@ -25,8 +25,11 @@ pub(crate) enum Exact {
 impl Exact {
     /// Whether both are the same number, or none.
     pub(crate) fn is(self, other: Self) -> bool {
-        #[allow(clippy::cast_possible_truncation)] // a number without a fraction; beyond the range it is none of these
-        let same = |integer: i128, float: f64| float.fract() == 0.0 && float.abs() < 1e30 && float as i128 == integer;
+        #[allow(clippy::cast_possible_truncation)]
+        // a number without a fraction; beyond the range it is none of these
+        let same = |integer: i128, float: f64| {
+            float.fract() == 0.0 && float.abs() < 1e30 && float as i128 == integer
+        };
         match (self, other) {
             (Self::Integer(one), Self::Integer(other)) => one == other,
             (Self::Float(one), Self::Float(other)) => one == other || (one.is_nan() && other.is_nan()),

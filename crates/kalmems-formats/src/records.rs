@@ -2,9 +2,10 @@
 
 use crate::decimal::Shift;
 use crate::element::Element;
-use crate::limits::BLOCK_BYTES;
+use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::{Block, CellFault, Column, Description, Fault, FormatError, Labels, Table, Wanted};
+use std::collections::BTreeMap;
 
 /// Records that are read one after the other.
 pub(crate) trait Lane: Send {
@@ -77,10 +78,23 @@ pub(crate) struct Field {
 }
 
 impl Field {
+    fn is_clock(&self) -> bool {
+        matches!(self.cells, Cells::Clock(_))
+    }
+
     /// A column whose cells are taken as they are.
     pub(crate) fn new(column: Column, cells: Cells, rows: u64) -> Self {
         Self { column, cells, rows, scaling: Scaling::default() }
     }
+}
+
+/// The lengths of the columns, the longest first, and the names of those that have each.
+fn lengths(fields: &[Field]) -> Vec<(u64, Vec<String>)> {
+    let mut lengths = BTreeMap::<u64, Vec<String>>::new();
+    for field in fields.iter().filter(|field| !field.is_clock()) {
+        lengths.entry(field.rows).or_default().push(format!("`{}`", field.column.name));
+    }
+    lengths.into_iter().rev().collect()
 }
 
 /// A table of records.
@@ -110,11 +124,22 @@ impl RecordTable {
         lanes: Vec<Box<dyn Lane>>,
         file_bytes: u64,
     ) -> Self {
-        let mut counts = fields.iter().filter(|f| !matches!(f.cells, Cells::Clock(_))).map(|f| f.rows);
-        let first = counts.next();
-        let rows = first.filter(|first| counts.all(|count| count == *first));
+        let lengths = lengths(&fields);
+        let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
         let is_text = |field: &Field| matches!(field.cells, Cells::Text { .. } | Cells::Texts { .. });
-        let columns = fields.iter().map(|f| Column { text: is_text(f), ..f.column.clone() }).collect();
+        let own = |field: &Field| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
+        let columns =
+            fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
+        let mut recognised = recognised;
+        if lengths.len() > 1 {
+            let groups = lengths.iter().map(|(rows, names)| format!("{rows} rows: {}", limits::list(names)));
+            let groups: Vec<String> = groups.take(8).collect();
+            recognised.push_str(&format!(
+                "; columns of {} lengths, of which those of one length belong together ({})",
+                lengths.len(),
+                groups.join("; ")
+            ));
+        }
         let description = Description { format, recognised, columns, rows };
         let count = lanes.len();
         Self {
@@ -246,14 +271,7 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
-    fn numbers(
-        &self,
-        column: usize,
-        power: i32,
-        rows: usize,
-        out: &mut Vec<f64>,
-        absent: &mut Vec<usize>,
-    ) {
+    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>, absent: &mut Vec<usize>) {
         let scaling = &self.fields[column].scaling;
         match self.fields[column].cells {
             Cells::Numbers { lane, offset, element } if scaling.is_none() => {
@@ -262,7 +280,8 @@ impl RecordTable {
             Cells::Numbers { lane, offset, element } => {
                 let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
                 element.numbers(raw, offset, record, rows, 0, out);
-                let cells = raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
+                let cells =
+                    raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
                 scaling.apply(element, cells, out, absent);
                 let mut shift = Shift::new(power);
                 for number in out {
@@ -292,7 +311,12 @@ impl RecordTable {
                 Cells::Numbers { lane, offset, element } => {
                     let cell = cell(lane, offset, element.bytes);
                     let mut number = [element.exact(cell).rounded()];
-                    self.fields[column].scaling.apply(element, [cell].into_iter(), &mut number, &mut Vec::new());
+                    self.fields[column].scaling.apply(
+                        element,
+                        [cell].into_iter(),
+                        &mut number,
+                        &mut Vec::new(),
+                    );
                     text = crate::element::shortest(number[0]).into_bytes();
                 }
                 Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),

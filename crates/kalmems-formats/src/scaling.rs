@@ -78,7 +78,9 @@ impl Step {
     pub(crate) fn text(&self) -> String {
         match self {
             Self::Linear { factor, offset } => format!("{factor}·x + {offset}"),
-            Self::Polynomial(coefficients) => format!("a polynomial of degree {}", coefficients.len().saturating_sub(1)),
+            Self::Polynomial(coefficients) => {
+                format!("a polynomial of degree {}", coefficients.len().saturating_sub(1))
+            }
             Self::Table { from, .. } => format!("a table of {} points, held at its ends", from.len()),
         }
     }

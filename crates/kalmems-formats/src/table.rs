@@ -25,6 +25,8 @@ pub struct Column {
     pub place: Option<String>,
     /// It holds texts, which can be labels and never numbers. Of text files it is not known before the rows are read.
     pub text: bool,
+    /// How many rows it has, where the columns of the file differ in that: those of one number belong together.
+    pub rows: Option<u64>,
 }
 
 impl Column {

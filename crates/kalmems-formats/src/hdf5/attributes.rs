@@ -55,7 +55,12 @@ impl Attributes {
 
     fn push(&mut self, attribute: (String, Value)) -> Result<(), FormatError> {
         let count = self.0.len() as u64 + 1;
-        limits::at_most(super::FORMAT, "the number of attributes of an object", count, limits::COLUMNS as u64)?;
+        limits::at_most(
+            super::FORMAT,
+            "the number of attributes of an object",
+            count,
+            limits::COLUMNS as u64,
+        )?;
         self.0.push(attribute);
         Ok(())
     }

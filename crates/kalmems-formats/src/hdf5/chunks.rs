@@ -105,9 +105,8 @@ impl ChunkLane {
             let [first, second] = chunk.first;
             let (row, column) = if grid.turned { (second, first) } else { (first, second) };
             if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
-                return Err(
-                    self.damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths")
-                );
+                return Err(self
+                    .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
             }
             // Chunks beyond the extent are left over from a larger one.
             if column >= grid.columns || row >= grid.rows {
@@ -205,7 +204,8 @@ impl Lane for ChunkLane {
         let record = self.record();
         let mut missing = rows;
         while missing > 0 {
-            let (band, within) = (self.progress.row / self.grid.chunk_rows, self.progress.row % self.grid.chunk_rows);
+            let (band, within) =
+                (self.progress.row / self.grid.chunk_rows, self.progress.row % self.grid.chunk_rows);
             if self.progress.band_number != Some(band) {
                 self.unpack(band)?;
             }

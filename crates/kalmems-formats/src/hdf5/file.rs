@@ -84,8 +84,14 @@ impl File {
 
     /// Reads a block of metadata.
     pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>, FormatError> {
-        limits::at_most(FORMAT, &format!("the bytes of metadata at byte {place}"), bytes, limits::HEADER_BYTES)?;
-        let taken = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes));
+        limits::at_most(
+            FORMAT,
+            &format!("the bytes of metadata at byte {place}"),
+            bytes,
+            limits::HEADER_BYTES,
+        )?;
+        let taken =
+            self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes));
         if taken.is_err() {
             return Err(FormatError::TooLarge {
                 format: FORMAT,
@@ -205,7 +211,9 @@ impl<'a> Cursor<'a> {
     /// A place in the file; none where the address is undefined.
     pub(super) fn address(&mut self) -> Result<Option<u64>, FormatError> {
         let stored = self.number(self.file.offset_bytes)?;
-        self.file.place(stored).ok_or_else(|| self.damaged(format!("the address {stored}"), "one in the file"))
+        self.file
+            .place(stored)
+            .ok_or_else(|| self.damaged(format!("the address {stored}"), "one in the file"))
     }
 
     /// An address that must be there.

@@ -52,7 +52,9 @@ pub(super) fn name(id: u16) -> String {
 pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Vec<u16>, FormatError> {
     let (version, count) = (cursor.u8()?, cursor.u8()?);
     if !(1..=2).contains(&version) || count > FILTERS {
-        return Err(cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32"));
+        return Err(
+            cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32")
+        );
     }
     if version == 1 {
         cursor.skip(6)?;

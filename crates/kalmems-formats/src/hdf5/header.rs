@@ -60,7 +60,8 @@ impl Header {
             let head = file.block(address, prefix + width)?;
             let mut cursor = Cursor::new(file, &head, address);
             #[allow(clippy::cast_possible_truncation)] // at most 8
-            let bytes = cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
+            let bytes =
+                cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
             let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
             let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
             let block = file.block(address, all)?;
@@ -134,7 +135,12 @@ impl Header {
             blocks.push((body.known_address()?, body.length()?));
             return Ok(());
         }
-        limits::at_most(FORMAT, "the number of messages of a header", self.messages.len() as u64, MESSAGES as u64)?;
+        limits::at_most(
+            FORMAT,
+            "the number of messages of a header",
+            self.messages.len() as u64,
+            MESSAGES as u64,
+        )?;
         let place = body.place();
         let body = body.take(body.left())?.to_vec();
         self.messages.push(Message { kind, shared: flags & 2 != 0, place, body });

@@ -138,7 +138,8 @@ fn oldest(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
 /// The lengths of a chunk along each axis; behind them is the length of an element.
 fn lengths(cursor: &mut Cursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
     if !(2..=33).contains(&axes) || !(1..=8).contains(&width) {
-        return Err(cursor.damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8"));
+        return Err(cursor
+            .damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8"));
     }
     let mut shape = (0..axes).map(|_| cursor.number(width)).collect::<Result<Vec<_>, _>>()?;
     shape.pop();
@@ -198,7 +199,8 @@ impl Chunked {
                 each(Chunk { first: [0; 2], address, bytes, mask })
             }
             Index::Implicit(start) => {
-                let count = self.grid(space).iter().fold(1_u64, |count, length| count.saturating_mul(*length));
+                let count =
+                    self.grid(space).iter().fold(1_u64, |count, length| count.saturating_mul(*length));
                 limits::at_most(FORMAT, "the number of chunks", count, ENTRIES)?;
                 for number in 0..count {
                     let address = start.saturating_add(number.saturating_mul(bytes));
@@ -219,7 +221,9 @@ impl Chunked {
                 let (bytes, mask) = match (packed, width) {
                     (false, _) => (bytes, 0),
                     (true, Some(width)) => (record.number(width)?, record.u32()?),
-                    (true, None) => return Err(record.damaged("a record of another length", "that of a chunk")),
+                    (true, None) => {
+                        return Err(record.damaged("a record of another length", "that of a chunk"));
+                    }
                 };
                 each(Chunk { first: first(record, &scaled)?, address, bytes, mask })
             }),
@@ -353,8 +357,11 @@ impl Chunked {
         let used = cursor.skip(4 * file.length_bytes)?.length()?;
         let index = cursor.skip(file.length_bytes)?.address()?;
         cursor.check_sum()?;
-        if !smallest.is_power_of_two() || !pointers.is_power_of_two() || count_bits > LEVELS || page_bits > 32 {
-            return Err(cursor.damaged("an array whose blocks do not double", "lengths that are powers of two"));
+        if !smallest.is_power_of_two() || !pointers.is_power_of_two() || count_bits > LEVELS || page_bits > 32
+        {
+            return Err(
+                cursor.damaged("an array whose blocks do not double", "lengths that are powers of two")
+            );
         }
         limits::at_most(FORMAT, "the number of chunks", used, ENTRIES)?;
         let Some(index) = index else { return Ok(()) };
@@ -400,9 +407,10 @@ impl ArrayKind {
             _ => Some(0),
         };
         match packed {
-            Some(width) if !(1..=8).contains(&width) => {
-                Err(cursor.damaged(format!("entries of kind {client} in {bytes} bytes"), "an address, or what is packed"))
-            }
+            Some(width) if !(1..=8).contains(&width) => Err(cursor.damaged(
+                format!("entries of kind {client} in {bytes} bytes"),
+                "an address, or what is packed",
+            )),
             packed => Ok(Self { bytes, packed }),
         }
     }
@@ -438,7 +446,11 @@ impl Array<'_> {
         (1 << (level / 2), self.smallest.saturating_mul(1 << level.div_ceil(2)))
     }
 
-    fn read(&self, index: u64, each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>) -> Result<(), FormatError> {
+    fn read(
+        &self,
+        index: u64,
+        each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
+    ) -> Result<(), FormatError> {
         let offset = self.file.offset_bytes;
         let direct: u64 = (0..self.direct_levels.min(self.levels)).map(|level| self.level(level).0).sum();
         let indirect = u64::from(self.levels.saturating_sub(self.direct_levels));
@@ -493,7 +505,8 @@ impl Array<'_> {
         let pages = if count > self.page { count / self.page } else { 0 };
         let bits = pages.div_ceil(8);
         let prefix = 6 + offset + self.number_bytes;
-        let length = blocks.saturating_mul(bits.saturating_add(offset as u64)).saturating_add(prefix as u64 + 4);
+        let length =
+            blocks.saturating_mul(bits.saturating_add(offset as u64)).saturating_add(prefix as u64 + 4);
         let raw = self.file.block(place, length)?;
         let mut cursor = Cursor::new(self.file, &raw, place);
         cursor.mark("EASB")?;
@@ -524,7 +537,10 @@ impl Array<'_> {
         let bytes = self.kind.bytes as u64;
         let last = number.saturating_add(count).min(self.used);
         let Some(written) = pages else {
-            let raw = self.file.block(place, (prefix as u64).saturating_add(count.saturating_mul(bytes)).saturating_add(4))?;
+            let raw = self.file.block(
+                place,
+                (prefix as u64).saturating_add(count.saturating_mul(bytes)).saturating_add(4),
+            )?;
             let mut cursor = Cursor::new(self.file, &raw, place);
             cursor.mark("EADB")?;
             cursor.skip(prefix - 4)?;
@@ -546,7 +562,8 @@ impl Array<'_> {
                 break;
             }
             if bit(written, page) {
-                let place = place.saturating_add(raw.len() as u64).saturating_add(page.saturating_mul(length));
+                let place =
+                    place.saturating_add(raw.len() as u64).saturating_add(page.saturating_mul(length));
                 let numbers = first..(first + self.page).min(last);
                 let length = self.page * bytes + 4;
                 self.page(place, length, numbers, each)?;

@@ -39,9 +39,9 @@ pub(super) fn is_group(header: &Header) -> bool {
 /// The links of a group.
 pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatError> {
     let mut links = Vec::new();
-    if let Some((nodes, names)) = header.first(file, Kind::SymbolTable, |cursor| {
-        Ok((cursor.known_address()?, cursor.known_address()?))
-    })? {
+    if let Some((nodes, names)) = header
+        .first(file, Kind::SymbolTable, |cursor| Ok((cursor.known_address()?, cursor.known_address()?)))?
+    {
         let names = LocalHeap::read(file, names)?;
         tree::older(file, nodes, GROUP, file.length_bytes, &mut |_, leaf| {
             entries(file, leaf, &names, &mut links)
@@ -75,7 +75,12 @@ pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatErr
 }
 
 fn push(links: &mut Vec<Link>, link: Link) -> Result<(), FormatError> {
-    limits::at_most(FORMAT, "the number of names in a group", links.len() as u64 + 1, limits::COLUMNS as u64)?;
+    limits::at_most(
+        FORMAT,
+        "the number of names in a group",
+        links.len() as u64 + 1,
+        limits::COLUMNS as u64,
+    )?;
     links.push(link);
     Ok(())
 }

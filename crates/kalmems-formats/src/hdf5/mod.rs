@@ -170,7 +170,10 @@ impl Parts {
             return self.add_group(&object, path);
         }
         if !header.has(Message::Layout) {
-            return Err(unsupported(format!("`{path}`, which is no group and no dataset,"), "write the path of one"));
+            return Err(unsupported(
+                format!("`{path}`, which is no group and no dataset,"),
+                "write the path of one",
+            ));
         }
         self.add_table(Found::look(object, header, path)?, hints)
     }
@@ -183,7 +186,12 @@ impl Parts {
             format!("the datasets of `{path}`, a column each")
         };
         let links = links(&group.file, &group.header()?)?;
-        limits::at_most(FORMAT, &format!("the number of names in `{path}`"), links.len() as u64, OBJECTS as u64)?;
+        limits::at_most(
+            FORMAT,
+            &format!("the number of names in `{path}`"),
+            links.len() as u64,
+            OBJECTS as u64,
+        )?;
         for Link { name, target } in links {
             // One that cannot be read does not stand in the way of the others.
             let columns = self.fields.len();
@@ -279,12 +287,14 @@ impl Parts {
     /// Says what is done to the numbers of a column.
     fn say(&mut self, name: &str, scaling: &Scaling) {
         if !scaling.steps.is_empty() {
-            self.recognised.push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&scaling.steps)));
+            self.recognised
+                .push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&scaling.steps)));
         }
         if !scaling.missing.is_empty() {
             let values: Vec<String> =
                 scaling.missing.iter().map(|value| crate::element::shortest(value.rounded())).collect();
-            self.recognised.push_str(&format!("; `{name}` has no value where {} is stored", values.join(" or ")));
+            self.recognised
+                .push_str(&format!("; `{name}` has no value where {} is stored", values.join(" or ")));
         }
     }
 
@@ -292,7 +302,13 @@ impl Parts {
     fn add_beside(&mut self, found: Found, name: &str) -> Result<(), FormatError> {
         let (rows, columns) = self.rows_and_columns(&found)?;
         if columns > BESIDE || columns > rows {
-            self.leave_out(name, &format!("{rows} rows and {columns} columns: write `group = \"{}\"` and `columns`", found.path));
+            self.leave_out(
+                name,
+                &format!(
+                    "{rows} rows and {columns} columns: write `group = \"{}\"` and `columns`",
+                    found.path
+                ),
+            );
             return Ok(());
         }
         let names: Vec<String> = match stored_names(&found) {

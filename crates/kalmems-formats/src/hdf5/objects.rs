@@ -72,7 +72,9 @@ impl Files {
             return Ok(Reached::Object(Object { file: Arc::clone(&group.file), address: *address }));
         }
         let Some(rest) = hops.checked_sub(1) else {
-            return Ok(Reached::Nowhere(format!("a link that leads to itself, or through more than {HOPS} others")));
+            return Ok(Reached::Nowhere(format!(
+                "a link that leads to itself, or through more than {HOPS} others"
+            )));
         };
         *hops = rest;
         match target {
@@ -131,7 +133,12 @@ impl Files {
         if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
             return Ok(Ok(Arc::clone(file)));
         }
-        limits::at_most(super::FORMAT, "the number of files that links lead into", self.others.len() as u64 + 1, FILES as u64)?;
+        limits::at_most(
+            super::FORMAT,
+            "the number of files that links lead into",
+            self.others.len() as u64 + 1,
+            FILES as u64,
+        )?;
         let source = Source::open(&path)?;
         match File::open(Arc::new(source), Some(path.clone())) {
             Ok(file) => {

@@ -30,7 +30,8 @@ pub(super) fn lane(
     limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file_bytes.max(file.source.length()))?;
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
     let record = usize::try_from(columns).unwrap_or(0) * element;
-    let whole = Grid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
+    let whole =
+        Grid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
     let source = Arc::clone(&file.source);
     match Layout::read(&file, &header)?.ok_or_else(never)? {
@@ -72,7 +73,15 @@ pub(super) fn lane(
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
             let grid = Grid { chunk_rows, chunk_columns, ..whole };
             grid.check(&path)?;
-            Ok(Box::new(ChunkLane { file, chunked, space, path, grid, filters, progress: Progress::default() }))
+            Ok(Box::new(ChunkLane {
+                file,
+                chunked,
+                space,
+                path,
+                grid,
+                filters,
+                progress: Progress::default(),
+            }))
         }
         Layout::Virtual => Err(unsupported(
             format!("`{path}`, a virtual dataset whose values are in other datasets,"),

@@ -130,7 +130,8 @@ fn texts(source: &Source, place: u64, header: &Header) -> Result<Vec<Vec<u8>>, F
     let raw = source.bytes(FORMAT, place, count * header.element.bytes)?;
     let mut numbers = Vec::new();
     header.element.numbers(&raw, 0, header.element.bytes, count, 0, &mut numbers);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // what is no character becomes one that says so
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // what is no character becomes one that says so
     let letter = |number: &f64| char::from_u32(*number as u32).unwrap_or(char::REPLACEMENT_CHARACTER);
     let text = |row: usize| numbers.iter().skip(row).step_by(rows.max(1)).map(letter).collect::<String>();
     Ok((0..rows).map(|row| text(row).trim_end().as_bytes().to_vec()).collect())

@@ -26,7 +26,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     let source = Arc::new(source);
     let mut head = [0; 128];
     let count = source.read_some(0, &mut head)?;
-    let is_old = !head.ends_with(b"IM") && !head.ends_with(b"MI") && four::begins(&source.bytes(FORMAT, 0, count)?);
+    let is_old =
+        !head.ends_with(b"IM") && !head.ends_with(b"MI") && four::begins(&source.bytes(FORMAT, 0, count)?);
     let (format, found) =
         if is_old { (four::FORMAT, four::variables(&source)?) } else { (FORMAT, variables(&source)?) };
     let mut table = Parts { format, ..Parts::default() };
@@ -73,7 +74,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
         ([], [(stretch, matrix)]) => table.add_matrix(stretch, matrix, hints)?,
         _ => {
             let names = matrices.iter().map(|(_, matrix)| format!("`{}`", matrix.name));
-            let names: Vec<String> = places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
+            let names: Vec<String> =
+                places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
             if names.is_empty() {
                 columns.into_iter().for_each(|(stretch, variable)| table.add(&stretch, variable));
                 return table.finish(source.length());
@@ -89,7 +91,12 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
 }
 
 /// The structs with columns, in a struct and in its fields.
-fn within(stretch: Stretch, path: String, fields: Vec<Variable>, places: &mut Vec<(Stretch, String, Vec<Variable>)>) {
+fn within(
+    stretch: Stretch,
+    path: String,
+    fields: Vec<Variable>,
+    places: &mut Vec<(Stretch, String, Vec<Variable>)>,
+) {
     if fields.iter().any(|field| is_column(&field.value)) {
         places.push((stretch, path, fields));
         return;
@@ -199,7 +206,9 @@ impl Parts {
         self.recognised = format!("the fields of `{path}`, a column each");
         for field in fields {
             match field.value {
-                Value::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => self.add_beside(stretch, field),
+                Value::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
+                    self.add_beside(stretch, field)
+                }
                 _ => self.add(stretch, field),
             }
         }
@@ -210,7 +219,9 @@ impl Parts {
         let Variable { name, value } = matrix;
         let Value::Numbers { place, element, rows, columns } = value else { return };
         if columns > BESIDE || columns > rows {
-            self.left_out.push(format!("`{name}` ({rows} × {columns}: name it by `group`, and its columns by `columns`)"));
+            self.left_out.push(format!(
+                "`{name}` ({rows} × {columns}: name it by `group`, and its columns by `columns`)"
+            ));
             return;
         }
         let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
@@ -218,7 +229,12 @@ impl Parts {
     }
 
     /// The columns of a matrix, which stand one after the other.
-    fn add_columns(&mut self, stretch: &Stretch, (place, element, rows): (u64, Element, u64), names: &[String]) {
+    fn add_columns(
+        &mut self,
+        stretch: &Stretch,
+        (place, element, rows): (u64, Element, u64),
+        names: &[String],
+    ) {
         for (number, name) in names.iter().enumerate() {
             let lane = self.lanes.len();
             let skip = place + number as u64 * rows * element.bytes as u64;
@@ -263,11 +279,8 @@ impl Parts {
     /// A matrix whose columns the experiment names.
     fn add_matrix(&mut self, stretch: &Stretch, matrix: &Variable, hints: &Hints) -> Result<(), FormatError> {
         let format = self.format;
-        let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
-            format,
-            what,
-            remedy: remedy.to_owned(),
-        };
+        let unsupported =
+            |what: String, remedy: &str| FormatError::Unsupported { format, what, remedy: remedy.to_owned() };
         let Value::Numbers { place, element, rows, columns } = matrix.value else {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));

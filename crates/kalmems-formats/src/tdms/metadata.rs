@@ -223,10 +223,7 @@ impl File {
                     )
                 })?),
                 (0x1269 | 0x126a | 0x1369 | 0x6912_0000 | 0x6a12_0000 | 0x6913_0000, _) => {
-                    return Err(unsupported(
-                        DAQMX,
-                        DAQMX_REMEDY,
-                    ));
+                    return Err(unsupported(DAQMX, DAQMX_REMEDY));
                 }
                 (_, Some(_)) => Some(reader.index()?),
                 (_, None) => {

@@ -50,7 +50,11 @@ impl Properties {
     /// The unit of the values, as it is written.
     pub(super) fn unit(&self) -> &str {
         let names = ["unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units"];
-        names.iter().filter_map(|name| self.text(name)).find(|unit| !unit.trim().is_empty()).unwrap_or_default()
+        names
+            .iter()
+            .filter_map(|name| self.text(name))
+            .find(|unit| !unit.trim().is_empty())
+            .unwrap_or_default()
     }
 
     /// How many scales there are; none where it says nothing of them.
@@ -60,12 +64,17 @@ impl Properties {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // in this range
             return Some(count.clamp(0.0, 1e6) as usize);
         }
-        (0..SCALES).filter(|number| self.0.contains_key(&format!("NI_Scale[{number}]_Scale_Type"))).max().map(|last| last + 1)
+        (0..SCALES)
+            .filter(|number| self.0.contains_key(&format!("NI_Scale[{number}]_Scale_Type")))
+            .max()
+            .map(|last| last + 1)
     }
 
     fn several(&self, name: &str, count: usize) -> Result<Vec<f64>, String> {
         let numbers = (0..count).map(|place| self.number(&format!("{name}[{place}]")));
-        numbers.collect::<Option<Vec<f64>>>().ok_or_else(|| format!("`{name}` lacks some of its {count} numbers"))
+        numbers
+            .collect::<Option<Vec<f64>>>()
+            .ok_or_else(|| format!("`{name}` lacks some of its {count} numbers"))
     }
 
     fn length(&self, name: &str) -> Result<Option<usize>, String> {
@@ -86,7 +95,8 @@ fn is_unit(name: &str) -> bool {
 /// are scaled already; in words why not, where it cannot be done here.
 pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<Step>, String> {
     let scaled = |properties: &&Properties| properties.text("NI_Scaling_Status") == Some("scaled");
-    let said = |properties: &&Properties| properties.count().is_some_and(|count| count > 0) && !scaled(properties);
+    let said =
+        |properties: &&Properties| properties.count().is_some_and(|count| count > 0) && !scaled(properties);
     let Some(properties) = objects.into_iter().flatten().find(said) else { return Ok(Vec::new()) };
     let count = properties.count().unwrap_or(0);
     if count > SCALES {
@@ -107,7 +117,8 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<Step>, Stri
         match kind {
             "Linear" => steps.push(Step::Linear { factor: own("Slope")?, offset: own("Y_Intercept")? }),
             "Polynomial" => {
-                let count = properties.length(&format!("{prefix}_Polynomial_Coefficients_Size"))?.unwrap_or(4);
+                let count =
+                    properties.length(&format!("{prefix}_Polynomial_Coefficients_Size"))?.unwrap_or(4);
                 let name = format!("{prefix}_Polynomial_Coefficients");
                 steps.push(Step::Polynomial(properties.several(&name, count)?));
             }

@@ -209,8 +209,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
             }
         }
     }
-    let column =
-        |(name, origin): (String, Origin)| DialectColumn { column: Column::new(&name), origin };
+    let column = |(name, origin): (String, Origin)| DialectColumn { column: Column::new(&name), origin };
     let dialect = Dialect {
         separator: found.separator,
         point: found.point,
