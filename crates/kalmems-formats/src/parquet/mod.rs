@@ -1,5 +1,6 @@
 //! Apache Parquet: columns that hold one value a row.
 
+mod fixed;
 mod layout;
 mod packing;
 mod pages;
@@ -140,6 +141,10 @@ struct Leaf {
 enum Kind {
     Signed,
     Unsigned,
+    /// Whole numbers times 10^−scale.
+    Decimal { scale: i32 },
+    /// Floating-point numbers of 16 bits.
+    Half,
     /// Numbers that f64 holds, and texts.
     Plain,
 }
@@ -148,6 +153,9 @@ enum Kind {
 fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
     if descriptor.max_rep_level() > 0 {
         return Err("a list in each row");
+    }
+    if let Some(kind) = fixed::kind(descriptor) {
+        return kind;
     }
     let integers = match (descriptor.logical_type_ref(), descriptor.converted_type()) {
         (Some(LogicalType::Integer { .. }), _)
@@ -163,7 +171,6 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
             | ConvertedType::UINT_32
             | ConvertedType::UINT_64,
         ) => Ok(()),
-        (Some(LogicalType::Decimal { .. }), _) | (None, ConvertedType::DECIMAL) => Err("decimal numbers"),
         _ => Err("dates or times of day"),
     };
     let unsigned = matches!(
@@ -346,6 +353,9 @@ fn take(
     sink: &mut Sink<'_>,
 ) -> Result<usize, ParquetError> {
     let mut records = Records { leaf, rows, row, levels, missing };
+    if matches!(leaf.kind, Kind::Decimal { .. } | Kind::Half) {
+        return fixed::take(reader, &mut records, sink);
+    }
     let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
     let mut shift = Shift::new(power);
     // As signed and unsigned numbers of the same bits.
