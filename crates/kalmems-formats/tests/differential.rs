@@ -51,7 +51,8 @@ fn cells(table: &mut dyn Table, column: usize, text: bool) -> Result<Vec<String>
             let mut label = String::new();
             for row in 0..block.rows {
                 if let Some((_, text)) = runs.next_if(|(start, _)| *start == row) {
-                    label = format!("'{}", String::from_utf8(text.clone()).map_err(|error| error.to_string())?);
+                    label =
+                        format!("'{}", String::from_utf8(text.clone()).map_err(|error| error.to_string())?);
                 }
                 cells.push(label.clone());
             }

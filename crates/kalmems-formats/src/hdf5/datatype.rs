@@ -89,7 +89,7 @@ fn kind(cursor: &mut Cursor<'_>, depth: usize) -> Result<Kind, FormatError> {
             Kind::Other("bytes without a meaning")
         }
         6 => compound(cursor, version, (bits & 0xffff) as usize, bytes, depth)?,
-        7 if bits & 15 == 0 => Kind::References,
+        7 if bits.trailing_zeros() >= 4 => Kind::References,
         7 => Kind::Other("references to parts of datasets"),
         8 => {
             let base = kind(cursor, depth - 1)?;

@@ -103,12 +103,6 @@ impl File {
         #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
         self.source.bytes(FORMAT, place, bytes as usize)
     }
-
-    /// The place of an address; none where it is undefined.
-    fn place(&self, stored: u64) -> Option<Option<u64>> {
-        let undefined = u64::MAX >> (64 - 8 * self.offset_bytes as u32);
-        if stored == undefined { Some(None) } else { stored.checked_add(self.base).map(Some) }
-    }
 }
 
 /// Where the file begins: anything of 512, 1024, 2048, … bytes may stand before it.
@@ -211,9 +205,11 @@ impl<'a> Cursor<'a> {
     /// A place in the file; none where the address is undefined.
     pub(super) fn address(&mut self) -> Result<Option<u64>, FormatError> {
         let stored = self.number(self.file.offset_bytes)?;
-        self.file
-            .place(stored)
-            .ok_or_else(|| self.damaged(format!("the address {stored}"), "one in the file"))
+        if stored == u64::MAX >> (64 - 8 * self.file.offset_bytes) {
+            return Ok(None);
+        }
+        let place = stored.checked_add(self.file.base);
+        place.map(Some).ok_or_else(|| self.damaged(format!("the address {stored}"), "one in the file"))
     }
 
     /// An address that must be there.

@@ -54,8 +54,12 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     table.recognised.push_str("the variables, a column each");
     if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
         table.left_out.extend(structs.iter().map(|(_, variable)| format!("`{}` (a struct)", variable.name)));
-        columns.into_iter().for_each(|(stretch, variable)| table.add(&stretch, variable));
-        matrices.into_iter().for_each(|(stretch, matrix)| table.add_beside(&stretch, matrix));
+        for (stretch, variable) in columns {
+            table.add(&stretch, variable);
+        }
+        for (stretch, matrix) in matrices {
+            table.add_beside(&stretch, matrix);
+        }
         return table.finish(source.length());
     }
     // Tables within structs, each with the path to it.
@@ -77,7 +81,9 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             let names: Vec<String> =
                 places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
             if names.is_empty() {
-                columns.into_iter().for_each(|(stretch, variable)| table.add(&stretch, variable));
+                for (stretch, variable) in columns {
+                    table.add(&stretch, variable);
+                }
                 return table.finish(source.length());
             }
             return Err(FormatError::Unsupported {
@@ -207,7 +213,7 @@ impl Parts {
         for field in fields {
             match field.value {
                 Value::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
-                    self.add_beside(stretch, field)
+                    self.add_beside(stretch, field);
                 }
                 _ => self.add(stretch, field),
             }

@@ -72,8 +72,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
     } else {
         let any = !vectors.is_empty();
         for array in vectors {
-            let name = array.name.clone();
-            array.add_column(name, &mut table);
+            array.add_column(&mut table);
         }
         for array in others {
             match array.names_beside().filter(|_| any) {
@@ -175,13 +174,13 @@ impl Array {
     }
 
     /// The array as a column.
-    fn add_column(self, name: String, table: &mut Parts) {
+    fn add_column(&self, table: &mut Parts) {
         let Descr::Plain(cell) = &self.header.element else { return };
         let rows = self.header.shape.iter().product();
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
             table.lanes.push(self.lane(0, cell.bytes(), rows));
-            table.fields.push(Field::new(Column::new(&name), cells, rows));
+            table.fields.push(Field::new(Column::new(&self.name), cells, rows));
         }
     }
 

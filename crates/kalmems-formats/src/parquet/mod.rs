@@ -142,7 +142,9 @@ enum Kind {
     Signed,
     Unsigned,
     /// Whole numbers times 10^−scale.
-    Decimal { scale: i32 },
+    Decimal {
+        scale: i32,
+    },
     /// Floating-point numbers of 16 bits.
     Half,
     /// Numbers that f64 holds, and texts.

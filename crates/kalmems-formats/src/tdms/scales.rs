@@ -166,7 +166,9 @@ mod tests {
 
     fn properties(pairs: &[(&str, Property)]) -> Properties {
         let mut properties = Properties::default();
-        pairs.iter().for_each(|(name, value)| properties.learn(name, value.clone()));
+        for (name, value) in pairs {
+            properties.learn(name, value.clone());
+        }
         properties
     }
 
