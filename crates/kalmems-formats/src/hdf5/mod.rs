@@ -433,6 +433,8 @@ impl Parts {
         let (rows, columns) = self.rows_and_columns(&found)?;
         let names = match hints.columns.as_deref().or_else(|| stored_names(&found)) {
             Some(names) if names.len() as u64 == columns => names.to_vec(),
+            // Its own name.
+            None if columns == 1 => vec![path.rsplit('/').next().unwrap_or(&path).to_owned()],
             names => {
                 return Err(unsupported(
                     format!("`{path}` of {columns} columns with {} names", names.map_or(0, <[String]>::len)),
