@@ -9,9 +9,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes of metadata that are read of a file, all objects together: what bounds the time that a file can take which
-/// refers to the same places again and again.
+/// Bytes of metadata that are read of a small file, all objects together, and of a larger one for each of its bytes: what
+/// bounds the time that a file can take which refers to the same places again and again.
 const METADATA_BYTES: u64 = 16 * limits::HEADER_BYTES;
+const METADATA_PER_BYTE: u64 = 4;
 /// What the file begins with.
 const MAGIC: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
@@ -26,12 +27,15 @@ pub(super) struct File {
     pub(super) length_bytes: usize,
     /// Where the object header of the root group is.
     pub(super) root: u64,
+    /// Bytes of metadata that may be read in all, and from now on.
+    most: u64,
     left: AtomicU64,
 }
 
 impl File {
     pub(super) fn open(source: Arc<Source>, name: Option<PathBuf>) -> Result<Self, FormatError> {
         let base = superblock(&source)?;
+        let most = METADATA_BYTES.max(source.length().saturating_mul(METADATA_PER_BYTE));
         let mut file = Self {
             source,
             name,
@@ -39,7 +43,8 @@ impl File {
             offset_bytes: 8,
             length_bytes: 8,
             root: 0,
-            left: AtomicU64::new(METADATA_BYTES),
+            most,
+            left: AtomicU64::new(most),
         };
         let head = file.block(base, 48.min(file.source.length().saturating_sub(base)))?;
         let mut cursor = Cursor::new(&file, &head, base);
@@ -96,8 +101,8 @@ impl File {
             return Err(FormatError::TooLarge {
                 format: FORMAT,
                 what: "the metadata that have to be read, in bytes,".to_owned(),
-                found: METADATA_BYTES.saturating_add(bytes),
-                limit: METADATA_BYTES,
+                found: self.most.saturating_add(bytes),
+                limit: self.most,
             });
         }
         #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES

@@ -20,9 +20,15 @@ impl Parts {
     /// Takes the only table that there is.
     pub(super) fn find(&mut self, hints: &Hints) -> Result<(), FormatError> {
         let mut places = self.places()?;
+        let mut others = Vec::new();
         if let Some(root) = places.iter().position(|place| place.path == "/") {
             places.swap(0, root);
-            places.truncate(1);
+            let own =
+                |place: Place| format!("`{0}` (a table of its own: write `group = \"{0}\"`)", place.path);
+            // Datasets beside the columns are columns or left out themselves.
+            others.extend(
+                places.drain(1..).filter(|place| place.is_group || place.path[1..].contains('/')).map(own),
+            );
         }
         let Some(Place { object, path, is_group }) = places.pop() else {
             let remedy = "write one dataset of one axis for each column";
@@ -44,7 +50,7 @@ impl Parts {
             ));
         }
         // What was looked at on the way does not belong to it.
-        self.left_out.clear();
+        self.left_out = others;
         if is_group {
             return self.add_group(&object, &path);
         }

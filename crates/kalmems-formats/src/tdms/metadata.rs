@@ -254,10 +254,12 @@ impl File {
                 let value = reader.property()?;
                 let properties = match (channel, &of_group) {
                     (Some(number), _) => &mut self.channels[number].properties,
-                    (None, Some(group)) if self.groups.len() < limits::COLUMNS => {
+                    (None, Some(group)) => {
+                        let count = self.groups.len() as u64;
+                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS as u64)?;
                         self.groups.entry(group.clone()).or_default()
                     }
-                    (None, _) => &mut self.root,
+                    (None, None) => &mut self.root,
                 };
                 properties.learn(&name, value);
             }
