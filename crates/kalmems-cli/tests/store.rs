@@ -168,11 +168,11 @@ fn a_picture_replaces_nothing_that_the_program_did_not_make() {
     lab.put("theirs.png", "a picture of somebody's");
     lab.put("there.txt", "a file");
     std::os::unix::fs::symlink(lab.at("there.txt"), lab.at("link.png")).unwrap();
-    assert!(Command::new("mkfifo").arg(lab.at("fifo.png")).status().unwrap().success());
     for path in ["theirs.png", "link.png", "/dev/null"] {
         lab.refused(&inspect(path));
     }
-    // Nobody reads the pipe, so that it cannot be among the files that are compared.
+    // Nobody writes to the pipe, so that it cannot be among the files that are compared.
+    assert!(Command::new("mkfifo").arg(lab.at("fifo.png")).status().unwrap().success());
     for force in [&[][..], &["--force"]] {
         let output = lab.run(&[&inspect("fifo.png"), force].concat());
         assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));

@@ -490,6 +490,8 @@ impl Interferogram {
                 segment_column: None,
                 columns: Some(self.columns.clone()),
                 hints: Hints::default(),
+                origin: None,
+                restarts: None,
             },
         }
     }

@@ -2,11 +2,11 @@
 
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
+use crate::recording::clock_unit::ClockUnit;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
-use crate::recording::scale::Scale;
-use crate::units::{Header, kind};
-use kalmems_formats::{Block, Column, Fault, Table, Wanted};
+use crate::units::Header;
+use kalmems_formats::{Block, Column, Fault, Table, TimeKind, Wanted};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -37,17 +37,19 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
     let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
         .partition(|column| columns[*column].text);
-    let time = numbers.iter().copied().find(|column| is_time(&names[*column]));
-    let power = |column: usize| {
-        let unit = names.get(column).filter(|_| time == Some(column)).and_then(|header| header.unit);
-        Scale::of(unit).power()
-    };
+    let time =
+        Time::of(&names, |column| table.time_kind(column)).filter(|time| numbers.contains(&time.column));
     let others =
         names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
     let others: Vec<(String, Option<u64>)> =
         others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
-    let mut wanted: Vec<Wanted> =
-        numbers.iter().map(|column| Wanted::Number { column: *column, power: power(*column) }).collect();
+    let wanted = numbers.iter().map(|column| match time {
+        Some(Time { column: clock, unit, .. }) if clock == *column => {
+            Wanted::Time { column: *column, unit: unit.unit, origin: None }
+        }
+        _ => Wanted::Number { column: *column, power: 0 },
+    });
+    let mut wanted: Vec<Wanted> = wanted.collect();
     wanted.extend(texts.iter().map(|column| Wanted::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
     let mut scan = Scan { numbers, texts, ..Scan::new(names, time) };
@@ -97,7 +99,7 @@ struct Scan {
     /// Which columns the numbers of a block are, and which the labels.
     numbers: Vec<usize>,
     texts: Vec<usize>,
-    time: Option<usize>,
+    time: Option<Time>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
@@ -106,7 +108,7 @@ struct Scan {
 }
 
 impl Scan {
-    fn new(names: Vec<Header>, time: Option<usize>) -> Self {
+    fn new(names: Vec<Header>, time: Option<Time>) -> Self {
         Self {
             time,
             columns: names
@@ -121,7 +123,7 @@ impl Scan {
     fn take(&mut self, block: &Block) {
         self.restarted.clear();
         self.restarted.resize(block.rows, false);
-        let slot = self.numbers.iter().position(|column| Some(*column) == self.time);
+        let slot = self.time.and_then(|time| self.numbers.iter().position(|column| *column == time.column));
         let times = slot.and_then(|slot| block.numbers.get(slot)).map_or(&[][..], Vec::as_slice);
         for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
@@ -152,12 +154,12 @@ impl Scan {
     }
 
     fn conclude(self) -> Survey {
-        let time = self.time;
+        let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = Survey { time: time.and_then(name), ..Survey::default() };
-        survey.sentences.push(match &survey.time {
-            Some(name) => format!("`{name}` is the time, as its name begins with it and ends with a unit of time."),
-            None => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
+        survey.sentences.push(match (&survey.time, self.time) {
+            (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
                      sample, and frequencies are in cycles per sample."
                 .to_owned(),
         });
@@ -254,7 +256,30 @@ impl Counts {
     }
 }
 
-fn is_time(header: &Header) -> bool {
-    header.unit.is_some_and(|unit| kind::TIME.accepts(unit.dimension()))
-        && header.column.to_lowercase().starts_with("time")
+/// The column that is the time.
+#[derive(Clone, Copy)]
+struct Time {
+    column: usize,
+    unit: ClockUnit,
+    /// Why it is taken for that.
+    reason: &'static str,
+}
+
+impl Time {
+    fn of(names: &[Header], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
+        let clocks = || {
+            let all = names.iter().enumerate();
+            all.filter_map(|(column, header)| Some((column, header, ClockUnit::of(header, kind(column))?)))
+        };
+        let by_name = clocks().find(|(_, header, _)| header.column.to_lowercase().starts_with("time"));
+        if let Some((column, _, unit)) = by_name {
+            let reason = match kind(column) {
+                Some(_) => "its name begins with it and its cells are dates or times",
+                None => "its name begins with it and ends with a unit of time",
+            };
+            return Some(Self { column, unit, reason });
+        }
+        let (column, _, unit) = clocks().find(|(_, _, unit)| unit.calendar)?;
+        Some(Self { column, unit, reason: "it is the first whose cells are instants of the calendar" })
+    }
 }

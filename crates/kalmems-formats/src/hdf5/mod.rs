@@ -4,6 +4,7 @@
 //! side by side that hold a row.
 
 mod attributes;
+mod cf;
 mod checksum;
 mod chunks;
 mod datatype;
@@ -22,6 +23,7 @@ use crate::name::with_unit;
 use crate::records::{Cells, Code, Field, Lane, RecordTable};
 use crate::scaling::{self, Scaling, Step};
 use crate::source::Source;
+use crate::time::{TimeCode, TimeKind};
 use crate::{Column, FormatError, Hints, Table, limits};
 use attributes::{Attributes, Space};
 use datatype::Kind;
@@ -253,8 +255,15 @@ impl Parts {
             }
         };
         let lane = self.lanes.len();
+        let counted = cf::time(found.attributes.units().first().map_or("", String::as_str));
         let cells = match &found.kind {
-            Kind::Number(element) => Cells::Numbers { lane, offset: 0, element: *element },
+            Kind::Number(element) => match counted {
+                Some(unit) => {
+                    let code = TimeCode::Counted { element: *element, unit, kind: TimeKind::Calendar };
+                    Cells::Times { lane, offset: 0, code }
+                }
+                None => Cells::Numbers { lane, offset: 0, element: *element },
+            },
             Kind::Text { bytes } => Cells::Text { lane, offset: 0, bytes: *bytes, code: Code::Bytes },
             Kind::Texts | Kind::References => {
                 let Some(texts) = values::texts(&found)? else {
@@ -276,6 +285,7 @@ impl Parts {
             }
         };
         let unit = found.attributes.units().first().map_or("", String::as_str);
+        let unit = if counted.is_some() { "" } else { unit };
         let column = Column::new(&with_unit(name, unit)).at(found.place());
         let scaling = found.scaling();
         self.say(&column.name, &scaling);

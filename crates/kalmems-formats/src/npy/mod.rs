@@ -152,7 +152,8 @@ impl Array {
 
     /// One axis, but for others of one element.
     fn is_column(&self) -> bool {
-        let readable = matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Text { .. }));
+        let readable =
+            matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }));
         let shape = &self.header.shape;
         readable
             && match shape.len() {
@@ -219,7 +220,7 @@ impl Array {
                 table.lanes.push(self.lane(0, offset, shape[0]));
                 return Ok(());
             }
-            (Descr::Plain(Cell::Number(_) | Cell::Text { .. }), 1 | 2) => {}
+            (Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }), 1 | 2) => {}
             _ => {
                 return Err(unsupported(
                     format!("an array of {}", self.shape()),
@@ -289,6 +290,7 @@ fn what(cell: &Cell) -> &str {
 fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<Cells> {
     match cell {
         Cell::Number(element) => Some(Cells::Numbers { lane, offset, element: *element }),
+        Cell::Time(code) => Some(Cells::Times { lane, offset, code: *code }),
         Cell::Text { bytes, code } => Some(Cells::Text { lane, offset, bytes: *bytes, code: *code }),
         Cell::Other { .. } => None,
     }

@@ -1,6 +1,6 @@
 //! Numbers of Parquet that are no machine's: decimal ones, and floating-point numbers of 16 bits.
 
-use super::{Kind, Records, Sink};
+use super::{Kind, Out, Records};
 use crate::decimal::Shift;
 use crate::element;
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -36,9 +36,9 @@ pub(super) fn kind(descriptor: &ColumnDescriptor) -> Option<Result<Kind, &'stati
 pub(super) fn take(
     reader: &mut ColumnReader,
     records: &mut Records<'_>,
-    sink: &mut Sink<'_>,
+    out: Out<'_>,
+    power: i32,
 ) -> Result<usize, ParquetError> {
-    let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
     let scale = if let Kind::Decimal { scale } = records.leaf.kind { scale } else { 0 };
     let is_half = records.leaf.kind == Kind::Half;
     let mut shift = Shift::new(power.saturating_sub(scale));
@@ -46,10 +46,10 @@ pub(super) fn take(
     let label = |whole: i128| element::shortest(Shift::new(-scale).integer(whole)).into_bytes();
     match reader {
         ColumnReader::Int32ColumnReader(r) => {
-            records.read(r, sink, |x| number(i128::from(*x)), |x| label(i128::from(*x)))
+            records.read(r, out, |x| number(i128::from(*x)), |x| label(i128::from(*x)))
         }
         ColumnReader::Int64ColumnReader(r) => {
-            records.read(r, sink, |x| number(i128::from(*x)), |x| label(i128::from(*x)))
+            records.read(r, out, |x| number(i128::from(*x)), |x| label(i128::from(*x)))
         }
         ColumnReader::FixedLenByteArrayColumnReader(r) if is_half => {
             let mut shift = Shift::new(power);
@@ -59,13 +59,13 @@ pub(super) fn take(
             };
             records.read(
                 r,
-                sink,
+                out,
                 |x| shift.float(half(x.data())),
                 |x| element::shortest(half(x.data())).into_bytes(),
             )
         }
         ColumnReader::FixedLenByteArrayColumnReader(r) => {
-            records.read(r, sink, |x| number(whole(x.data())), |x| label(whole(x.data())))
+            records.read(r, out, |x| number(whole(x.data())), |x| label(whole(x.data())))
         }
         _ => Err(ParquetError::General("values of another type than the column's".to_owned())),
     }
