@@ -1,7 +1,9 @@
 //! Samples that are estimated while they arrive.
 
 use super::example;
-use super::parts::{Broken, Pieces, Streamed, goes_on_after_a_kill, same_bits_in_a_stream, streamed};
+use super::parts::{
+    Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
+};
 use kalmems::config::Experiment;
 use kalmems::recording::Recording;
 use kalmems::rigs;
@@ -81,8 +83,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
         held = waiting;
         frames.extend(ready.into_iter().map(|(_, frame): (usize, Vec<u8>)| frame));
     }
-    let Streamed { answers, ended, .. } =
-        streamed(&experiment, Box::new(Pieces::of(frames.concat(), 300)), None);
+    let Streamed { answers, ended, .. } = streamed(&experiment, Pieces::of(frames.concat(), 300), None);
     let summary = ended.unwrap_or_else(|e| panic!("{e}"));
     let order = summary.received.order;
     assert_eq!((order.dropped, order.duplicated, order.late, order.too_late), (dropped, duplicated, late, 0));
@@ -118,7 +119,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
 #[test]
 fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     let said = |changes: &[(&str, &str)], words: &[&str]| {
-        let input = Box::new(Pieces::of(Vec::new(), 10));
+        let input = Pieces::of(Vec::new(), 10);
         let error = streamed(&experiment(changes), input, None).ended.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
@@ -145,7 +146,7 @@ fn another_experiment_does_not_go_on() {
     let state = folder.path().join("state.json");
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let run = |experiment: &Experiment| {
-        streamed(experiment, Box::new(Pieces::of(bytes.clone(), 100_000)), Some(&state)).ended
+        streamed(experiment, Pieces::of(bytes.clone(), 100_000), Some(&state)).ended
     };
     run(&experiment(&[])).unwrap_or_else(|e| panic!("{e}"));
     let ended = run(&experiment(&[("every = 10", "every = 1")]));
@@ -232,7 +233,10 @@ fn normalised(told: &[ZeroPhase], passages: &[(f64, bool)], (from_s, to_s): (f64
 }
 
 /// What is told of a stream that ends well.
-fn run(experiment: &Experiment, input: Box<dyn Read + Send>) -> (Vec<serde_json::Value>, StreamSummary) {
+fn run(
+    experiment: &Experiment,
+    input: impl Read + Send + 'static,
+) -> (Vec<serde_json::Value>, StreamSummary) {
     let run = streamed(experiment, input, None);
     (run.events, run.ended.unwrap_or_else(|e| panic!("{e}")))
 }
@@ -246,7 +250,7 @@ fn zero_phases_are_told_before_they_happen_each_once() {
         let experiment = foretelling(text, "", &[]);
         let mut whole = None;
         for longest in [60, 1000, 100_000] {
-            let (events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
+            let (events, summary) = run(&experiment, Pieces::of(bytes.clone(), longest));
             let told = ahead(&events);
             let counts = summary.ahead.unwrap().counts;
             let h = 1e-6;
@@ -279,7 +283,7 @@ fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
     let passages: Vec<(f64, bool)> = passages(&truth()).into_iter().filter(|(_, rising)| !rising).collect();
     let both = |changes: &[(&str, &str)], more| {
         let experiment = foretelling("10 us", more, changes);
-        ahead(&run(&experiment, Box::new(Pieces::of(bytes.clone(), 5000))).0)
+        ahead(&run(&experiment, Pieces::of(bytes.clone(), 5000)).0)
     };
     let told = both(&one, "direction = \"falling\"");
     assert!(told.len() > 249 && told.iter().all(|told| !told.rising));
@@ -293,7 +297,7 @@ fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
 fn the_phase_stands_behind_the_states_with_its_deviation() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let experiment = experiment(&[("every = 10", "every = 1")]);
-    let answers = streamed(&experiment, Box::new(Pieces::of(bytes, 5000)), None).answers;
+    let answers = streamed(&experiment, Pieces::of(bytes, 5000), None).answers;
     let truth = truth();
     let rate = std::f64::consts::PI * 31_350.0;
     for (key, lines) in &answers {
@@ -326,16 +330,13 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
-    let told_by = |input: Box<dyn Read + Send>, state: Option<&std::path::Path>| {
-        let run = streamed(&experiment, input, state);
-        (ahead(&run.events), run.acknowledged_s)
-    };
-    let (whole, _) = told_by(Box::new(Pieces::of(bytes.clone(), 1000)), None);
-    let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
-    let (first, acknowledged) = told_by(Box::new(broken), Some(&state));
+    let whole = ahead(&streamed(&experiment, Pieces::of(bytes.clone(), 1000), None).events);
+    let killing = Killing::at(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
+    let first = killed(&experiment, killing, &state);
+    let (first, acknowledged) = (ahead(&first.events), first.acknowledged_s);
     let acknowledged = acknowledged.expect("nothing was acknowledged");
     assert!(acknowledged > 9e-3, "{acknowledged}");
-    let (second, _) = told_by(Box::new(Pieces::of(bytes, 1000)), Some(&state));
+    let second = ahead(&streamed(&experiment, Pieces::of(bytes, 1000), Some(&state)).events);
     // As with estimates: what was told from samples that were acknowledged is told for good, the rest is told again.
     assert!(second.iter().all(|told| told.told_s > acknowledged));
     let mut both: Vec<ZeroPhase> = first.into_iter().filter(|told| told.told_s <= acknowledged).collect();
@@ -356,7 +357,7 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
 #[test]
 fn what_cannot_be_foretold_is_refused_or_counted() {
     let said = |more: &str, changes: &[(&str, &str)], words: &[&str]| {
-        let input = Box::new(Pieces::of(Vec::new(), 10));
+        let input = Pieces::of(Vec::new(), 10);
         let error = streamed(&foretelling("10 us", more, changes), input, None).ended;
         let error = error.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
@@ -370,7 +371,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
     let text = std::fs::read_to_string(&path).unwrap();
     let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
     let other = Experiment::parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
-    let input = Box::new(Pieces::of(Vec::new(), 10));
+    let input = Pieces::of(Vec::new(), 10);
     let error = streamed(&other, input, None).ended.unwrap_err().to_string();
     assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
 
@@ -387,7 +388,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
         })
         .collect();
     let experiment = foretelling("10 us", "", &[]);
-    let input = Box::new(Pieces::of(changed.join("\n").into_bytes(), 5000));
+    let input = Pieces::of((changed.join("\n") + "\n").into_bytes(), 5000);
     let (events, summary) = run(&experiment, input);
     let counts = summary.ahead.unwrap().counts;
     let told = ahead(&events);
@@ -431,7 +432,7 @@ fn judged(experiment: &Experiment, seeds: u64) -> [f64; 3] {
     let (mut nees, mut within, mut count) = (Vec::new(), 0, 0);
     for seed in 1..=seeds {
         let (samples, truth) = simulated(seed);
-        let (events, _) = run(experiment, Box::new(Pieces::of(samples, 10_000)));
+        let (events, _) = run(experiment, Pieces::of(samples, 10_000));
         let errors = normalised(&ahead(&events), &passages(&truth), (8e-3, 24e-3 - 2e-6));
         nees.push(errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64);
         within += errors.iter().filter(|e| e.abs() <= 3.0).count();
