@@ -14,6 +14,7 @@ pub mod identify;
 pub mod inspect;
 pub mod outlook;
 pub mod output;
+pub mod pace;
 pub mod recording;
 pub mod report;
 pub mod reproduce;

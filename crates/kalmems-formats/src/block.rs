@@ -16,6 +16,8 @@ pub struct Block {
     /// Where rows stand in the file, as `(row of this block, line)`: the first, and each that does not follow the one before
     /// by one. Lines count from 1 as an editor does, rows of binary formats from 1 as well.
     pub lines: Vec<(usize, u64)>,
+    /// Rows that do not go on from the row before them although no time tells it, and how many are missing between.
+    pub breaks: Vec<(usize, u64)>,
 }
 
 impl Block {
@@ -33,6 +35,7 @@ impl Block {
         self.labels.iter_mut().for_each(Vec::clear);
         self.faults.clear();
         self.lines.clear();
+        self.breaks.clear();
     }
 
     /// The line of a row from the last entry of `lines` on, or of the row after the last.

@@ -237,7 +237,7 @@ fn text(summary: &StreamSummary) -> String {
         (received.steps_back, "times the clock went back"),
         (received.breaks, "times the connection broke"),
         (received.reconnections, "times it was there again"),
-        (summary.stretches.saturating_sub(1), "times the estimate began anew"),
+        (summary.stretches.restarts as u64, "times the estimate began anew"),
         (summary.not_estimated, "samples could not be estimated"),
         (summary.noise_only, "times the signal was noise only"),
         (summary.withheld, "zero phases or crossings of noise were not told"),

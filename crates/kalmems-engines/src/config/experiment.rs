@@ -326,5 +326,6 @@ pub(super) fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str
         segment_column: segments.map(|segments| segments.column.clone()),
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
         hints: Hints::default(),
+        restarts: None,
     }
 }

@@ -485,6 +485,7 @@ impl Interferogram {
                 segment_column: None,
                 columns: Some(self.columns.clone()),
                 hints: Hints::default(),
+                restarts: None,
             },
         }
     }

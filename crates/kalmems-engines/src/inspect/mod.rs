@@ -21,7 +21,7 @@ pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, ReadError, Source, Stretch, Stretches};
+use crate::recording::{Around, Clock, Finding, ReadError, Restarts, Source, Stretch, Stretches};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -141,6 +141,7 @@ pub fn inspect_with(
         segment_column: survey.segment.as_deref(),
         columns: Wanted::AllBut(&survey.text),
         hints: &hints,
+        restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };

@@ -41,8 +41,10 @@ pub enum FindingKind {
     NoTime,
     /// A time that is the one before.
     RepeatedTime,
-    /// A time before the one before.
+    /// Times before the ones before them, in so many places that the rows are in no order.
     DecreasingTime,
+    /// Gaps that are too long to be predicted over, behind so many rows that the rest is too little.
+    SparseTime,
     /// A row without a segment's label.
     NoLabel,
     /// A segment's label that was there already, with others between.
@@ -59,6 +61,10 @@ pub enum FindingKind {
     Infinite,
     /// Whole sampling intervals without rows.
     Gap,
+    /// Times without rows that are too long to be predicted over: a new stretch begins.
+    LongGap,
+    /// Times before the ones before them: the clock begins again, and a new stretch with it.
+    ClockBack,
     /// Intervals that differ from the median.
     IrregularTime,
     /// The signal stays at its highest or lowest value.
@@ -84,6 +90,7 @@ impl FindingKind {
             | Self::NoTime
             | Self::RepeatedTime
             | Self::DecreasingTime
+            | Self::SparseTime
             | Self::NoLabel
             | Self::SegmentReturns => Severity::Fatal,
             Self::NoUnit
@@ -92,6 +99,8 @@ impl FindingKind {
             | Self::Nan
             | Self::Infinite
             | Self::Gap
+            | Self::LongGap
+            | Self::ClockBack
             | Self::IrregularTime
             | Self::Saturation
             | Self::Constant => Severity::Note,
@@ -103,9 +112,9 @@ impl FindingKind {
         match self {
             Self::WrongColumnCount | Self::NoTime | Self::NoLabel => ("row", "rows"),
             Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite => ("cell", "cells"),
-            Self::RepeatedTime | Self::DecreasingTime => ("time", "times"),
+            Self::RepeatedTime | Self::DecreasingTime | Self::ClockBack => ("time", "times"),
             Self::BlankLine => ("line", "lines"),
-            Self::Gap => ("gap", "gaps"),
+            Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
             Self::Saturation => ("sample", "samples"),
             _ => ("", ""),
@@ -147,7 +156,21 @@ impl FindingKind {
             Self::Missing | Self::Nan | Self::Infinite => {
                 "no value is made up: an estimate there is a prediction without update"
             }
-            Self::Gap => "nothing is put in: an estimate predicts over the gap",
+            Self::SparseTime => {
+                "expected a recording with rows that follow each other: write a longer time as `longest` in \
+                 `[recording.gaps]`, or sample faster"
+            }
+            Self::Gap => {
+                "nothing is put in: an estimate predicts over the gap, or begins anew behind it where it is longer than \
+                 `longest` in `[recording.gaps]`"
+            }
+            Self::LongGap => {
+                "nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in \
+                 `[recording.gaps]` says what is predicted over"
+            }
+            Self::ClockBack => {
+                "the times are kept as they stand: a new stretch begins, and the estimate begins anew"
+            }
             Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \

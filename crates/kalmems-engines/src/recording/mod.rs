@@ -12,6 +12,7 @@
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     hints: kalmems_engines::recording::Hints::default(),
+//!     restarts: None,
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
@@ -31,6 +32,7 @@ mod plan;
 mod rails;
 pub(crate) mod read;
 pub(crate) mod request;
+mod restart;
 pub(crate) mod scale;
 mod segment;
 mod stretches;
@@ -43,6 +45,7 @@ mod window;
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
@@ -73,6 +76,8 @@ pub struct Layout {
     pub columns: Option<Vec<String>>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
+    /// When a record is cut into stretches. `None`: never, so that its times have to increase.
+    pub restarts: Option<Restarts>,
 }
 
 /// Where the times of the rows come from.
@@ -146,6 +151,7 @@ impl Recording {
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
+            restarts: layout.restarts,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }

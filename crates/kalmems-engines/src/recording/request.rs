@@ -1,6 +1,6 @@
 //! What is asked of a file.
 
-use super::Clock;
+use super::{Clock, Restarts};
 use kalmems_formats::Hints;
 
 /// What to take from a file.
@@ -9,6 +9,7 @@ pub(crate) struct Request<'a> {
     pub(crate) segment_column: Option<&'a str>,
     pub(crate) columns: Wanted<'a>,
     pub(crate) hints: &'a Hints,
+    pub(crate) restarts: Option<Restarts>,
 }
 
 /// The columns to take.

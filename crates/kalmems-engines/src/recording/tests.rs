@@ -15,6 +15,7 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
         segment_column: (!segments.is_empty()).then(|| segments.to_owned()),
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
         hints: Hints::default(),
+        restarts: None,
     }
 }
 

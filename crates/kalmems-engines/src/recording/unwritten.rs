@@ -17,6 +17,7 @@ use kalmems_formats::{Block, CellFault, Fault, Shift};
 ///     segment_column: None,
 ///     columns: Some(vec!["cap_V".to_owned()]),
 ///     hints: kalmems_formats::Hints::default(),
+///     restarts: None,
 /// };
 /// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
 /// for k in 0..100 {
@@ -47,6 +48,7 @@ impl UnwrittenRecording {
             segment_column: None,
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
+            restarts: layout.restarts,
         };
         let mut findings = Findings::default();
         let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
@@ -59,7 +61,7 @@ impl UnwrittenRecording {
         let columns: Vec<_> = plan.wanted().into_iter().filter_map(number).collect();
         let mut block = Block::with_capacity(ROWS);
         block.clear(columns.len(), 0);
-        let pass = Pass::new(plan, findings, &layout.clock, usize::MAX);
+        let pass = Pass::new(plan, findings, &request, usize::MAX);
         Ok(Self { name: name.to_owned(), pass, columns, block, line: 2 })
     }
 

@@ -37,7 +37,7 @@ use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
-use settings::Settings;
+use settings::{Hardware, Settings};
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -60,7 +60,8 @@ impl Rig for SharedScannerRig {
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+        let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
 
     fn estimator<'a>(

@@ -2,7 +2,9 @@
 
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
-use crate::estimate::{Around, EstimateError, Part, Progress, Silent};
+use crate::estimate::{
+    Around, EstimateError, Part, Progress, SegmentEstimate, Silent, StretchJudge, StretchSummary,
+};
 use crate::evaluate::{ReferenceParts, ReferenceRecording};
 use crate::recording::{self, Finding, Source, Stretches};
 use crate::{Estimator, Rig, of};
@@ -37,6 +39,8 @@ pub struct WholeRecording {
     pub diagnosis: Vec<Finding>,
     /// The same of its reference, where there is one.
     pub reference: Option<(Source, Vec<Finding>)>,
+    /// What became of the stretches of records that were cut.
+    pub stretches: StretchSummary,
 }
 
 /// Why the work on a long recording ended early.
@@ -118,7 +122,7 @@ impl Work<'_> {
             }
             progress.reached(done)
         };
-        let mut any = false;
+        let (mut any, mut judge) = (false, StretchJudge::default());
         loop {
             if let Some(interval_s) = stretches.beginning(&mut hear)? {
                 stretches.give(around_part(estimator.around(interval_s)));
@@ -137,10 +141,15 @@ impl Work<'_> {
                 begins: stretch.begins,
                 ends: stretch.ends,
             };
-            require_head(estimator.as_ref(), &part, file)?;
-            let outcome = self.part(estimator.as_mut(), &part, reference.as_mut())?;
-            let (begins, ends) = (stretch.begins, stretch.ends);
-            taken(PartOutcome { index: self.place, outcome, begins, ends }).map_err(PartsError::Taken)?;
+            if !judge.leaves_out(&part)? {
+                require_head(estimator.as_ref(), &part, file)?;
+                if let Some(estimate) = judge.judge(&part, estimator.take(&part))? {
+                    let outcome = self.part(estimate, &part, reference.as_mut())?;
+                    let (begins, ends) = (stretch.begins, stretch.ends);
+                    taken(PartOutcome { index: self.place, outcome, begins, ends })
+                        .map_err(PartsError::Taken)?;
+                }
+            }
             stretches.reuse(stretch);
         }
         if !any {
@@ -149,16 +158,16 @@ impl Work<'_> {
         }
         let (source, diagnosis) = stretches.finish();
         estimator.conclude(&source.file, &diagnosis)?;
-        Ok(WholeRecording { source, diagnosis, reference: reference.map(ReferenceParts::finish) })
+        let (reference, stretches) = (reference.map(ReferenceParts::finish), judge.finish()?);
+        Ok(WholeRecording { source, diagnosis, reference, stretches })
     }
 
     fn part(
         &self,
-        estimator: &mut dyn Estimator,
+        estimate: SegmentEstimate,
         part: &Part,
         reference: Option<&mut ReferenceParts>,
     ) -> Result<RecordingOutcome, WorkflowError> {
-        let estimate = estimator.take(part)?;
         let ends = |pick: fn(&[f64]) -> Option<&f64>| {
             let times = estimate.trajectories.iter().filter_map(move |t| pick(&t.time_s).copied());
             times.collect::<Vec<f64>>()
@@ -167,12 +176,13 @@ impl Work<'_> {
         let to_s = ends(<[f64]>::last).into_iter().fold(f64::NEG_INFINITY, f64::max);
         let known: Option<ReferenceRecording> = match reference {
             Some(reference) => {
-                reference.over(&part.segment.label, from_s, to_s, &mut |_, _| ControlFlow::Continue(()))?
+                reference.over(part.segment, from_s, to_s, &mut |_, _| ControlFlow::Continue(()))?
             }
             None => None,
         };
         let described = self.experiment.recording(self.index)?;
-        Ok(evaluate(self.rig, described, part.recording.clone(), vec![estimate], known)?)
+        let estimates = (vec![estimate], StretchSummary::default());
+        Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known)?)
     }
 }
 

@@ -8,15 +8,52 @@ use super::shared::Shared;
 use super::state::Keeper;
 use super::supervision::{Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
-use crate::estimate::{EstimateError, ForetoldCounts, Motion, Part, Past, SegmentEstimate, Trajectory};
+use crate::estimate::{
+    EstimateError, ForetoldCounts, Motion, Part, Past, Progress, SegmentEstimate, StretchJudge,
+    StretchSummary, Trajectory,
+};
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
 use crate::rigs::{Estimator, Rig};
+use std::cell::Cell;
 use std::io;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// How long the reading thread has to hand over what it has when the stream is stopped; one that waits for a pipe cannot.
 const GRACE: Duration = Duration::from_millis(300);
+
+/// Whether the stream is stopped, and since when.
+pub(super) struct Stopping<'a> {
+    stop: &'a dyn Fn() -> bool,
+    since: Cell<Option<Instant>>,
+}
+
+impl<'a> Stopping<'a> {
+    pub(super) fn new(stop: &'a dyn Fn() -> bool) -> Self {
+        Self { stop, since: Cell::new(None) }
+    }
+
+    /// Whether it is stopped.
+    fn is_asked(&self) -> bool {
+        if self.since.get().is_none() && (self.stop)() {
+            self.since.set(Some(Instant::now()));
+        }
+        self.since.get().is_some()
+    }
+
+    /// Whether what is going on has to end now.
+    fn is_over(&self) -> bool {
+        self.is_asked() && self.since.get().is_some_and(|since| since.elapsed() > GRACE)
+    }
+}
+
+impl Progress for Stopping<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
 
 /// What an estimate of a stream needs to know.
 pub(super) struct Settings {
@@ -37,8 +74,7 @@ pub(super) struct Settings {
 /// What is kept while samples arrive.
 pub(super) struct Live<'a> {
     settings: Settings,
-    stop: &'a dyn Fn() -> bool,
-    stopped: Option<Instant>,
+    stopping: &'a Stopping<'a>,
     /// What went wrong while samples were waited for.
     failed: Option<io::Error>,
     /// One per answer.
@@ -54,8 +90,9 @@ pub(super) struct Live<'a> {
     again: u64,
     /// Samples that were taken, estimated or not.
     taken: u64,
-    /// Whether the present stretch cannot be estimated.
-    gave_up: bool,
+    /// Which stretches can be estimated, and how many there were.
+    judge: StretchJudge,
+    stretches: u64,
     start_s: f64,
     last_s: Option<f64>,
     keeper: Option<Keeper>,
@@ -70,14 +107,14 @@ impl<'a> Live<'a> {
         outputs: Outputs,
         keeper: Option<Keeper>,
         (arrivals, shared): (Arrivals, Shared),
-        stop: &'a dyn Fn() -> bool,
+        stopping: &'a Stopping<'a>,
     ) -> Self {
         let summary = StreamSummary {
             received: shared.counts(),
             diagnosis: Vec::new(),
             estimated: 0,
             not_estimated: 0,
-            stretches: 0,
+            stretches: StretchSummary::default(),
             events: 0,
             noise_only: 0,
             withheld: 0,
@@ -87,8 +124,7 @@ impl<'a> Live<'a> {
             latency: Histogram::default(),
         };
         Self {
-            stop,
-            stopped: None,
+            stopping,
             failed: None,
             watches: Vec::new(),
             noise: NoiseWatch::default(),
@@ -100,7 +136,8 @@ impl<'a> Live<'a> {
             resumes: false,
             again: 0,
             taken: 0,
-            gave_up: false,
+            judge: StretchJudge::default(),
+            stretches: 0,
             start_s: f64::NAN,
             last_s: None,
             keeper,
@@ -140,7 +177,11 @@ impl<'a> Live<'a> {
                 next => next?,
             };
             let Some(stretch) = stretch else { return Ok(true) };
-            self.stretch(&stretch, estimator)?;
+            match self.stretch(&stretch, estimator) {
+                // Stopped: what was written is all there is.
+                Err(StreamError::Estimate(EstimateError::Interrupted)) => return Ok(true),
+                taken => taken?,
+            }
             if stretch.begins {
                 stretches.give(whole);
             }
@@ -155,12 +196,20 @@ impl<'a> Live<'a> {
     pub(super) fn finish(mut self, diagnosis: Vec<Finding>) -> Result<StreamSummary, StreamError> {
         self.tell()?;
         self.writer.flush()?;
+        let is_cut_short = self.is_cut_short();
+        let known = self.judge.summary().clone();
+        let stretches = match self.judge.finish() {
+            // What was cut short may have been too short for an estimate.
+            Err(_) if is_cut_short => known,
+            stretches => stretches?,
+        };
         Ok(StreamSummary {
             received: self.shared.counts(),
             diagnosis,
             ahead: Some(self.ahead),
             broken: self.shared.broken(),
-            interrupted: self.stopped.is_some(),
+            interrupted: self.stopping.is_asked(),
+            stretches,
             ..self.summary
         })
     }
@@ -171,7 +220,7 @@ impl<'a> Live<'a> {
 
     /// Whether the samples did not end by themselves.
     fn is_cut_short(&self) -> bool {
-        self.stopped.is_some() || self.shared.broken().is_some()
+        self.stopping.is_asked() || self.shared.broken().is_some()
     }
 
     /// Looks whether to go on, and tells what happened to the stream and how it fares; called by the time of day, whether samples
@@ -181,14 +230,10 @@ impl<'a> Live<'a> {
             self.failed = Some(e);
             return ControlFlow::Break(());
         }
-        if self.stopped.is_none() && (self.stop)() {
+        if self.stopping.is_asked() {
             self.shared.stop();
-            self.stopped = Some(Instant::now());
         }
-        match self.stopped {
-            Some(since) if since.elapsed() > GRACE => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        }
+        self.stopping.reached(0)
     }
 
     fn tell(&mut self) -> io::Result<()> {
@@ -198,7 +243,7 @@ impl<'a> Live<'a> {
         let Some(mut health) = self.heartbeat.beat(&self.shared) else { return Ok(()) };
         health.time_s = self.last_s;
         (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
-        health.stretches = self.summary.stretches;
+        health.stretches = self.stretches;
         health.noise_only = self.noise.is_noise_only();
         health.filters = self.watches.iter().map(|(key, watch)| watch.health(key)).collect();
         self.writer.notice(&StreamEvent::Health(Box::new(health)))
@@ -228,19 +273,20 @@ impl<'a> Live<'a> {
         if part.fresh.is_empty() {
             return Ok(());
         }
-        if !self.gave_up {
-            match estimator.take(&part) {
-                Ok(estimate) => {
-                    self.foretell(&estimate.trajectories, &part, estimator.past())?;
-                    self.take(&estimate, &part)?;
-                    self.keep(&estimate.trajectories, &part, estimator)?;
-                }
-                Err(e) if self.forgives(&e) => self.give_up(&part, &e)?,
-                Err(e) => return Err(e.into()),
-            }
-        }
-        if self.gave_up {
+        if self.judge.leaves_out(&part)? {
             self.summary.not_estimated += part.fresh.len() as u64;
+        } else {
+            let answer = estimator.take(&part);
+            let why = answer.as_ref().err().map(ToString::to_string).unwrap_or_default();
+            if let Some(estimate) = self.judge.judge(&part, answer)? {
+                self.foretell(&estimate.trajectories, &part, estimator.past())?;
+                self.take(&estimate, &part)?;
+                self.keep(&estimate.trajectories, &part, estimator)?;
+            } else {
+                self.summary.not_estimated += part.fresh.len() as u64;
+                let time_s = part.segment.time.at(part.fresh.start);
+                self.notice(&StreamEvent::NotEstimated { time_s, why })?;
+            }
         }
         let before = self.again + self.taken;
         self.taken += part.fresh.len() as u64;
@@ -252,8 +298,7 @@ impl<'a> Live<'a> {
 
     /// A stretch begins.
     fn begin(&mut self, part: &Part) -> io::Result<()> {
-        self.summary.stretches += 1;
-        self.gave_up = false;
+        self.stretches += 1;
         if part.begins {
             self.start_s = part.segment.time.start_s();
         }
@@ -264,18 +309,6 @@ impl<'a> Live<'a> {
             keeper.begin();
         }
         self.notice(&StreamEvent::NewStretch { time_s: self.start_s, after_s })
-    }
-
-    /// Whether a stretch that cannot be estimated does not end the stream: one of several, or one that was cut short.
-    fn forgives(&self, error: &EstimateError) -> bool {
-        let is_short = matches!(error, EstimateError::TooShort { .. });
-        self.summary.stretches > 1 || is_short && self.is_cut_short()
-    }
-
-    fn give_up(&mut self, part: &Part, why: &EstimateError) -> io::Result<()> {
-        self.gave_up = true;
-        let time_s = part.segment.time.at(part.fresh.start);
-        self.notice(&StreamEvent::NotEstimated { time_s, why: why.to_string() })
     }
 
     /// Keeps what another run needs, and says what it need not be sent again.

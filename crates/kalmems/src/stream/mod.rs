@@ -28,7 +28,7 @@ pub use shared::{Break, WayCounts};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
-use crate::estimate::{EstimateError, ForetoldCounts, Past, Silent};
+use crate::estimate::{EstimateError, ForetoldCounts, Past, StretchSummary};
 use crate::recording::{self, Clock, Finding, ReadError, Stretches};
 use crate::rigs;
 use latency::Arrivals;
@@ -53,7 +53,7 @@ const KEPT: usize = 8;
 /// Over how many samples the mean NIS is watched, where the experiment does not say it.
 const WATCHED: usize = 100;
 
-/// The most missing rows that rows without numbers stand for, where the recording does not say it.
+/// The most missing rows that rows without numbers stand for, whatever the recording says.
 const LONGEST_GAP: u64 = 1 << 16;
 
 /// The shortest time between two health lines.
@@ -101,8 +101,10 @@ pub struct StreamSummary {
     pub estimated: u64,
     /// Samples of stretches that could not be estimated, such as some that were too short.
     pub not_estimated: u64,
-    /// Stretches of samples: 1, and one more for each new beginning behind a gap or where the clock went back.
-    pub stretches: u64,
+    /// What became of the stretches of the samples, where there are several: a new one begins behind a long gap, and where the
+    /// clock goes back.
+    #[serde(skip_serializing_if = "StretchSummary::is_empty")]
+    pub stretches: StretchSummary,
     /// Events, by what happened.
     pub events: u64,
     /// Times at which the signal was found to be only noise.
@@ -151,7 +153,8 @@ pub fn stream(
     })?;
     let rig = rigs::of(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
-    let mut estimator = rig.live(experiment, index, &Silent)?;
+    let stopping = live::Stopping::new(stop);
+    let mut estimator = rig.live(experiment, index, &stopping)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
     // To smooth over the whole there must be an end.
@@ -189,7 +192,7 @@ pub fn stream(
         kept: around.before.max(KEPT),
     };
     let keeper = state.map(|path| keeper(path, text, &layout)).transpose()?;
-    let mut live = Live::new(settings, outputs, keeper, (arrivals, shared.clone()), stop);
+    let mut live = Live::new(settings, outputs, keeper, (arrivals, shared), &stopping);
     if left.is_some() {
         live.resume(again as u64, estimator.past().start_s);
     }
@@ -254,11 +257,18 @@ fn live_table(
         wait: described.wait.unwrap_or(WAIT) as usize,
         time,
         interval_s: 1.0 / described.rate.si(),
-        longest_gap: LONGEST_GAP,
+        longest_gap: longest_gap(layout, described.rate.si()),
         reconnect: (described.reconnect.as_ref())
             .map(|time| Duration::try_from_secs_f64(time.si()).unwrap_or(Duration::MAX)),
     };
     Ok(LiveTable::new(connection, &described.input, &settings, shared))
+}
+
+/// How many rows are missing at most that are predicted over.
+fn longest_gap(layout: &recording::Layout, rate_hz: f64) -> u64 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
+    let rows = layout.restarts.map_or(LONGEST_GAP, |restarts| (restarts.longest_gap_s * rate_hz) as u64);
+    rows.min(LONGEST_GAP)
 }
 
 /// What keeps the state. Samples without a time could not be told from those that were taken already.

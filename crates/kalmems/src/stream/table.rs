@@ -250,6 +250,9 @@ impl Table for LiveTable {
         block.lines.push((0, self.rows + 1));
         while block.rows < block.capacity {
             let Some(sample) = self.ready.samples.pop_front() else { break };
+            while self.ready.breaks.front().is_some_and(|(row, _)| *row <= self.rows) {
+                block.breaks.extend(self.ready.breaks.pop_front().map(|(_, missing)| (block.rows, missing)));
+            }
             for (i, column) in self.wanted.iter().enumerate() {
                 let number = sample.numbers.get(*column).copied().unwrap_or(f64::NAN);
                 block.numbers[i].push(number);

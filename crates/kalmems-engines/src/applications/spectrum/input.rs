@@ -48,6 +48,7 @@ impl Input<'_> {
             segment_column: None,
             columns: Some(vec![of.wavenumber.clone(), of.column.clone()]),
             hints: Hints::default(),
+            restarts: None,
         };
         let recording = self.read("reference.spectrum", &of.file, layout)?;
         // A name's ending that is an inverse unit alone is no unit of a recording.

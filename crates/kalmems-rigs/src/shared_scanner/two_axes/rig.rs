@@ -37,7 +37,8 @@ impl Rig for TwoAxesRig {
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+        let slowest_hz = resonances_hz(&Settings::of(experiment)?).into_iter().fold(f64::INFINITY, f64::min);
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, 1.0 / slowest_hz)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
