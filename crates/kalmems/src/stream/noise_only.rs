@@ -289,7 +289,7 @@ mod tests {
             (MOTION_HZ, 0.5, 0.0, 0.0),
             (MOTION_HZ, 0.3, 0.0, 0.0),
             (1.02 * MOTION_HZ, 0.3, 0.0, 0.0),
-            (MOTION_HZ, 0.2, 0.0, 0.02),
+            (MOTION_HZ, 0.2, 0.05, 0.15),
             (MOTION_HZ, 0.1, 0.5, 1.0),
         ] {
             let amplitude = (2.0 * share / (1.0 - share) as f64).sqrt();

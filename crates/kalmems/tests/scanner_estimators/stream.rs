@@ -126,6 +126,7 @@ fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     said(&[("smooth_lag = \"100 us\"", "smooth = true")], &["whole recordings", "kalmems estimate"]);
     said(&[("[\"time_s\", \"drive_V\", \"cap_V\"]", "[\"drive_V\", \"cap_V\"]")], &["clock", "time_s"]);
     said(&[("[\"time_s\", \"drive_V\", \"cap_V\"]", "[\"time_s\", \"drive_V\"]")], &["cap_V"]);
+    said(&[("every = 10", "heartbeat = \"1 ms\"")], &["stream.heartbeat", "0.1 s"]);
     // Nothing came.
     said(&[], &["no row"]);
 }
@@ -474,4 +475,99 @@ fn slow_the_times_ahead_are_as_uncertain_as_they_say() {
             }
         }
     }
+}
+
+/// The example's drive with this signal, made of nothing but noise.
+fn noise(rows: usize) -> Vec<u8> {
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let mut chance = Pcg64::new(21, 22);
+    let mut uniform = || (chance.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut lines = String::new();
+    for line in text.lines().skip(1).take(rows) {
+        let normal = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let (time_and_drive, _) = line.rsplit_once(',').unwrap();
+        lines += &format!("{time_and_drive},{:.5}\n", 1.3 + 0.0139 * normal);
+    }
+    lines.into_bytes()
+}
+
+#[test]
+fn a_stream_of_noise_says_so_and_tells_no_zero_phases() {
+    let run = streamed(&experiment(&[]), Pieces::of(noise(24_001), 5000), None);
+    let summary = run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let count = |kind: &str| run.events.iter().filter(|event| event["event"] == kind).count();
+    assert_eq!(["noise_only", "noise_only_over", "zero_phase", "zero_phase_ahead"].map(count), [1, 0, 0, 0]);
+    assert!(summary.noise_only == 1 && summary.withheld > 0, "{}", summary.withheld);
+    let alarm = run.events.iter().find(|event| event["event"] == "noise_only").unwrap();
+    let cycles = alarm["time_s"].as_f64().unwrap() * 15_675.0;
+    assert!(cycles < 100.0, "{cycles}");
+    // Of the device itself nothing of the kind is said.
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let run = streamed(&experiment(&[]), Pieces::of(bytes, 5000), None);
+    assert!(run.events.iter().all(|event| event["event"] != "noise_only"));
+    assert_eq!(run.ended.unwrap().withheld, 0);
+}
+
+#[test]
+fn a_last_line_that_is_cut_off_is_no_sample() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    // `1` of such as `1.02887`, and a line that is whole but for its end.
+    for cut in [5, 1] {
+        let bytes = bytes[..bytes.len() - cut].to_vec();
+        let Streamed { answers, ended, .. } =
+            streamed(&experiment(&[("every = 10", "every = 1")]), Pieces::of(bytes, 5000), None);
+        let summary = ended.unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((summary.estimated, summary.received.cut_off), (24_000, 1));
+        assert_eq!(answers["ekf"].last().unwrap()[0], 23_999e-6);
+    }
+}
+
+#[test]
+fn a_clock_that_goes_back_begins_the_estimate_anew_and_one_absurd_time_does_not() {
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let rows: Vec<&str> = text.lines().skip(1).collect();
+    // The last 12 ms again, after all.
+    let lines: Vec<&str> = rows.iter().chain(&rows[12_000..]).copied().collect();
+    let changed: Vec<String> = (lines.iter().enumerate())
+        .map(|(k, line)| match line.split_once(',') {
+            Some((_, rest)) if k == 5000 => format!("1e300,{rest}"),
+            // Other noise than before: they are not sent again.
+            Some((time, rest)) if k >= rows.len() => format!("{time},{rest}1"),
+            _ => (*line).to_owned(),
+        })
+        .collect();
+    let run = streamed(&experiment(&[]), Pieces::of((changed.join("\n") + "\n").into_bytes(), 5000), None);
+    let summary = run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let received = summary.received;
+    assert_eq!((received.order.misplaced, received.order.dropped, received.steps_back), (1, 1, 1));
+    assert_eq!((summary.estimated, summary.stretches.restarts), (24_000 + 12_001, 1));
+    let back: Vec<_> = run.events.iter().filter(|event| event["event"] == "clock_back").collect();
+    assert_eq!(back.len(), 1);
+    assert_eq!((&back[0]["from_s"], &back[0]["to_s"]), (&0.024.into(), &0.012.into()));
+}
+
+#[test]
+fn health_is_told_by_the_time_of_day_when_nothing_arrives() {
+    /// Says nothing for a second from the first read on, then ends.
+    struct Silent(Option<std::time::Instant>);
+    impl Read for Silent {
+        fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            if self.0.get_or_insert_with(std::time::Instant::now).elapsed().as_secs_f64() < 1.0 {
+                return Err(std::io::ErrorKind::WouldBlock.into());
+            }
+            Ok(0)
+        }
+    }
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let experiment = experiment(&[("every = 10", "every = 10\nheartbeat = \"0.2 s\"")]);
+    let input = Pieces::of(bytes, 5000).chain(Silent(None));
+    let run = streamed(&experiment, input, None);
+    run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let health: Vec<_> = run.events.iter().filter(|event| event["event"] == "health").collect();
+    assert!(health.len() >= 2, "{health:?}");
+    let last = health.last().unwrap();
+    assert_eq!(last["passed"], 24_001);
+    assert_eq!((&last["noise_only"], &last["filters"][0]["lock"]), (&false.into(), &"held".into()));
+    assert!(last["filters"][0]["mean_nis"].as_f64().is_some_and(|nis| (0.5..2.0).contains(&nis)), "{last}");
 }
