@@ -7,6 +7,7 @@ mod args;
 mod commands;
 mod interrupt;
 mod progress;
+mod target;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -51,8 +52,8 @@ fn main() -> ExitCode {
         Err(Ending::Told(code)) => return ExitCode::from(code),
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
-        Err(Ending::Paused(message)) => (message, 130),
-        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), 130),
+        Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
+        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
     eprintln!("error: {message}");
     ExitCode::from(code)

@@ -1,5 +1,7 @@
 //! A few rows of a table.
 
+use crate::{Instant, TimeReader};
+
 /// Rows that were read together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Block {
@@ -18,6 +20,10 @@ pub struct Block {
     pub lines: Vec<(usize, u64)>,
     /// Rows that do not go on from the row before them although no time tells it, and how many are missing between.
     pub breaks: Vec<(usize, u64)>,
+    /// Where wanted times count from.
+    pub origin: Instant,
+    /// To how many seconds the times so far were rounded in the file, as binary numbers are far from zero; 0 where they are exact.
+    pub resolution_s: f64,
 }
 
 impl Block {
@@ -36,6 +42,12 @@ impl Block {
         self.faults.clear();
         self.lines.clear();
         self.breaks.clear();
+    }
+
+    /// Takes over what the reader of the times knows.
+    pub fn tell_times(&mut self, times: &TimeReader) {
+        self.origin = times.origin().unwrap_or_default();
+        self.resolution_s = times.resolution_s();
     }
 
     /// The line of a row from the last entry of `lines` on, or of the row after the last.
@@ -91,4 +103,6 @@ pub enum Fault {
         /// As many.
         count: u64,
     },
+    /// The last line of a text has no line end: its last number is short if the text was cut there.
+    NoLineEnd,
 }

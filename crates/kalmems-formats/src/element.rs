@@ -1,5 +1,6 @@
 //! Numbers as binary formats keep them.
 
+use crate::TimeReader;
 use crate::decimal::Shift;
 
 /// How a number is kept.
@@ -98,6 +99,33 @@ impl Element {
         }
     }
 
+    /// Appends the times that stand in `raw` from `offset` on, `stride` bytes apart.
+    pub(crate) fn times(
+        self,
+        raw: &[u8],
+        offset: usize,
+        stride: usize,
+        rows: usize,
+        times: &mut TimeReader,
+        out: &mut Vec<f64>,
+    ) {
+        let cells = records(raw, offset, stride, self.bytes).take(rows);
+        match (self.kind, self.bytes) {
+            (Kind::Unsigned | Kind::Signed, _) => out.extend(cells.map(|b| times.integer(self.integer(b)))),
+            (Kind::Float, 4) if self.big_endian => {
+                out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
+            }
+            (Kind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
+            _ => {
+                let start = out.len();
+                self.numbers(raw, offset, stride, rows, 0, out);
+                for number in &mut out[start..] {
+                    *number = times.float(*number);
+                }
+            }
+        }
+    }
+
     /// A number as a label: its shortest form.
     pub(crate) fn label(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();
@@ -112,7 +140,8 @@ impl Element {
         }
     }
 
-    fn integer(self, raw: &[u8]) -> i128 {
+    /// A whole number, whatever its length.
+    pub(crate) fn integer(self, raw: &[u8]) -> i128 {
         let mut bytes = [0; 16];
         for (place, byte) in raw.iter().take(self.bytes).enumerate() {
             bytes[if self.big_endian { self.bytes - 1 - place } else { place }] = *byte;

@@ -3,7 +3,11 @@
 use crate::decimal::Shift;
 use crate::element::Element;
 use crate::limits::BLOCK_BYTES;
-use crate::{Block, CellFault, Column, Description, Fault, FormatError, Labels, Table, Wanted};
+use crate::time::TimeCode;
+use crate::{
+    Block, CellFault, Column, Description, Fault, FormatError, Instant, Labels, Table, TimeKind, TimeReader,
+    TimeUnit, Wanted,
+};
 
 /// Records that are read one after the other.
 pub(crate) trait Lane: Send {
@@ -25,6 +29,8 @@ pub(crate) trait Lane: Send {
 pub(crate) enum Cells {
     /// Numbers at an offset in each record of a lane.
     Numbers { lane: usize, offset: usize, element: Element },
+    /// Times at an offset in each record of a lane.
+    Times { lane: usize, offset: usize, code: TimeCode },
     /// Texts of as many bytes in each record of a lane.
     Text { lane: usize, offset: usize, bytes: usize, code: Code },
     /// Texts of several lengths, a lane of their own.
@@ -51,7 +57,7 @@ pub(crate) enum Code {
 pub(crate) enum Clock {
     /// start + k/rate.
     Rate { start: f64, rate: f64 },
-    /// start + k·increment.
+    /// start + k·increment, of the shortest decimal digits of both, rounded once.
     Increment { start: f64, increment: f64 },
 }
 
@@ -59,7 +65,7 @@ impl Clock {
     fn at(self, row: u64) -> f64 {
         match self {
             Self::Rate { start, rate } => start + row as f64 / rate,
-            Self::Increment { start, increment } => start + row as f64 * increment,
+            Self::Increment { start, increment } => crate::decimal::affine(start, increment, row),
         }
     }
 }
@@ -80,6 +86,7 @@ pub(crate) struct RecordTable {
     lanes: Vec<Box<dyn Lane>>,
     file_bytes: u64,
     wanted: Vec<Wanted>,
+    times: TimeReader,
     /// Which lanes are read, and the bytes of their records together.
     used: Vec<bool>,
     row_bytes: usize,
@@ -110,6 +117,7 @@ impl RecordTable {
             lanes,
             file_bytes,
             wanted: Vec::new(),
+            times: TimeReader::new(TimeUnit::SECOND, None),
             used: vec![false; count],
             row_bytes: 0,
             rows: 0,
@@ -127,8 +135,8 @@ impl RecordTable {
     fn common_rows(&self, wanted: &[Wanted]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
-            let Some(field) = self.fields.get(column) else {
+            let Some(field) = self.fields.get(want.column()) else {
+                let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
             if matches!(field.cells, Cells::Clock(_)) {
@@ -160,21 +168,32 @@ impl Table for RecordTable {
         self.rows = self.common_rows(wanted)?;
         self.used.fill(false);
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
-            let Some(field) = self.fields.get(column) else { continue };
+            let Some(field) = self.fields.get(want.column()) else { continue };
             match (&field.cells, want) {
-                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. }) => {
+                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. } | Wanted::Time { .. }) => {
                     let what = format!("text where numbers belong, in column `{}`,", field.column.name);
                     return Err(self.unsupported(what, "name a column of numbers"));
                 }
-                (Cells::Numbers { lane, .. } | Cells::Text { lane, .. } | Cells::Texts { lane }, _) => {
-                    self.used[*lane] = true;
-                }
+                (
+                    Cells::Numbers { lane, .. }
+                    | Cells::Times { lane, .. }
+                    | Cells::Text { lane, .. }
+                    | Cells::Texts { lane },
+                    _,
+                ) => self.used[*lane] = true,
                 (Cells::Clock(_), _) => {}
             }
         }
         self.row_bytes =
             self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
+        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+            let unit = match self.fields.get(column).map(|field| &field.cells) {
+                Some(Cells::Times { code, .. }) => code.unit(),
+                Some(Cells::Clock(_)) => TimeUnit::SECOND,
+                _ => unit,
+            };
+            self.times = TimeReader::new(unit, origin);
+        }
         self.wanted = wanted.to_vec();
         Ok(())
     }
@@ -182,7 +201,7 @@ impl Table for RecordTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let room = (BLOCK_BYTES / self.row_bytes.max(8)).max(1).min(block.capacity);
         let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
-        let labels = self.wanted.iter().filter(|want| matches!(want, Wanted::Label { .. })).count();
+        let labels = self.wanted.iter().filter(|want| want.is_label()).count();
         block.clear(self.wanted.len() - labels, labels);
         if rows == 0 {
             return Ok(());
@@ -197,10 +216,19 @@ impl Table for RecordTable {
             }
         }
         let (mut number, mut label) = (0, 0);
-        for want in &self.wanted {
-            match *want {
+        for want in self.wanted.clone() {
+            match want {
                 Wanted::Number { column, power } => {
                     self.numbers(column, power, rows, &mut block.numbers[number]);
+                    refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
+                    number += 1;
+                }
+                Wanted::Time { column, .. } => {
+                    let mut times =
+                        std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
+                    self.times_of(column, rows, &mut times, &mut block.numbers[number]);
+                    block.tell_times(&times);
+                    self.times = times;
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
                     number += 1;
                 }
@@ -213,6 +241,13 @@ impl Table for RecordTable {
         block.faults.sort_by_key(|fault| fault.row);
         self.row += rows as u64;
         Ok(())
+    }
+
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        match self.fields.get(column)?.cells {
+            Cells::Times { code, .. } => Some(code.kind()),
+            _ => None,
+        }
     }
 
     fn progress(&self) -> (u64, u64) {
@@ -232,6 +267,27 @@ impl RecordTable {
                 let mut shift = Shift::new(power);
                 out.extend((0..rows as u64).map(|row| shift.float(clock.at(self.row + row))));
             }
+            Cells::Times { lane, offset, code } => {
+                // As seconds since 1970, or of the duration.
+                let mut times = TimeReader::new(code.unit(), Some(Instant::ZERO));
+                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
+            }
+            // Refused by `want`.
+            Cells::Text { .. } | Cells::Texts { .. } => {}
+        }
+    }
+
+    fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
+        match self.fields[column].cells {
+            Cells::Numbers { lane, offset, element } => {
+                element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            }
+            Cells::Times { lane, offset, code } => {
+                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            }
+            Cells::Clock(clock) => {
+                out.extend((0..rows as u64).map(|row| times.computed(clock.at(self.row + row))));
+            }
             // Refused by `want`.
             Cells::Text { .. } | Cells::Texts { .. } => {}
         }
@@ -247,6 +303,10 @@ impl RecordTable {
             match self.fields[column].cells {
                 Cells::Numbers { lane, offset, element } => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
+                }
+                Cells::Times { lane, offset, code } => {
+                    let raw = cell(lane, offset, code.bytes());
+                    text = code.label(raw).into_bytes();
                 }
                 Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),
                 Cells::Texts { lane } => {

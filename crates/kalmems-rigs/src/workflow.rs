@@ -108,10 +108,13 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
 
         let mut reading = Reading { progress, started: false };
-        let reference =
-            ReferenceRecording::read(experiment, index, rig.angles(), rig.values(), &mut |d, n| {
-                reading.hear("reading the reference", d, n)
-            })?;
+        let reference = ReferenceRecording::read(
+            experiment,
+            (index, recording.origin()),
+            rig.angles(),
+            rig.values(),
+            &mut |d, n| reading.hear("reading the reference", d, n),
+        )?;
         recordings.push(evaluate(rig, described, recording, estimates, reference)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
@@ -137,7 +140,8 @@ pub fn estimate_unwritten(
     };
     let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
     let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
-    let reference = ReferenceRecording::read_by(experiment, index, rig.angles(), rig.values(), |layout| {
+    let place = (index, recording.origin());
+    let reference = ReferenceRecording::read_by(experiment, place, rig.angles(), rig.values(), |layout| {
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;

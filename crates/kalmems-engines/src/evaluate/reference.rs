@@ -3,7 +3,7 @@
 use super::{BeamPosition, EdgeVelocity, ValueReference, ValueState};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
-use crate::recording::{Layout, ReadError, Recording, Restarts, Segment};
+use crate::recording::{Instant, Layout, ReadError, Recording, Restarts, Segment};
 use crate::signal::{GAP, hermite, usual_interval};
 use crate::units::{Kind, kind};
 use std::ops::ControlFlow;
@@ -77,10 +77,11 @@ pub const ONE_ANGLE: [[&str; 2]; 1] = [["angle", "rate"]];
 
 impl ReferenceRecording {
     /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
-    /// reference has one; and of these values the first, and others where it has them.
+    /// reference has one; and of these values the first, and others where it has them. Its times count from the origin of
+    /// the recording's.
     pub fn read(
         experiment: &Experiment,
-        index: usize,
+        (index, origin): (usize, Instant),
         angles: &[[&'static str; 2]],
         values: &'static [ValueState],
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
@@ -88,7 +89,7 @@ impl ReferenceRecording {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let file = experiment.resolve(reference.file(described));
-        Self::read_by(experiment, index, angles, values, |layout| {
+        Self::read_by(experiment, (index, origin), angles, values, |layout| {
             Recording::read_with(&file, layout, progress)
         })
     }
@@ -96,7 +97,7 @@ impl ReferenceRecording {
     /// The same, with another way to read the file.
     pub fn read_by(
         experiment: &Experiment,
-        index: usize,
+        (index, origin): (usize, Instant),
         angles: &[[&'static str; 2]],
         values: &'static [ValueState],
         read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
@@ -104,6 +105,7 @@ impl ReferenceRecording {
         let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
             return Ok(None);
         };
+        let layout = Layout { origin: Some(origin), ..layout };
         Ok(Some(Self { recording: read(&layout)?, columns }))
     }
 }

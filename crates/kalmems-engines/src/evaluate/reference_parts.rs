@@ -3,7 +3,7 @@
 use super::reference::ReferenceColumns;
 use super::{ReferenceError, ReferenceRecording, ValueState};
 use crate::config::Experiment;
-use crate::recording::{Around, Finding, ReadError, Recording, Segment, Source, Stretches};
+use crate::recording::{Around, Finding, Instant, Layout, ReadError, Recording, Segment, Source, Stretches};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -24,13 +24,14 @@ impl ReferenceParts {
     /// Opens the reference of a recording, if the experiment names one; see [`ReferenceRecording::read`].
     pub fn open(
         experiment: &Experiment,
-        index: usize,
+        (index, origin): (usize, Instant),
         angles: &[[&'static str; 2]],
         values: &'static [ValueState],
     ) -> Result<Option<Self>, ReferenceError> {
         let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
             return Ok(None);
         };
+        let layout = Layout { origin: Some(origin), ..layout };
         let described = experiment.recording(index)?;
         let file = described.reference.as_ref().map_or(Path::new(""), |reference| reference.file(described));
         let rows = Around { rows: ROWS, first: ROWS, before: 0, after: 0 };

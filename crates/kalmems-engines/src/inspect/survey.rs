@@ -2,11 +2,11 @@
 
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
+use crate::recording::clock_unit::ClockUnit;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
-use crate::recording::scale::Scale;
-use crate::units::{Header, kind};
-use kalmems_formats::{Block, Fault, Table, Wanted};
+use crate::units::Header;
+use kalmems_formats::{Block, Fault, Table, TimeKind, Wanted};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -32,13 +32,14 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
     if names.is_empty() {
         return Ok(Survey::default());
     }
-    let time = names.iter().position(is_time);
-    let power = |column: usize| {
-        let unit = names.get(column).filter(|_| time == Some(column)).and_then(|header| header.unit);
-        Scale::of(unit).power()
-    };
-    let wanted: Vec<Wanted> =
-        (0..names.len()).map(|column| Wanted::Number { column, power: power(column) }).collect();
+    let time = Time::of(&names, |column| table.time_kind(column));
+    let wanted = (0..names.len()).map(|column| match time {
+        Some(Time { column: clock, unit, .. }) if clock == column => {
+            Wanted::Time { column, unit: unit.unit, origin: None }
+        }
+        _ => Wanted::Number { column, power: 0 },
+    });
+    let wanted: Vec<Wanted> = wanted.collect();
     let mut blocks = Blocks::start(table, path, &wanted)?;
     let mut scan = Scan::new(names, time);
     while let Some(block) = blocks.next(progress)? {
@@ -66,7 +67,7 @@ struct Counts {
 
 struct Scan {
     columns: Vec<Counts>,
-    time: Option<usize>,
+    time: Option<Time>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
@@ -75,7 +76,7 @@ struct Scan {
 }
 
 impl Scan {
-    fn new(names: Vec<Header>, time: Option<usize>) -> Self {
+    fn new(names: Vec<Header>, time: Option<Time>) -> Self {
         Self {
             time,
             columns: names
@@ -92,7 +93,7 @@ impl Scan {
     fn take(&mut self, block: &Block) {
         self.restarted.clear();
         self.restarted.resize(block.rows, false);
-        let times = self.time.and_then(|time| block.numbers.get(time)).map_or(&[][..], Vec::as_slice);
+        let times = self.time.and_then(|time| block.numbers.get(time.column)).map_or(&[][..], Vec::as_slice);
         for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
@@ -109,12 +110,12 @@ impl Scan {
     }
 
     fn conclude(self) -> Survey {
-        let time = self.time;
+        let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = Survey { time: time.and_then(name), ..Survey::default() };
-        survey.sentences.push(match &survey.time {
-            Some(name) => format!("`{name}` is the time, as its name begins with it and ends with a unit of time."),
-            None => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
+        survey.sentences.push(match (&survey.time, self.time) {
+            (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
                      sample, and frequencies are in cycles per sample."
                 .to_owned(),
         });
@@ -207,7 +208,30 @@ impl Counts {
     }
 }
 
-fn is_time(header: &Header) -> bool {
-    header.unit.is_some_and(|unit| kind::TIME.accepts(unit.dimension()))
-        && header.column.to_lowercase().starts_with("time")
+/// The column that is the time.
+#[derive(Clone, Copy)]
+struct Time {
+    column: usize,
+    unit: ClockUnit,
+    /// Why it is taken for that.
+    reason: &'static str,
+}
+
+impl Time {
+    fn of(names: &[Header], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
+        let clocks = || {
+            let all = names.iter().enumerate();
+            all.filter_map(|(column, header)| Some((column, header, ClockUnit::of(header, kind(column))?)))
+        };
+        let by_name = clocks().find(|(_, header, _)| header.column.to_lowercase().starts_with("time"));
+        if let Some((column, _, unit)) = by_name {
+            let reason = match kind(column) {
+                Some(_) => "its name begins with it and its cells are dates or times",
+                None => "its name begins with it and ends with a unit of time",
+            };
+            return Some(Self { column, unit, reason });
+        }
+        let (column, _, unit) = clocks().find(|(_, _, unit)| unit.calendar)?;
+        Some(Self { column, unit, reason: "it is the first whose cells are instants of the calendar" })
+    }
 }

@@ -53,6 +53,8 @@ pub enum FindingKind {
     NoUnit,
     /// Lines without cells between the rows.
     BlankLine,
+    /// The last line has no line end.
+    NoLineEnd,
     /// An empty cell.
     Missing,
     /// A cell that says it is no number.
@@ -67,6 +69,10 @@ pub enum FindingKind {
     ClockBack,
     /// Intervals that differ from the median.
     IrregularTime,
+    /// Times that the file keeps in too few digits for their interval.
+    RoundedTime,
+    /// Times that come in bursts, as those of a host do.
+    BurstTime,
     /// The signal stays at its highest or lowest value.
     Saturation,
     /// The same value in every row.
@@ -95,6 +101,7 @@ impl FindingKind {
             | Self::SegmentReturns => Severity::Fatal,
             Self::NoUnit
             | Self::BlankLine
+            | Self::NoLineEnd
             | Self::Missing
             | Self::Nan
             | Self::Infinite
@@ -102,6 +109,8 @@ impl FindingKind {
             | Self::LongGap
             | Self::ClockBack
             | Self::IrregularTime
+            | Self::RoundedTime
+            | Self::BurstTime
             | Self::Saturation
             | Self::Constant => Severity::Note,
         }
@@ -116,6 +125,7 @@ impl FindingKind {
             Self::BlankLine => ("line", "lines"),
             Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
+            Self::BurstTime => ("burst", "bursts"),
             Self::Saturation => ("sample", "samples"),
             _ => ("", ""),
         }
@@ -128,7 +138,8 @@ impl FindingKind {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
             }
             Self::NoHeader => {
-                "expected the names of the columns: put a line such as `time_s,cap_V` before it, without `#`"
+                "expected the names of the columns: put a line such as `time_s,cap_V` before it, or write \
+                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in its [[recording]]"
             }
             Self::Separator => "expected commas between cells and a point in numbers",
             Self::NoSuchColumn => "name a column that the file has",
@@ -153,6 +164,9 @@ impl FindingKind {
             }
             Self::NoUnit => "its numbers are kept as they stand",
             Self::BlankLine => "they are passed over",
+            Self::NoLineEnd => {
+                "it is read as it stands: if the file or the pipe was cut there, its last number is short of digits"
+            }
             Self::Missing | Self::Nan | Self::Infinite => {
                 "no value is made up: an estimate there is a prediction without update"
             }
@@ -172,6 +186,14 @@ impl FindingKind {
                 "the times are kept as they stand: a new stretch begins, and the estimate begins anew"
             }
             Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
+            Self::RoundedTime => {
+                "each is taken as its shortest decimal digits: write integers, such as of ns, or take off the start before \
+                 writing, or leave the column out and declare the rate, such as `clock = { rate = \"1 MHz\" }`"
+            }
+            Self::BurstTime => {
+                "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate instead \
+                 of the column, such as `clock = { rate = \"1 MHz\" }`; if they were sampled in bursts, nothing is to be done"
+            }
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \
                  measured signal"

@@ -3,7 +3,8 @@
 //! A recording is a table of numbers in any format of `kalmems_formats`, with columns named `name_unit`. Numbers become SI as
 //! they are read, on a thread of their own. What is wrong with the file is found over its whole length and counted;
 //! nothing is repaired or interpolated. Findings that make it unusable are an error with all of them; the others are
-//! kept as [`Recording::diagnosis`]. [`Stretches`] gives the same of a file of any length, a part at a time.
+//! kept as [`Recording::diagnosis`]. Times are read exactly and count from the first, or from zero where that is near
+//! ([`Recording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
 //! use kalmems_engines::recording::{Clock, Layout, Recording};
@@ -12,6 +13,7 @@
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     hints: kalmems_engines::recording::Hints::default(),
+//!     origin: None,
 //!     restarts: None,
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
@@ -23,10 +25,12 @@
 //! ```
 
 pub(crate) mod blocks;
+pub(crate) mod clock_unit;
 mod error;
 mod finding;
 mod findings;
 pub(crate) mod label;
+mod origin;
 mod pass;
 mod plan;
 mod rails;
@@ -35,6 +39,7 @@ pub(crate) mod request;
 mod restart;
 pub(crate) mod scale;
 mod segment;
+mod stamps;
 mod stretches;
 #[cfg(test)]
 mod tests;
@@ -44,6 +49,7 @@ mod window;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
+pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
@@ -52,7 +58,7 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-pub use kalmems_formats::{Hints, panic_is_caught};
+pub use kalmems_formats::{Hints, Instant, panic_is_caught};
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -62,6 +68,11 @@ use std::path::Path;
 pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, ReadError> {
     kalmems_formats::has_more_rows(path, &layout.hints, most)
         .map_err(|source| ReadError::of_format(path, source))
+}
+
+/// Whether the name of a column says what a clock in it counts, as `time_s` and `time_unix_ns` do.
+pub fn names_a_time(column: &str) -> bool {
+    clock_unit::ClockUnit::of(&Header::parse(column), None).is_some()
 }
 
 /// What an experiment file says about the columns of a recording.
@@ -76,6 +87,8 @@ pub struct Layout {
     pub columns: Option<Vec<String>>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
+    /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
+    pub origin: Option<Instant>,
     /// When a record is cut into stretches. `None`: never, so that its times have to increase.
     pub restarts: Option<Restarts>,
 }
@@ -105,6 +118,9 @@ pub struct Source {
     pub bytes: u64,
     /// Its format and what was recognised of it, in a sentence.
     pub format: String,
+    /// Where its times count from, where that is not zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
 }
 
 /// A channel of a recording.
@@ -131,6 +147,7 @@ pub struct Recording {
     segments: Vec<Segment>,
     diagnosis: Vec<Finding>,
     rows: usize,
+    origin: Instant,
 }
 
 impl Recording {
@@ -151,6 +168,7 @@ impl Recording {
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
+            origin: layout.origin,
             restarts: layout.restarts,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
@@ -167,6 +185,11 @@ impl Recording {
     /// The file it comes from.
     pub const fn source(&self) -> &Source {
         &self.source
+    }
+
+    /// Where its times count from; what is put beside it is to count from there too.
+    pub const fn origin(&self) -> Instant {
+        self.origin
     }
 
     /// What was recognised of the file's format, in a sentence.

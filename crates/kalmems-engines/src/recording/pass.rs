@@ -9,8 +9,8 @@ use super::restart::{RestartCounts, Restarts, StretchPlace, TOO_SLOW, UNSORTED};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
 use super::time::{Tally, TimeCheck, written};
-use super::{Clock, Column, Finding, FindingKind as Kind, Recording, Source};
-use kalmems_formats::{Block, CellFault, Fault};
+use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
+use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
@@ -56,21 +56,34 @@ pub(super) struct Pass {
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
     times: Vec<f64>,
     base: usize,
+    /// Where the times count from, and to how many s the file rounds them.
+    origin: Instant,
+    resolution_s: f64,
 }
 
 impl Pass {
     /// `head`: rows of a segment over which its usual interval is found.
     pub(super) fn new(plan: Plan, findings: Findings, request: &Request, head: usize) -> Self {
+        // A start far from zero is an origin like a first time.
+        let mut times = TimeReader::new(TimeUnit::SECOND, request.origin);
+        let clock = match request.clock {
+            Clock::Rate { rate_hz, start_s } => {
+                Clock::Rate { rate_hz: *rate_hz, start_s: times.float(*start_s) }
+            }
+            Clock::Column(name) => Clock::Column(name.clone()),
+        };
         let rails = |target: &super::plan::Target| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
         Self {
             rails: plan.targets.iter().map(rails).collect(),
             plan,
-            clock: request.clock.clone(),
+            clock,
             restarts: request.restarts,
             cuts: RestartCounts::default(),
             head,
+            origin: times.origin().unwrap_or_default(),
+            resolution_s: 0.0,
             findings,
             lines: Lines::default(),
             drafts: VecDeque::new(),
@@ -88,6 +101,9 @@ impl Pass {
     pub(super) fn take(&mut self, block: &Block) {
         let begin = self.lines.rows();
         self.lines.push_many(block.rows, &block.lines);
+        if self.plan.clock.is_some() {
+            (self.origin, self.resolution_s) = (block.origin, block.resolution_s);
+        }
         self.append(block, begin);
         self.breaks.extend(block.breaks.iter().map(|(row, missing)| (begin + row, *missing)));
         let whole = [(0, Vec::new())];
@@ -114,7 +130,7 @@ impl Pass {
     fn append(&mut self, block: &Block, begin: usize) {
         let numbers = |slot: usize| block.numbers.get(slot).map_or(&[][..], Vec::as_slice);
         if let Some(clock) = &self.plan.clock {
-            append(&mut self.times, numbers(clock.slot), clock.scale, |_, _| {});
+            self.times.extend_from_slice(numbers(clock.slot));
         }
         for target in &mut self.plan.targets {
             append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
@@ -144,6 +160,9 @@ impl Pass {
                 self.findings.add_many(Kind::BlankLine, of_row, count(*lines), || {
                     "nothing between the rows".to_owned()
                 });
+            }
+            Fault::NoLineEnd => {
+                self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned())
             }
             cell => {
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
@@ -305,6 +324,7 @@ impl Pass {
             let start = draft.start;
             let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
             let times = self.times.get(start.max(self.base) - self.base..rows.end - self.base);
+            draft.check.hear_resolution(self.resolution_s);
             draft.check.take(times.unwrap_or_default(), rows.len(), place, &mut self.findings);
         }
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
@@ -327,7 +347,7 @@ impl Pass {
                 let (lines, start) = (&self.lines, draft.start);
                 let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
                 let times = self.times.get(from..end - self.base).unwrap_or_default();
-                draft.check.finish(times, place)
+                draft.check.finish(times, place, &mut self.findings)
             }
         };
         if record_ends {
@@ -394,6 +414,11 @@ impl Pass {
         }
         self.lines.forget(row);
         self.base = row;
+    }
+
+    /// Where the times count from, as far as it is known.
+    pub(super) fn origin(&self) -> Option<Origin> {
+        Origin::of(self.origin, self.plan.clock_unit.calendar)
     }
 
     /// The number of rows so far.
@@ -463,6 +488,7 @@ impl Pass {
             }],
             diagnosis: Vec::new(),
             rows: rows.len(),
+            origin: self.origin,
         })
     }
 
@@ -503,6 +529,7 @@ impl Pass {
             diagnosis: self.findings.list(&self.plan.names, &self.labels),
             segments,
             rows,
+            origin: self.origin,
         }
     }
 }

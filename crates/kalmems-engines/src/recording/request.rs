@@ -1,7 +1,7 @@
 //! What is asked of a file.
 
 use super::{Clock, Restarts};
-use kalmems_formats::Hints;
+use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
 pub(crate) struct Request<'a> {
@@ -9,6 +9,8 @@ pub(crate) struct Request<'a> {
     pub(crate) segment_column: Option<&'a str>,
     pub(crate) columns: Wanted<'a>,
     pub(crate) hints: &'a Hints,
+    /// Where the times count from, where that is not for the file to say.
+    pub(crate) origin: Option<Instant>,
     pub(crate) restarts: Option<Restarts>,
 }
 

@@ -2,6 +2,7 @@
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
+use super::stamps;
 use std::cmp::Ordering;
 
 /// How far an interval may be from the segment's median, as a part of the median.
@@ -19,7 +20,10 @@ pub(super) struct TimeCheck {
     /// Whether the head is read; then the usual interval, none where no row of the head follows another in time.
     settled: bool,
     median: Option<f64>,
+    /// To how many s the file rounds the times.
+    resolution_s: f64,
     ordered: bool,
+    /// Whether all intervals are the usual one.
     regular: bool,
     tally: Tally,
 }
@@ -45,7 +49,16 @@ impl Default for Tally {
 impl TimeCheck {
     /// Of a segment whose record was found so irregular before it.
     pub(super) const fn new(head: usize, tally: Tally) -> Self {
-        Self { head, rows: 0, settled: false, median: None, ordered: true, regular: true, tally }
+        Self {
+            head,
+            rows: 0,
+            settled: false,
+            median: None,
+            resolution_s: 0.0,
+            ordered: true,
+            regular: true,
+            tally,
+        }
     }
 
     /// What is found of the record until now, for its next stretch.
@@ -61,6 +74,11 @@ impl TimeCheck {
     /// The usual interval, as far as it is known.
     pub(super) const fn interval_s(&self) -> Option<f64> {
         self.median
+    }
+
+    /// Hears to how many s the file rounds the times.
+    pub(super) const fn hear_resolution(&mut self, resolution_s: f64) {
+        self.resolution_s = self.resolution_s.max(resolution_s);
     }
 
     /// Takes the last `fresh` of `times`, which are the segment's times up to now: all while the head is read, at least the
@@ -94,17 +112,25 @@ impl TimeCheck {
         if !self.is_waiting() {
             self.judge(times, first, base, place);
         } else if self.rows >= self.head {
-            self.settle(times, place);
+            self.settle(times, place, findings);
         }
     }
 
     /// Finds the usual interval and judges all so far by it.
-    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place) {
+    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place, findings: &mut Findings) {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
         let mut positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
         self.settled = true;
         self.median = median(&mut positive);
+        if let Some(median) = &mut self.median
+            && self.resolution_s > TIME_TOLERANCE * *median
+        {
+            *median = stamps::mean_of_rounded(&positive, *median, self.resolution_s);
+        }
+        if let Some(bursts) = stamps::bursts(head) {
+            findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
+        }
         self.judge(times, 0, 0, place);
     }
 
@@ -113,10 +139,13 @@ impl TimeCheck {
         let Some(median) = self.interval_s() else { return };
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
-            if !is_off(before, after, median) {
+            if !is_off(before, after, median, 0.0) {
                 continue;
             }
             self.regular = false;
+            if !is_off(before, after, median, self.resolution_s) {
+                continue;
+            }
             let tally = &mut self.tally;
             let whole = (interval / median).round();
             if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
@@ -131,9 +160,17 @@ impl TimeCheck {
     }
 
     /// The end of the segment, whose times are `times` as for [`TimeCheck::take`]: the usual interval, and whether all are it.
-    pub(super) fn finish(&mut self, times: &[f64], place: impl Fn(usize) -> Place) -> (Option<f64>, bool) {
+    pub(super) fn finish(
+        &mut self,
+        times: &[f64],
+        place: impl Fn(usize) -> Place,
+        findings: &mut Findings,
+    ) -> (Option<f64>, bool) {
         if self.is_waiting() {
-            self.settle(times, place);
+            self.settle(times, &place, findings);
+        }
+        if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
+            findings.add(Kind::RoundedTime, place(0), || detail);
         }
         self.tally.median = self.median.or(self.tally.median);
         (self.median, self.median.is_some() && self.rows > 1 && self.ordered && self.regular)
@@ -167,15 +204,16 @@ impl Tally {
 
 /// Whether all of some times follow each other by the usual interval.
 pub(super) fn are_uniform(times: &[f64], median: Option<f64>) -> bool {
-    let usual =
-        |median| steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median));
+    let usual = |median| {
+        steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median, 0.0))
+    };
     times.len() > 1 && median.is_some_and(usual)
 }
 
-/// Whether an interval is one, and not the median within the tolerance.
-fn is_off(before: f64, after: f64, median: f64) -> bool {
+/// Whether an interval is one, and not the median within the tolerance, of times that the file rounds to `resolution_s`.
+fn is_off(before: f64, after: f64, median: f64, resolution_s: f64) -> bool {
     // The times themselves are rounded; far from zero that is more than a part of the interval.
-    let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
+    let rounding = (4.0 * f64::EPSILON * before.abs().max(after.abs())).max(2.0 * resolution_s);
     // False for times that are no numbers as well.
     after > before && (after - before - median).abs() > TIME_TOLERANCE * median + rounding
 }

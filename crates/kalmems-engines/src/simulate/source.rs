@@ -95,6 +95,7 @@ fn read(
         segment_column: None,
         columns: Some(vec![recorded.column.clone()]),
         hints: kalmems_formats::Hints::default(),
+        origin: None,
         restarts: None,
     };
     let recording = Recording::read(&experiment.resolve(&recorded.file), &layout)?;

@@ -3,6 +3,7 @@
 //! Groups, types and the places of chunks are looked up by `hdf5-pure`; the values are read here, chunk by chunk, so
 //! that memory is bounded by chunks and what they unpack to by their own length.
 
+mod cf;
 mod chunks;
 mod filters;
 mod kind;
@@ -11,6 +12,7 @@ use crate::lanes::{Stretch, Texts};
 use crate::name::with_unit;
 use crate::records::{Cells, Code, Field, Lane, RecordTable};
 use crate::source::Source;
+use crate::time::{TimeCode, TimeKind};
 use crate::{Column, FormatError, Hints, Table, limits};
 use chunks::{ChunkLane, Grid};
 use filters::Filter;
@@ -186,8 +188,9 @@ impl Parts {
 
     fn add_column(&mut self, found: Found, name: String) -> Result<(), FormatError> {
         let characters = self.matlab && text_attribute(&found.attributes, "MATLAB_class") == Some("char");
+        let counted = cf::time(unit(&found.attributes));
         let column = |name: &str| Column {
-            name: with_unit(name, unit(&found.attributes)),
+            name: if counted.is_some() { name.to_owned() } else { with_unit(name, unit(&found.attributes)) },
             place: Some(found.path.clone()),
         };
         if found.attributes.contains_key("MATLAB_empty") {
@@ -207,7 +210,13 @@ impl Parts {
         };
         let lane = self.lanes.len();
         let cells = match &found.kind {
-            Kind::Number(element) => Cells::Numbers { lane, offset: 0, element: *element },
+            Kind::Number(element) => match counted {
+                Some(unit) => {
+                    let code = TimeCode::Counted { element: *element, unit, kind: TimeKind::Calendar };
+                    Cells::Times { lane, offset: 0, code }
+                }
+                None => Cells::Numbers { lane, offset: 0, element: *element },
+            },
             Kind::Text { bytes } => Cells::Text { lane, offset: 0, bytes: *bytes, code: Code::Bytes },
             Kind::Texts | Kind::References => {
                 let column = column(&name);

@@ -144,7 +144,8 @@ impl Array {
 
     /// One axis, but for others of one element.
     fn is_column(&self) -> bool {
-        let readable = matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Text { .. }));
+        let readable =
+            matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }));
         let shape = &self.header.shape;
         readable
             && match shape.len() {
@@ -204,7 +205,7 @@ impl Array {
                 table.lanes.push(self.lane(0, offset, shape[0]));
                 return Ok(());
             }
-            (Descr::Plain(cell @ (Cell::Number(_) | Cell::Text { .. })), 1 | 2) => cell,
+            (Descr::Plain(cell @ (Cell::Number(_) | Cell::Time(_) | Cell::Text { .. })), 1 | 2) => cell,
             _ => {
                 return Err(unsupported(
                     format!("an array of {}", self.shape()),
@@ -261,6 +262,7 @@ fn what(cell: &Cell) -> &str {
 fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<Cells> {
     match cell {
         Cell::Number(element) => Some(Cells::Numbers { lane, offset, element: *element }),
+        Cell::Time(code) => Some(Cells::Times { lane, offset, code: *code }),
         Cell::Text { bytes, code } => Some(Cells::Text { lane, offset, bytes: *bytes, code: *code }),
         Cell::Other { .. } => None,
     }

@@ -54,6 +54,10 @@ pub(super) enum Value {
     Text {
         big_endian: bool,
     },
+    /// Dates of 16 bytes.
+    Time {
+        big_endian: bool,
+    },
     /// Anything else of a known length.
     Other {
         bytes: usize,
@@ -65,6 +69,7 @@ impl Value {
     fn bytes(self) -> u64 {
         match self {
             Self::Number(element) => element.bytes as u64,
+            Self::Time { .. } => 16,
             Self::Other { bytes, .. } => bytes as u64,
             Self::Text { .. } => 0,
         }
@@ -437,7 +442,7 @@ impl<'a> Reader<'a> {
             9 | 0x19 => number(Kind::Float, 4),
             10 | 0x1a => number(Kind::Float, 8),
             0x20 => Value::Text { big_endian: self.big_endian },
-            0x44 => Value::Other { bytes: 16, what: "dates" },
+            0x44 => Value::Time { big_endian: self.big_endian },
             0x0008_000c => Value::Other { bytes: 8, what: "complex numbers" },
             0x0010_000d => Value::Other { bytes: 16, what: "complex numbers" },
             _ => {
@@ -477,6 +482,10 @@ impl<'a> Reader<'a> {
                 let mut number = Vec::with_capacity(1);
                 element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);
                 Ok(number.first().map_or(Property::Other, |number| Property::Number(*number)))
+            }
+            Value::Time { .. } => {
+                self.take(16)?;
+                Ok(Property::Other)
             }
             Value::Other { bytes, .. } => {
                 self.take(bytes)?;

@@ -5,6 +5,7 @@ mod metadata;
 use crate::name::with_unit;
 use crate::records::{Cells, Clock, Field, Lane, RecordTable};
 use crate::source::Source;
+use crate::time::TimeCode;
 use crate::{Column, FormatError, Hints, Table, limits};
 use metadata::{FORMAT, File, Part, Value, damaged, unsupported};
 use std::sync::Arc;
@@ -21,6 +22,9 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
         let lane = lanes.len();
         let (cells, record) = match channel.kind {
             Some(Value::Number(element)) => (Cells::Numbers { lane, offset: 0, element }, element.bytes),
+            Some(Value::Time { big_endian }) => {
+                (Cells::Times { lane, offset: 0, code: TimeCode::Labview { big_endian } }, 16)
+            }
             Some(Value::Text { .. }) => (Cells::Texts { lane }, 0),
             Some(Value::Other { what, .. }) => {
                 left_out.push(format!("`{}` ({what})", channel.name));

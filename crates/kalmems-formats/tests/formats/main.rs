@@ -2,6 +2,7 @@
 //! that the standard library parses here. Every number is compared bit by bit.
 
 mod hostile;
+mod times;
 
 use kalmems_formats::{
     Block, Fault, Format, FormatError, Hints, Table, Wanted, has_more_rows, open, open_reader,

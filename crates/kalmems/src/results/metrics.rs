@@ -5,7 +5,7 @@ use crate::estimate::{
     is_the_only_one,
 };
 use crate::evaluate::{ErrorsByState, MotionErrors, ValueState};
-use crate::recording::{Finding, StretchPlace};
+use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
 use serde::Serialize;
@@ -31,6 +31,9 @@ pub struct RecordingMetrics {
     pub name: String,
     /// Its file.
     pub file: String,
+    /// Where its times count from, where that is not zero of its clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// What was found in it that does not keep it from being used.
     pub diagnosis: Vec<FindingText>,
     /// The file of its reference, where there is one.
@@ -325,6 +328,7 @@ impl Metrics {
         let recordings = outcome.recordings.iter().map(|recording| RecordingMetrics {
             name: recording.name.clone(),
             file: recording.recording.source().file.clone(),
+            origin: recording.recording.source().origin.clone(),
             diagnosis: texts(recording.recording.diagnosis()),
             reference: recording.reference.as_ref().map(|r| r.recording().source().file.clone()),
             reference_diagnosis: (recording.reference.as_ref())

@@ -108,6 +108,9 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
             format!("{} ms, of which {} ms to settle", milli(segment.duration_s), milli(segment.skip_s)),
         ),
     ];
+    if let Some(origin) = &recording.origin {
+        facts.push(("times", origin.sentence()));
+    }
     match &segment.drive {
         Some(drive) => facts.push((
             "drive",

@@ -204,6 +204,9 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     let mut notices = Vec::new();
     let mut say = |severity, text| notices.push(Notice { severity, text });
     for recording in &metrics.recordings {
+        if let Some(origin) = &recording.origin {
+            say(Severity::Note, format!("{}: {}", recording.file, origin.sentence()));
+        }
         for finding in &recording.diagnosis {
             say(Severity::Note, format!("{}: {}", recording.file, finding.message));
         }

@@ -111,6 +111,7 @@ impl<'a> Live<'a> {
     ) -> Self {
         let summary = StreamSummary {
             received: shared.counts(),
+            origin: None,
             diagnosis: Vec::new(),
             estimated: 0,
             not_estimated: 0,
@@ -279,8 +280,11 @@ impl<'a> Live<'a> {
             let answer = estimator.take(&part);
             let why = answer.as_ref().err().map(ToString::to_string).unwrap_or_default();
             if let Some(estimate) = self.judge.judge(&part, answer)? {
+                // First of all, so that nothing is told ahead of a signal that is noise.
+                let was_noise = self.noise.is_noise_only();
+                let contents = self.contents(&estimate, &part);
                 self.foretell(&estimate.trajectories, &part, estimator.past())?;
-                self.take(&estimate, &part)?;
+                self.take(&estimate, &part, (was_noise, &contents))?;
                 self.keep(&estimate.trajectories, &part, estimator)?;
             } else {
                 self.summary.not_estimated += part.fresh.len() as u64;
@@ -329,7 +333,9 @@ impl<'a> Live<'a> {
             };
             (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
         };
-        if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
+        if let Some(acknowledged_s) =
+            keeper.given((trajectories, part.recording.origin()), last, part.ends)?
+        {
             self.writer.acknowledged(acknowledged_s)?;
         }
         Ok(())
@@ -376,17 +382,21 @@ impl<'a> Live<'a> {
         Ok(())
     }
 
-    fn take(&mut self, estimate: &SegmentEstimate, part: &Part) -> io::Result<()> {
+    fn take(
+        &mut self,
+        estimate: &SegmentEstimate,
+        part: &Part,
+        (was_noise, contents): (bool, &[Content]),
+    ) -> io::Result<()> {
         let trajectories = &estimate.trajectories;
         let from_s = self.start_s + self.settings.skip_s;
-        let was_noise = self.noise.is_noise_only();
-        let contents = self.contents(estimate, part);
         let is_noise = |time_s: f64| {
             let before = contents.iter().take_while(|content| content.time_s <= time_s).last();
             before.map_or(was_noise, |content| content.noise_only)
         };
+        self.writer.origin(part.recording.source().origin.as_ref())?;
         self.writer.estimates(trajectories)?;
-        for Content { time_s, noise_only } in &contents {
+        for Content { time_s, noise_only } in contents {
             self.summary.noise_only += u64::from(*noise_only);
             let (only, over) =
                 (StreamEvent::NoiseOnly { time_s: *time_s }, StreamEvent::NoiseOnlyOver { time_s: *time_s });

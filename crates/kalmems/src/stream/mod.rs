@@ -29,7 +29,7 @@ pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
 use crate::estimate::{EstimateError, ForetoldCounts, Past, StretchSummary};
-use crate::recording::{self, Clock, Finding, ReadError, Stretches};
+use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
 use crate::rigs;
 use latency::Arrivals;
 use live::Live;
@@ -95,6 +95,9 @@ pub enum StreamError {
 pub struct StreamSummary {
     /// What was received, and what the way has made of it.
     pub received: WayCounts,
+    /// Where the times of all estimates count from, where that is not zero of the samples' clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// What was found in the samples.
     pub diagnosis: Vec<Finding>,
     /// Samples that were estimated.
@@ -197,8 +200,9 @@ pub fn stream(
         live.resume(again as u64, estimator.past().start_s);
     }
     let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
-    let (_, diagnosis) = stretches.finish();
+    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
     let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
+    summary.origin = origin;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
     Ok(summary)
 }

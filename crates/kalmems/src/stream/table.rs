@@ -7,7 +7,11 @@ use super::order::{Order, OrderSettings, Ordered};
 use super::shared::{Break, Notice, Shared};
 use super::state::State;
 use crate::config::StreamFormat;
-use kalmems_formats::{Block, CellFault, Column, Description, Digest, Fault, FormatError, Table, Wanted};
+use crate::recording::names_a_time;
+use kalmems_formats::{
+    Block, CellFault, Column, Description, Digest, Fault, FormatError, Instant, Table, TimeKind, TimeReader,
+    Wanted,
+};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -45,6 +49,8 @@ pub(super) struct LiveTable {
     rows: u64,
     bytes: u64,
     ended: bool,
+    /// Where the times count from, where another run has said it.
+    origin: Option<Instant>,
     /// Until when samples were taken by another run, and how many of them have come again.
     taken_s: Option<f64>,
     passed_over: u64,
@@ -142,6 +148,7 @@ impl LiveTable {
             rows: 0,
             bytes: 0,
             ended: false,
+            origin: None,
             taken_s: None,
             passed_over: 0,
             interval_s,
@@ -152,6 +159,7 @@ impl LiveTable {
     pub(super) fn go_on(&mut self, left: &State) {
         let names: Vec<String> = self.description.columns.iter().map(|column| column.name.clone()).collect();
         left.samples(&names).into_iter().for_each(|sample| self.ready.put(Ordered::Sample(sample)));
+        self.origin = Some(left.origin());
         self.taken_s = self.ready.time.map(|_| left.acknowledged_s());
     }
 
@@ -228,6 +236,7 @@ impl Table for LiveTable {
                         *own = power;
                     }
                 }
+                Wanted::Time { column, .. } => self.wanted.push(column),
                 Wanted::Label { .. } => {
                     return Err(FormatError::Unsupported {
                         format: "stream",
@@ -239,6 +248,14 @@ impl Table for LiveTable {
             }
         }
         self.decoder = Decoder::new(&self.format, &powers);
+        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+            let origin = self.origin.or(origin);
+            let times = match self.time_kind(column) {
+                Some(_) => TimeReader::of_iso(origin),
+                None => TimeReader::new(unit, origin),
+            };
+            self.decoder = Decoder::new(&self.format, &powers).with_times(column, times);
+        }
         Ok(())
     }
 
@@ -265,7 +282,17 @@ impl Table for LiveTable {
             block.rows += 1;
             self.rows += 1;
         }
+        if let Some(times) = self.decoder.times() {
+            block.tell_times(times);
+        }
         Ok(())
+    }
+
+    /// Where the name of the clock says no unit, lines hold dates and times as text.
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        let name = &self.description.columns.get(column)?.name;
+        let text = matches!(self.format, StreamFormat::Text { .. });
+        (text && self.ready.time == Some(column) && !names_a_time(name)).then_some(TimeKind::Calendar)
     }
 
     fn progress(&self) -> (u64, u64) {

@@ -62,6 +62,7 @@ struct Script {
     /// Samples from fault to fault, and how many faults there were.
     every: u64,
     faults: u64,
+    most: u64,
     noise_until: u64,
     damage: u64,
     absurd: Option<&'static str>,
@@ -96,6 +97,7 @@ impl Script {
             off: 0,
             every: wanted / (faults + 2),
             faults: 0,
+            most: faults,
             noise_until: 0,
             damage: 0,
             absurd: None,
@@ -123,7 +125,7 @@ impl Script {
 
     /// Sends the next sample, or lets something go wrong.
     fn step(&mut self) {
-        if self.sent >= self.every * (self.faults + 2) {
+        if self.faults < self.most && self.sent >= self.every * (self.faults + 2) {
             let (round, place) = (self.faults / 8, usize::try_from(self.faults % 8).unwrap());
             let kind = KINDS[place][usize::try_from(round % 2).unwrap()];
             self.faults += 1;

@@ -7,7 +7,7 @@ use super::sharpness::Sharpness;
 use super::track::{Track, TrackError};
 use crate::config::{ConfigError, Fault, Image, Key, Quantity};
 use crate::estimate::Progress;
-use crate::recording::{Finding, Layout, ReadError, Recording, Source};
+use crate::recording::{Finding, Instant, Layout, ReadError, Recording, Source};
 use crate::units::{Kind, kind};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ impl ImageError {
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files = Files { image, progress, sources: Vec::new(), findings: Vec::new() };
+    let mut files = Files { image, progress, origin: None, sources: Vec::new(), findings: Vec::new() };
     let (file, column) = (&image.intensity.file, &image.intensity.column);
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
@@ -154,6 +154,8 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
 struct Files<'a> {
     image: &'a Image,
     progress: &'a dyn Progress,
+    /// Where the times of all files count from: the first says it.
+    origin: Option<Instant>,
     sources: Vec<Source>,
     findings: Vec<(String, Finding)>,
 }
@@ -177,13 +179,15 @@ impl Files<'_> {
             return Err(self.image.error(key.child("file"), Fault::Value { why }).into());
         }
         let mut started = false;
-        let recording = Recording::read_with(&path, layout, &mut |done, total| {
+        let layout = Layout { origin: self.origin, ..layout.clone() };
+        let recording = Recording::read_with(&path, &layout, &mut |done, total| {
             if !started {
                 self.progress.begin("reading", total);
                 started = true;
             }
             self.progress.reached(done)
         })?;
+        self.origin = Some(recording.origin());
         let values = match kind {
             Some(kind) => recording.column_of(column, kind)?,
             None => recording.column(column)?,

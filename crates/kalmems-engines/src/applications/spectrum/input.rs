@@ -5,7 +5,7 @@ use super::scans::Detector;
 use super::track::PositionTrack;
 use crate::config::{Fault, Key, PathTrajectory, ReferenceSpectrum, SpectrumFile};
 use crate::estimate::Progress;
-use crate::recording::{Clock, Finding, Layout, Recording, Source};
+use crate::recording::{Clock, Finding, Instant, Layout, Recording, Source};
 use crate::units::{Header, kind};
 use kalmems_formats::Hints;
 use std::path::Path;
@@ -14,6 +14,8 @@ use std::path::Path;
 pub(super) struct Input<'a> {
     pub(super) file: &'a SpectrumFile,
     pub(super) progress: &'a dyn Progress,
+    /// Where the times of all files count from: the first says it.
+    pub(super) origin: Option<Instant>,
     pub(super) sources: Vec<Source>,
     pub(super) findings: Vec<(String, Finding)>,
 }
@@ -48,6 +50,7 @@ impl Input<'_> {
             segment_column: None,
             columns: Some(vec![of.wavenumber.clone(), of.column.clone()]),
             hints: Hints::default(),
+            origin: None,
             restarts: None,
         };
         let recording = self.read("reference.spectrum", &of.file, layout)?;
@@ -79,6 +82,7 @@ impl Input<'_> {
         if wanted.iter().any(|column| Header::parse(column).unit.is_none()) {
             layout.columns = None;
         }
+        layout.origin = self.origin;
         let mut started = false;
         let recording = Recording::read_with(&path, &layout, &mut |done, total| {
             if !started {
@@ -87,6 +91,9 @@ impl Input<'_> {
             }
             self.progress.reached(done)
         })?;
+        if matches!(layout.clock, Clock::Column(_)) {
+            self.origin = Some(recording.origin());
+        }
         let source = recording.source().clone();
         self.findings.extend(recording.diagnosis().iter().map(|f| (source.file.clone(), f.clone())));
         if !self.sources.contains(&source) {

@@ -170,7 +170,7 @@ impl SpectrumError {
 
 /// Reads, or simulates, all interferograms of a spectrum file and computes the spectrum.
 pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input = Input { file, progress, sources: Vec::new(), findings: Vec::new() };
+    let mut input = Input { file, progress, origin: None, sources: Vec::new(), findings: Vec::new() };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,

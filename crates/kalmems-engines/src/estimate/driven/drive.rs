@@ -325,4 +325,20 @@ mod tests {
         assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
         assert_eq!(drive.unknown(), Some((time[5], 1)));
     }
+
+    #[test]
+    fn a_drive_that_is_off_stays_off_over_a_gap() {
+        let time: Vec<f64> =
+            (0..9000).map(|k| f64::from(k) * 1e-6 + if k > 6000 { 2e-4 } else { 0.0 }).collect();
+        // Exactly nothing, a constant, and the noise of a converter about it.
+        let noise = |k: u32| f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 - 0.5;
+        for (level, scale) in [(0.0, 0.0), (12.3, 0.0), (0.0, 1e-3), (-4.0, 0.2)] {
+            let mut v: Vec<f64> = (0..9000).map(|k| level + scale * noise(k)).collect();
+            v[100] = f64::NAN;
+            let drive = Drive::new(&time, &v, 1e-6);
+            assert!(drive.sine().is_none() && drive.unknown().is_none(), "{level} {scale}");
+            let over = Drive::nodes_from_sine(drive.stand_in(6001).unwrap(), time[6000], time[6001]);
+            assert!((over.middle - level).abs() <= 0.1 * scale, "{level} {scale}: {}", over.middle);
+        }
+    }
 }
