@@ -20,8 +20,16 @@ struct Draft {
     record: usize,
     stretch: StretchPlace,
     start: usize,
+    /// How many intervals after the start of the clock it begins, where the file has no times.
+    intervals: u64,
     check: TimeCheck,
     end: Option<(usize, (Option<f64>, bool))>,
+}
+
+impl Draft {
+    fn first_interval(&self) -> usize {
+        usize::try_from(self.intervals).unwrap_or(usize::MAX / 2)
+    }
 }
 
 pub(super) struct Pass {
@@ -41,6 +49,8 @@ pub(super) struct Pass {
     /// The present label as it stands in the file, and the line where each label began.
     label: Vec<u8>,
     begun: BTreeMap<Label, usize>,
+    /// Rows that do not go on from those before them, and how many are missing between.
+    breaks: VecDeque<(usize, u64)>,
     /// One for each target; none for the labels of the segments, which are constant in each by their nature.
     rails: Vec<Option<Rails>>,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
@@ -81,6 +91,7 @@ impl Pass {
             labels: Vec::new(),
             label: Vec::new(),
             begun: BTreeMap::new(),
+            breaks: VecDeque::new(),
             times: Vec::new(),
             base: 0,
         }
@@ -94,6 +105,7 @@ impl Pass {
             (self.origin, self.resolution_s) = (block.origin, block.resolution_s);
         }
         self.append(block, begin);
+        self.breaks.extend(block.breaks.iter().map(|(row, missing)| (begin + row, *missing)));
         let whole = [(0, Vec::new())];
         let runs = match block.labels.first() {
             Some(runs) if self.plan.segment_column.is_some() => runs.as_slice(),
@@ -197,7 +209,7 @@ impl Pass {
         let record = self.labels.len();
         let segment = Some(record);
         self.labels.push(String::from_utf8_lossy(label).into_owned());
-        self.begin_segment(record, StretchPlace::FIRST, row);
+        self.begin_segment(record, StretchPlace::FIRST, row, 0);
         if let Some(begun) = self.begun.get(&key) {
             self.findings.add(Kind::SegmentReturns, Place { segment, ..place }, || {
                 format!("the segment of line {begun} comes again")
@@ -207,13 +219,13 @@ impl Pass {
         }
     }
 
-    fn begin_segment(&mut self, record: usize, stretch: StretchPlace, start: usize) {
+    fn begin_segment(&mut self, record: usize, stretch: StretchPlace, start: usize, intervals: u64) {
         let tally = match self.drafts.back_mut() {
             Some(before) if before.record == record => before.check.take_tally(),
             _ => Tally::default(),
         };
         let check = TimeCheck::new(self.head, tally);
-        self.drafts.push_back(Draft { record, stretch, start, check, end: None });
+        self.drafts.push_back(Draft { record, stretch, start, intervals, check, end: None });
     }
 
     /// Checks some rows of the present record, and cuts it into stretches where its times ask for that.
@@ -229,8 +241,11 @@ impl Pass {
 
     /// The first of some rows before which the present record is cut, and why.
     fn next_cut(&self, rows: Range<usize>) -> Option<(usize, Kind)> {
-        self.plan.clock.as_ref()?;
         let (restarts, draft) = (self.restarts?, self.drafts.back()?);
+        if self.plan.clock.is_none() {
+            let row = self.breaks.front().map(|(row, _)| *row);
+            return row.filter(|row| *row < rows.end).map(|row| (row, Kind::LongGap));
+        }
         // From the row before the first on, where the stretch has it.
         let first = rows.start.saturating_sub(1).max(draft.start).max(self.base);
         let times = self.times.get(first - self.base..rows.end - self.base)?;
@@ -241,6 +256,25 @@ impl Pass {
     fn restart(&mut self, row: usize, why: Kind) {
         let Some(draft) = self.drafts.back() else { return };
         let (record, stretch) = (draft.record, draft.stretch);
+        if let Clock::Rate { rate_hz, start_s } = self.clock {
+            let missing = self.breaks.pop_front().map_or(0, |(_, missing)| missing);
+            let rows = row.saturating_sub(draft.start) as u64;
+            if rows == 0 {
+                return;
+            }
+            let place = Place { column: None, segment: Some(record), line: self.lines.of(row) };
+            let before_s = start_s + (draft.intervals + rows - 1) as f64 / rate_hz;
+            let intervals = draft.intervals.saturating_add(rows).saturating_add(missing);
+            self.findings.add(why, place, || {
+                format!(
+                    "the rows do not go on after {} s, where {missing} or more are missing",
+                    written(before_s)
+                )
+            });
+            self.end_segment(row, false);
+            self.begin_segment(record, stretch.next(why, before_s), row, intervals);
+            return;
+        }
         let time = |row: usize| self.times.get(row.wrapping_sub(self.base)).copied().unwrap_or(f64::NAN);
         let (before_s, after_s) = (time(row.wrapping_sub(1)), time(row));
         let longest_s = self.restarts.map_or(f64::INFINITY, |restarts| restarts.longest_gap_s);
@@ -261,7 +295,7 @@ impl Pass {
             return;
         }
         self.end_segment(row, false);
-        self.begin_segment(record, stretch.next(why, before_s), row);
+        self.begin_segment(record, stretch.next(why, before_s), row, 0);
     }
 
     /// Refuses a recording that is cut so often in so many rows that it is in no order, or that its policy does not fit it;
@@ -433,7 +467,7 @@ impl Pass {
         };
         let time = match self.clock {
             Clock::Rate { rate_hz, start_s } => {
-                rate_times(rate_hz, start_s, rows.start - draft.start, rows.len())
+                rate_times(rate_hz, start_s, draft.first_interval() + rows.start - draft.start, rows.len())
             }
             Clock::Column(_) => {
                 let times = copy(&self.times);
@@ -472,7 +506,9 @@ impl Pass {
         for draft in self.drafts.into_iter().rev() {
             let (end, (interval_s, uniform)) = draft.end.unwrap_or((rows, (None, false)));
             let time = match self.clock {
-                Clock::Rate { rate_hz, start_s } => rate_times(rate_hz, start_s, 0, end - draft.start),
+                Clock::Rate { rate_hz, start_s } => {
+                    rate_times(rate_hz, start_s, draft.first_interval(), end - draft.start)
+                }
                 Clock::Column(_) => {
                     let of = if draft.start == 0 {
                         std::mem::take(&mut times)
