@@ -162,7 +162,7 @@ impl Pass {
                 });
             }
             Fault::NoLineEnd => {
-                self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned())
+                self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned());
             }
             cell => {
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
