@@ -86,7 +86,14 @@ fn example(schema: &Value) -> Option<String> {
     if let Some(example) = schema.get("examples").and_then(|examples| examples.get(0)) {
         return toml::Value::try_from(example).ok().map(|example| example.to_string());
     }
-    (schema.get("type")? == "string").then(|| "\"...\"".to_owned())
+    let scalar = match schema.get("type")?.as_str()? {
+        "string" => "\"...\"",
+        "integer" => "1",
+        "number" => "1.0",
+        "boolean" => "true",
+        _ => return None,
+    };
+    Some(scalar.to_owned())
 }
 
 /// The header of a table, or those of all tables of which there must be one.

@@ -21,13 +21,17 @@ const MOST_RECORDS: usize = 10_000;
 pub(super) struct Survey {
     pub(super) time: Option<String>,
     pub(super) segment: Option<String>,
-    /// Columns that hold text and do not tell records apart.
-    pub(super) text: Vec<String>,
+    /// Columns that are left out: they hold text and do not tell records apart, or are of another length than the others.
+    pub(super) left_out: Vec<String>,
     pub(super) sentences: Vec<String>,
 }
 
 /// Reads a table once and keeps nothing but counts.
-pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> Result<Survey, ReadError> {
+pub(super) fn survey(
+    mut table: Box<dyn Table>,
+    path: &Path,
+    progress: Progress,
+) -> Result<Survey, ReadError> {
     let names: Vec<Header> = table.description().columns.iter().map(|c| Header::parse(&c.name)).collect();
     if names.is_empty() {
         return Ok(Survey::default());
@@ -37,16 +41,45 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
         let unit = names.get(column).filter(|_| time == Some(column)).and_then(|header| header.unit);
         Scale::of(unit).power()
     };
-    let wanted: Vec<Wanted> =
+    let numbers: Vec<Wanted> =
         (0..names.len()).map(|column| Wanted::Number { column, power: power(column) }).collect();
+    let wanted = readable(table.as_mut(), &numbers, time);
+    let mut scan = Scan::new(names, time, &wanted);
     let mut blocks = Blocks::start(table, path, &wanted)?;
-    let mut scan = Scan::new(names, time);
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
         blocks.report(progress)?;
     }
     Ok(scan.conclude())
+}
+
+/// How the columns can be read together: as numbers, which a text can be in text alone; as labels where the format says that
+/// they are text; and not at all where they are not as long as the time, or as the first column without it.
+fn readable(table: &mut dyn Table, numbers: &[Wanted], time: Option<usize>) -> Vec<Wanted> {
+    if table.want(numbers).is_ok() {
+        return numbers.to_vec();
+    }
+    let mut alone = |wanted: &Wanted| {
+        let (Wanted::Number { column, .. } | Wanted::Label { column }) = *wanted;
+        [*wanted, Wanted::Label { column }].into_iter().find(|one| table.want(&[*one]).is_ok())
+    };
+    let each: Vec<Wanted> = numbers.iter().filter_map(&mut alone).collect();
+    if table.want(&each).is_ok() {
+        return each;
+    }
+    let is_time = |wanted: &&Wanted| matches!(wanted, Wanted::Number { column, .. } if Some(*column) == time);
+    let Some(first) = each.iter().find(is_time).or(each.first()).copied() else { return each };
+    each.into_iter().filter(|one| *one == first || table.want(&[first, *one]).is_ok()).collect()
+}
+
+/// Where the cells of a column are in a block.
+#[derive(Clone, Copy)]
+enum Slot {
+    Numbers(usize),
+    Labels(usize),
+    /// It is not as long as the others.
+    LeftOut,
 }
 
 /// What is counted of a column.
@@ -66,6 +99,7 @@ struct Counts {
 
 struct Scan {
     columns: Vec<Counts>,
+    slots: Vec<Slot>,
     time: Option<usize>,
     previous_time: f64,
     restarts: usize,
@@ -75,9 +109,22 @@ struct Scan {
 }
 
 impl Scan {
-    fn new(names: Vec<Header>, time: Option<usize>) -> Self {
+    fn new(names: Vec<Header>, time: Option<usize>, wanted: &[Wanted]) -> Self {
+        let mut slots = vec![Slot::LeftOut; names.len()];
+        let (mut numbers, mut labels) = (0, 0);
+        for wanted in wanted {
+            let (column, slot, next) = match *wanted {
+                Wanted::Number { column, .. } => (column, Slot::Numbers(numbers), &mut numbers),
+                Wanted::Label { column } => (column, Slot::Labels(labels), &mut labels),
+            };
+            *next += 1;
+            if let Some(own) = slots.get_mut(column) {
+                *own = slot;
+            }
+        }
         Self {
             time,
+            slots,
             columns: names
                 .into_iter()
                 .map(|h| Counts { has_unit: h.unit.is_some(), name: h.column, ..Counts::default() })
@@ -92,15 +139,27 @@ impl Scan {
     fn take(&mut self, block: &Block) {
         self.restarted.clear();
         self.restarted.resize(block.rows, false);
-        let times = self.time.and_then(|time| block.numbers.get(time)).map_or(&[][..], Vec::as_slice);
+        let numbers = |slot: Option<&Slot>| match slot {
+            Some(Slot::Numbers(slot)) => block.numbers.get(*slot).map_or(&[][..], Vec::as_slice),
+            _ => &[],
+        };
+        let times = self.time.map_or(&[][..], |time| numbers(self.slots.get(time)));
         for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
             self.restarts += usize::from(*restarted);
         }
-        for (index, (column, numbers)) in self.columns.iter_mut().zip(&block.numbers).enumerate() {
+        for (index, (column, slot)) in self.columns.iter_mut().zip(&self.slots).enumerate() {
+            if let Slot::Labels(slot) = slot {
+                let runs = block.labels.get(*slot).map_or(&[][..], Vec::as_slice);
+                for (k, (start, label)) in runs.iter().enumerate() {
+                    let end = runs.get(k + 1).map_or(block.rows, |(next, _)| *next);
+                    column.take_run(label, self.restarted.get(*start..end).unwrap_or_default());
+                }
+                continue;
+            }
             let mut faults = block.faults.iter().filter(|fault| fault.column == Some(index)).peekable();
-            for (row, (number, restarted)) in numbers.iter().zip(&self.restarted).enumerate() {
+            for (row, (number, restarted)) in numbers(Some(slot)).iter().zip(&self.restarted).enumerate() {
                 let fault = faults.next_if(|fault| fault.row == row).map(|fault| &fault.fault);
                 column.take(*number, fault, *restarted);
             }
@@ -134,10 +193,17 @@ impl Scan {
             }
             _ => "No column tells records apart: the file is one record.".to_owned(),
         });
+        for (column, slot) in self.columns.iter().zip(&self.slots) {
+            if matches!(slot, Slot::LeftOut) {
+                let name = &column.name;
+                survey.sentences.push(format!("`{name}` is not as long as the others and is left out."));
+                survey.left_out.push(name.clone());
+            }
+        }
         for (index, column) in self.columns.iter().enumerate() {
             if column.is_text() && Some(index) != time && Some(&column.name) != survey.segment.as_ref() {
                 survey.sentences.push(format!("`{}` is text and is left out.", column.name));
-                survey.text.push(column.name.clone());
+                survey.left_out.push(column.name.clone());
             }
         }
         survey
@@ -148,7 +214,10 @@ impl Scan {
         let candidates = || {
             let all = self.columns.iter().enumerate();
             all.filter(|(index, column)| {
-                Some(*index) != time && !column.returns && column.changes <= MOST_RECORDS
+                Some(*index) != time
+                    && column.previous.is_some()
+                    && !column.returns
+                    && column.changes <= MOST_RECORDS
             })
         };
         let long = |column: &Counts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
@@ -188,6 +257,18 @@ impl Counts {
             }
             Some(_) => Label::Text(Vec::new()),
         };
+        self.enter(label, restarted);
+    }
+
+    /// Takes rows with one text.
+    fn take_run(&mut self, text: &[u8], restarted: &[bool]) {
+        let Some((first, rest)) = restarted.split_first() else { return };
+        self.texts += restarted.len();
+        self.enter(Label::Text(text.to_vec()), *first);
+        self.unmatched += rest.iter().filter(|restarted| **restarted).count();
+    }
+
+    fn enter(&mut self, label: Label, restarted: bool) {
         let first = self.previous.is_none();
         let other = self.previous.as_ref() != Some(&label);
         let changed = !first && other;

@@ -11,6 +11,7 @@
 //!     clock: Clock::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
+//!     declared: Vec::new(),
 //!     hints: kalmems_engines::recording::Hints::default(),
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
@@ -30,6 +31,7 @@ mod pass;
 mod plan;
 mod rails;
 pub(crate) mod read;
+mod reading;
 pub(crate) mod request;
 pub(crate) mod scale;
 mod segment;
@@ -43,6 +45,7 @@ mod window;
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use reading::{DeclaredColumn, Reading};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
@@ -71,6 +74,8 @@ pub struct Layout {
     /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
     /// labels of the segments, whatever their names end with.
     pub columns: Option<Vec<String>>,
+    /// What the settings say of them beyond their names.
+    pub declared: Vec<DeclaredColumn>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
 }
@@ -145,6 +150,7 @@ impl Recording {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            declared: &layout.declared,
             hints: &layout.hints,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
@@ -199,6 +205,12 @@ impl Recording {
             column: name.to_owned(),
             unit: column.header.unit_text.clone(),
             expected: kind.to_string(),
+            remedy: if column.header.is_stated {
+                "correct `unit` or `scale` of its table: `scale` multiplies the numbers, so that a sensitivity of `2 V/gn` is \
+                 `scale = \"0.5 gn/V\"`"
+            } else {
+                "name another column, or correct the unit that its name ends with"
+            },
         })
     }
 

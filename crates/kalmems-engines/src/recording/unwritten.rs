@@ -16,6 +16,7 @@ use kalmems_formats::{Block, CellFault, Fault, Shift};
 ///     clock: Clock::Column("time_s".to_owned()),
 ///     segment_column: None,
 ///     columns: Some(vec!["cap_V".to_owned()]),
+///     declared: Vec::new(),
 ///     hints: kalmems_formats::Hints::default(),
 /// };
 /// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
@@ -46,6 +47,7 @@ impl UnwrittenRecording {
             clock: &layout.clock,
             segment_column: None,
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            declared: &layout.declared,
             hints: &layout.hints,
         };
         let mut findings = Findings::default();

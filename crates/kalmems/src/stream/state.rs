@@ -61,7 +61,8 @@ impl State {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|e| wrong(e.to_string()))?,
         };
-        let state: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        let state: Self = serde_json::from_str(&text)
+            .map_err(|_| wrong("it is no state that `kalmems stream` has written".to_owned()))?;
         if state.experiment != experiment {
             return Err(wrong("it was left by another experiment".to_owned()));
         }
