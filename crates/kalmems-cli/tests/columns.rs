@@ -57,6 +57,8 @@ fn trajectory(folder: &TempDir, file: &str, channels: &str) -> String {
     assert!(text.contains(channels));
     std::fs::write(path("experiment.toml"), text).unwrap();
     let out = path(&format!("out-{file}"));
+    // Of other settings.
+    let _ = std::fs::remove_dir_all(&out);
     done(&["estimate", &path("experiment.toml"), "--out", &out]);
     std::fs::read_to_string(Path::new(&out).join("trajectory_ekf.csv")).unwrap()
 }

@@ -103,9 +103,12 @@ fn irregular(place: &str, segment: &Segment, found: &super::stretches::Stretches
         ));
     }
     if let Some([gap_s, before_s]) = found.longest_gap {
+        let places = match found.rows.len() - 1 {
+            1 => "one place".to_owned(),
+            several => format!("{several} places"),
+        };
         said.push(format!(
-            "{place}{of}: samples are missing in {} places; the longest gap is one of {gap_s:.6} s after {before_s} s.",
-            found.rows.len() - 1
+            "{place}{of}: samples are missing in {places}; the longest gap is one of {gap_s:.6} s after {before_s} s."
         ));
     }
     said
