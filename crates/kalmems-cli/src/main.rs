@@ -49,8 +49,8 @@ fn main() -> ExitCode {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
-        Err(Ending::Paused(message)) => (message, 130),
-        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), 130),
+        Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
+        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
     eprintln!("error: {message}");
     ExitCode::from(code)

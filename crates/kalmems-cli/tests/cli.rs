@@ -223,7 +223,11 @@ fn bad_input_is_named_and_leaves_nothing() {
         ("a rate for an angle", |toml, _| *toml = toml.replace("\"angle_rad\"", "\"rate_rad_per_s\"")),
         ("text for a number", |_, csv| cell(csv, 9000, 2, "overload")),
         ("time that stands still", |_, csv| cell(csv, 9000, 0, "0.008998")),
-        ("time that goes back", |_, csv| cell(csv, 9000, 0, "0.001")),
+        ("times in no order", |_, csv| {
+            let mut lines: Vec<&str> = csv.lines().collect();
+            lines[1..].reverse();
+            *csv = lines.join("\n") + "\n";
+        }),
         ("a row without time", |_, csv| cell(csv, 9000, 0, "")),
         ("an unknown unit", |toml, csv| {
             *toml = toml.replace("\"cap_V\"", "\"cap_volt\"");
@@ -256,7 +260,8 @@ fn bad_input_is_named_and_leaves_nothing() {
 #[test]
 fn what_can_be_used_all_the_same_is_noted() {
     type Change = fn(&mut String);
-    let cases: [(&str, Change); 7] = [
+    let cases: [(&str, Change); 8] = [
+        ("time that goes back", |csv| cell(csv, 9000, 0, "0.001")),
         ("a missing cell", |csv| cell(csv, 9000, 2, "")),
         ("not a number", |csv| cell(csv, 9000, 2, "NaN")),
         ("infinite", |csv| cell(csv, 9000, 2, "-inf")),

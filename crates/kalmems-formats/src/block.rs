@@ -1,5 +1,7 @@
 //! A few rows of a table.
 
+use crate::{Instant, TimeReader};
+
 /// Rows that were read together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Block {
@@ -16,6 +18,10 @@ pub struct Block {
     /// Where rows stand in the file, as `(row of this block, line)`: the first, and each that does not follow the one before
     /// by one. Lines count from 1 as an editor does, rows of binary formats from 1 as well.
     pub lines: Vec<(usize, u64)>,
+    /// Where wanted times count from.
+    pub origin: Instant,
+    /// To how many seconds the times so far were rounded in the file, as binary numbers are far from zero; 0 where they are exact.
+    pub resolution_s: f64,
 }
 
 impl Block {
@@ -33,6 +39,12 @@ impl Block {
         self.labels.iter_mut().for_each(Vec::clear);
         self.faults.clear();
         self.lines.clear();
+    }
+
+    /// Takes over what the reader of the times knows.
+    pub fn tell_times(&mut self, times: &TimeReader) {
+        self.origin = times.origin().unwrap_or_default();
+        self.resolution_s = times.resolution_s();
     }
 
     /// The line of a row from the last entry of `lines` on, or of the row after the last.
@@ -88,4 +100,6 @@ pub enum Fault {
         /// As many.
         count: u64,
     },
+    /// The last line of a text has no line end: its last number is short if the text was cut there.
+    NoLineEnd,
 }

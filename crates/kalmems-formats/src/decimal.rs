@@ -1,6 +1,6 @@
 //! Numbers times a power of ten, rounded once.
 
-use crate::csv::number::quick;
+use crate::csv::number::{Digits, quick, scaled};
 use std::io::Write as _;
 
 /// Shifts the decimal point of numbers. What stands for a binary number is the shortest decimal number that reads
@@ -54,6 +54,34 @@ impl Shift {
         let _ = write!(self.text, "e{}", exponent.saturating_add(self.power));
         fast_float2::parse(&self.text).ok()
     }
+}
+
+/// start + row·step of the shortest decimal digits of both, rounded once: what a text file of the same clock holds.
+pub(crate) fn affine(start: f64, step: f64, row: u64) -> f64 {
+    exact_affine(start, step, row).unwrap_or(start + row as f64 * step)
+}
+
+/// `None` where the digits of both do not fit together.
+fn exact_affine(start: f64, step: f64, row: u64) -> Option<f64> {
+    let (start, step) = (shortest(start)?, shortest(step)?);
+    let q = if start.w == 0 { step.q } else { start.q.min(step.q) };
+    let scaled_up = |digits: Digits| {
+        let w = i128::from(digits.w);
+        let w = w.checked_mul(10_i128.checked_pow(digits.q.checked_sub(q)?.try_into().ok()?)?)?;
+        Some(if digits.negative { -w } else { w })
+    };
+    let start = if start.w == 0 { 0 } else { scaled_up(start)? };
+    let sum = scaled_up(step)?.checked_mul(i128::from(row))?.checked_add(start)?;
+    let size = match u64::try_from(sum.unsigned_abs()).ok().and_then(|w| scaled(w, q)) {
+        Some(size) => size,
+        None => fast_float2::parse(format!("{}e{q}", sum.unsigned_abs())).ok()?,
+    };
+    Some(if sum < 0 { -size } else { size })
+}
+
+fn shortest(number: f64) -> Option<Digits> {
+    let mut shortest = zmij::Buffer::new();
+    Some(Digits::read(shortest.format(number).as_bytes(), 0, b'.')?.0)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Numbers as binary formats keep them.
 
+use crate::TimeReader;
 use crate::decimal::Shift;
 
 /// How a number is kept.
@@ -13,6 +14,39 @@ pub(crate) enum Kind {
     Pcm,
     /// Sound of 8 bits: the same, from 128 on.
     PcmByte,
+}
+
+/// A number without a loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Exact {
+    Integer(i128),
+    Float(f64),
+}
+
+impl Exact {
+    /// Whether both are the same number, or none.
+    pub(crate) fn is(self, other: Self) -> bool {
+        #[allow(clippy::cast_possible_truncation)]
+        // a number without a fraction; beyond the range it is none of these
+        let same = |integer: i128, float: f64| {
+            float.fract() == 0.0 && float.abs() < 1e30 && float as i128 == integer
+        };
+        match (self, other) {
+            (Self::Integer(one), Self::Integer(other)) => one == other,
+            (Self::Float(one), Self::Float(other)) => one == other || (one.is_nan() && other.is_nan()),
+            (Self::Integer(integer), Self::Float(float)) | (Self::Float(float), Self::Integer(integer)) => {
+                same(integer, float)
+            }
+        }
+    }
+
+    /// The nearest number of 64 bits.
+    pub(crate) fn rounded(self) -> f64 {
+        match self {
+            Self::Integer(integer) => integer as f64,
+            Self::Float(float) => float,
+        }
+    }
 }
 
 /// A number of 1, 2, 3, 4 or 8 bytes.
@@ -98,6 +132,33 @@ impl Element {
         }
     }
 
+    /// Appends the times that stand in `raw` from `offset` on, `stride` bytes apart.
+    pub(crate) fn times(
+        self,
+        raw: &[u8],
+        offset: usize,
+        stride: usize,
+        rows: usize,
+        times: &mut TimeReader,
+        out: &mut Vec<f64>,
+    ) {
+        let cells = records(raw, offset, stride, self.bytes).take(rows);
+        match (self.kind, self.bytes) {
+            (Kind::Unsigned | Kind::Signed, _) => out.extend(cells.map(|b| times.integer(self.integer(b)))),
+            (Kind::Float, 4) if self.big_endian => {
+                out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
+            }
+            (Kind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
+            _ => {
+                let start = out.len();
+                self.numbers(raw, offset, stride, rows, 0, out);
+                for number in &mut out[start..] {
+                    *number = times.float(*number);
+                }
+            }
+        }
+    }
+
     /// A number as a label: its shortest form.
     pub(crate) fn label(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();
@@ -112,7 +173,29 @@ impl Element {
         }
     }
 
-    fn integer(self, raw: &[u8]) -> i128 {
+    /// A number as it stands, without a loss.
+    pub(crate) fn exact(self, raw: &[u8]) -> Exact {
+        match self.kind {
+            Kind::Unsigned | Kind::Signed => Exact::Integer(self.integer(raw)),
+            _ => {
+                let mut number = Vec::with_capacity(1);
+                self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
+                Exact::Float(number.first().copied().unwrap_or(f64::NAN))
+            }
+        }
+    }
+
+    /// A number of another kind as this kind of element has it.
+    pub(crate) fn cast(self, number: Exact) -> Exact {
+        match (self.kind, self.bytes, number) {
+            #[allow(clippy::cast_possible_truncation)] // rounded to what the element holds
+            (Kind::Float, 4, Exact::Float(float)) => Exact::Float(f64::from(float as f32)),
+            _ => number,
+        }
+    }
+
+    /// A whole number, whatever its length.
+    pub(crate) fn integer(self, raw: &[u8]) -> i128 {
         let mut bytes = [0; 16];
         for (place, byte) in raw.iter().take(self.bytes).enumerate() {
             bytes[if self.big_endian { self.bytes - 1 - place } else { place }] = *byte;

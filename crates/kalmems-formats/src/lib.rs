@@ -37,12 +37,15 @@ mod panics;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod records;
+mod scaling;
 mod source;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
 mod table;
 #[cfg(feature = "tdms")]
 mod tdms;
+mod time;
+mod unit_words;
 #[cfg(feature = "wav")]
 mod wav;
 
@@ -55,3 +58,5 @@ pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;
 pub use table::{Column, Description, Digest, Table, Wanted};
+pub use time::{Instant, LABVIEW_ZERO_S, NoInstant, SPREADSHEET_ZERO_S, TimeKind, TimeReader, TimeUnit};
+pub use unit_words::unit_ending;

@@ -2,8 +2,14 @@
 
 use crate::decimal::Shift;
 use crate::element::Element;
-use crate::limits::BLOCK_BYTES;
-use crate::{Block, CellFault, Column, Description, Fault, FormatError, Labels, Table, Wanted};
+use crate::limits::{self, BLOCK_BYTES};
+use crate::scaling::Scaling;
+use crate::time::TimeCode;
+use crate::{
+    Block, CellFault, Column, Description, Fault, FormatError, Instant, Labels, Table, TimeKind, TimeReader,
+    TimeUnit, Wanted,
+};
+use std::collections::BTreeMap;
 
 /// Records that are read one after the other.
 pub(crate) trait Lane: Send {
@@ -25,6 +31,8 @@ pub(crate) trait Lane: Send {
 pub(crate) enum Cells {
     /// Numbers at an offset in each record of a lane.
     Numbers { lane: usize, offset: usize, element: Element },
+    /// Times at an offset in each record of a lane.
+    Times { lane: usize, offset: usize, code: TimeCode },
     /// Texts of as many bytes in each record of a lane.
     Text { lane: usize, offset: usize, bytes: usize, code: Code },
     /// Texts of several lengths, a lane of their own.
@@ -51,7 +59,7 @@ pub(crate) enum Code {
 pub(crate) enum Clock {
     /// start + k/rate.
     Rate { start: f64, rate: f64 },
-    /// start + k·increment.
+    /// start + k·increment, of the shortest decimal digits of both, rounded once.
     Increment { start: f64, increment: f64 },
 }
 
@@ -59,7 +67,7 @@ impl Clock {
     fn at(self, row: u64) -> f64 {
         match self {
             Self::Rate { start, rate } => start + row as f64 / rate,
-            Self::Increment { start, increment } => start + row as f64 * increment,
+            Self::Increment { start, increment } => crate::decimal::affine(start, increment, row),
         }
     }
 }
@@ -71,6 +79,28 @@ pub(crate) struct Field {
     pub(crate) cells: Cells,
     /// As many; a clock has as many as are needed.
     pub(crate) rows: u64,
+    /// What the file says is to be done to its numbers.
+    pub(crate) scaling: Scaling,
+}
+
+impl Field {
+    fn is_clock(&self) -> bool {
+        matches!(self.cells, Cells::Clock(_))
+    }
+
+    /// A column whose cells are taken as they are.
+    pub(crate) fn new(column: Column, cells: Cells, rows: u64) -> Self {
+        Self { column, cells, rows, scaling: Scaling::default() }
+    }
+}
+
+/// The lengths of the columns, the longest first, and the names of those that have each.
+fn lengths(fields: &[Field]) -> Vec<(u64, Vec<String>)> {
+    let mut lengths = BTreeMap::<u64, Vec<String>>::new();
+    for field in fields.iter().filter(|field| !field.is_clock()) {
+        lengths.entry(field.rows).or_default().push(format!("`{}`", field.column.name));
+    }
+    lengths.into_iter().rev().collect()
 }
 
 /// A table of records.
@@ -80,6 +110,7 @@ pub(crate) struct RecordTable {
     lanes: Vec<Box<dyn Lane>>,
     file_bytes: u64,
     wanted: Vec<Wanted>,
+    times: TimeReader,
     /// Which lanes are read, and the bytes of their records together.
     used: Vec<bool>,
     row_bytes: usize,
@@ -87,6 +118,8 @@ pub(crate) struct RecordTable {
     row: u64,
     raw: Vec<Vec<u8>>,
     texts: Vec<Vec<Vec<u8>>>,
+    /// Rows of a column that the file says are none.
+    absent: Vec<usize>,
 }
 
 impl RecordTable {
@@ -98,10 +131,22 @@ impl RecordTable {
         lanes: Vec<Box<dyn Lane>>,
         file_bytes: u64,
     ) -> Self {
-        let mut counts = fields.iter().filter(|f| !matches!(f.cells, Cells::Clock(_))).map(|f| f.rows);
-        let first = counts.next();
-        let rows = first.filter(|first| counts.all(|count| count == *first));
-        let columns = fields.iter().map(|f| f.column.clone()).collect();
+        let lengths = lengths(&fields);
+        let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
+        let is_text = |field: &Field| matches!(field.cells, Cells::Text { .. } | Cells::Texts { .. });
+        let own = |field: &Field| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
+        let columns =
+            fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
+        let mut recognised = recognised;
+        if lengths.len() > 1 {
+            let groups = lengths.iter().map(|(rows, names)| format!("{rows} rows: {}", limits::list(names)));
+            let groups: Vec<String> = groups.take(8).collect();
+            recognised.push_str(&format!(
+                "; columns of {} lengths, of which those of one length belong together ({})",
+                lengths.len(),
+                groups.join("; ")
+            ));
+        }
         let description = Description { format, recognised, columns, rows };
         let count = lanes.len();
         Self {
@@ -110,12 +155,14 @@ impl RecordTable {
             lanes,
             file_bytes,
             wanted: Vec::new(),
+            times: TimeReader::new(TimeUnit::SECOND, None),
             used: vec![false; count],
             row_bytes: 0,
             rows: 0,
             row: 0,
             raw: vec![Vec::new(); count],
             texts: vec![Vec::new(); count],
+            absent: Vec::new(),
         }
     }
 
@@ -127,8 +174,8 @@ impl RecordTable {
     fn common_rows(&self, wanted: &[Wanted]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
-            let Some(field) = self.fields.get(column) else {
+            let Some(field) = self.fields.get(want.column()) else {
+                let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
             if matches!(field.cells, Cells::Clock(_)) {
@@ -160,21 +207,32 @@ impl Table for RecordTable {
         self.rows = self.common_rows(wanted)?;
         self.used.fill(false);
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
-            let Some(field) = self.fields.get(column) else { continue };
+            let Some(field) = self.fields.get(want.column()) else { continue };
             match (&field.cells, want) {
-                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. }) => {
+                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. } | Wanted::Time { .. }) => {
                     let what = format!("text where numbers belong, in column `{}`,", field.column.name);
                     return Err(self.unsupported(what, "name a column of numbers"));
                 }
-                (Cells::Numbers { lane, .. } | Cells::Text { lane, .. } | Cells::Texts { lane }, _) => {
-                    self.used[*lane] = true;
-                }
+                (
+                    Cells::Numbers { lane, .. }
+                    | Cells::Times { lane, .. }
+                    | Cells::Text { lane, .. }
+                    | Cells::Texts { lane },
+                    _,
+                ) => self.used[*lane] = true,
                 (Cells::Clock(_), _) => {}
             }
         }
         self.row_bytes =
             self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
+        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+            let unit = match self.fields.get(column).map(|field| &field.cells) {
+                Some(Cells::Times { code, .. }) => code.unit(),
+                Some(Cells::Clock(_)) => TimeUnit::SECOND,
+                _ => unit,
+            };
+            self.times = TimeReader::new(unit, origin);
+        }
         self.wanted = wanted.to_vec();
         Ok(())
     }
@@ -182,7 +240,7 @@ impl Table for RecordTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let room = (BLOCK_BYTES / self.row_bytes.max(8)).max(1).min(block.capacity);
         let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
-        let labels = self.wanted.iter().filter(|want| matches!(want, Wanted::Label { .. })).count();
+        let labels = self.wanted.iter().filter(|want| want.is_label()).count();
         block.clear(self.wanted.len() - labels, labels);
         if rows == 0 {
             return Ok(());
@@ -197,10 +255,28 @@ impl Table for RecordTable {
             }
         }
         let (mut number, mut label) = (0, 0);
-        for want in &self.wanted {
-            match *want {
+        for want in self.wanted.clone() {
+            match want {
                 Wanted::Number { column, power } => {
-                    self.numbers(column, power, rows, &mut block.numbers[number]);
+                    let (mut absent, first) = (std::mem::take(&mut self.absent), block.faults.len());
+                    absent.clear();
+                    self.numbers(column, power, rows, &mut block.numbers[number], &mut absent);
+                    refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
+                    // They are NaN so far, and were taken for such.
+                    for fault in &mut block.faults[first..] {
+                        if absent.binary_search(&fault.row).is_ok() {
+                            fault.fault = Fault::Missing;
+                        }
+                    }
+                    self.absent = absent;
+                    number += 1;
+                }
+                Wanted::Time { column, .. } => {
+                    let mut times =
+                        std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
+                    self.times_of(column, rows, &mut times, &mut block.numbers[number]);
+                    block.tell_times(&times);
+                    self.times = times;
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
                     number += 1;
                 }
@@ -215,6 +291,13 @@ impl Table for RecordTable {
         Ok(())
     }
 
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        match self.fields.get(column)?.cells {
+            Cells::Times { code, .. } => Some(code.kind()),
+            _ => None,
+        }
+    }
+
     fn progress(&self) -> (u64, u64) {
         let part = if self.rows == 0 { 0.0 } else { self.row as f64 / self.rows as f64 };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
@@ -223,14 +306,54 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
-    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>) {
+    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>, absent: &mut Vec<usize>) {
+        let scaling = &self.fields[column].scaling;
         match self.fields[column].cells {
-            Cells::Numbers { lane, offset, element } => {
+            Cells::Numbers { lane, offset, element } if scaling.is_none() => {
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
+            }
+            Cells::Numbers { lane, offset, element } => {
+                let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
+                element.numbers(raw, offset, record, rows, 0, out);
+                let cells =
+                    raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
+                scaling.apply(element, cells, out, absent);
+                let mut shift = Shift::new(power);
+                for number in out {
+                    *number = shift.float(*number);
+                }
             }
             Cells::Clock(clock) => {
                 let mut shift = Shift::new(power);
                 out.extend((0..rows as u64).map(|row| shift.float(clock.at(self.row + row))));
+            }
+            Cells::Times { lane, offset, code } => {
+                // As seconds since 1970, or of the duration.
+                let mut times = TimeReader::new(code.unit(), Some(Instant::ZERO));
+                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
+            }
+            // Refused by `want`.
+            Cells::Text { .. } | Cells::Texts { .. } => {}
+        }
+    }
+
+    fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
+        match self.fields[column].cells {
+            Cells::Numbers { .. } if !self.fields[column].scaling.is_none() => {
+                let mut absent = Vec::new();
+                self.numbers(column, 0, rows, out, &mut absent);
+                for number in out {
+                    *number = times.float(*number);
+                }
+            }
+            Cells::Numbers { lane, offset, element } => {
+                element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            }
+            Cells::Times { lane, offset, code } => {
+                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            }
+            Cells::Clock(clock) => {
+                out.extend((0..rows as u64).map(|row| times.computed(clock.at(self.row + row))));
             }
             // Refused by `want`.
             Cells::Text { .. } | Cells::Texts { .. } => {}
@@ -245,8 +368,23 @@ impl RecordTable {
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
             match self.fields[column].cells {
-                Cells::Numbers { lane, offset, element } => {
+                Cells::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
+                }
+                Cells::Numbers { lane, offset, element } => {
+                    let cell = cell(lane, offset, element.bytes);
+                    let mut number = [element.exact(cell).rounded()];
+                    self.fields[column].scaling.apply(
+                        element,
+                        [cell].into_iter(),
+                        &mut number,
+                        &mut Vec::new(),
+                    );
+                    text = crate::element::shortest(number[0]).into_bytes();
+                }
+                Cells::Times { lane, offset, code } => {
+                    let raw = cell(lane, offset, code.bytes());
+                    text = code.label(raw).into_bytes();
                 }
                 Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),
                 Cells::Texts { lane } => {

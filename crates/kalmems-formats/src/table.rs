@@ -1,6 +1,6 @@
 //! What every format gives.
 
-use crate::{Block, FormatError};
+use crate::{Block, FormatError, Instant, TimeKind, TimeUnit};
 
 /// What is known of a table before its first row is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,12 +17,28 @@ pub struct Description {
 }
 
 /// A column of a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Column {
     /// Its name as the program has it: `name_unit`, put together where the format keeps the unit elsewhere.
     pub name: String,
     /// Where it stands in the file, for messages, where that is not its name: `/rig/cap`.
     pub place: Option<String>,
+    /// It holds texts, which can be labels and never numbers. Of text files it is not known before the rows are read.
+    pub text: bool,
+    /// How many rows it has, where the columns of the file differ in that: those of one number belong together.
+    pub rows: Option<u64>,
+}
+
+impl Column {
+    /// One of numbers with a name.
+    pub fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), ..Self::default() }
+    }
+
+    /// The same at a place of the file.
+    pub(crate) fn at(self, place: String) -> Self {
+        Self { place: Some(place), ..self }
+    }
 }
 
 /// A column that is to be read.
@@ -36,11 +52,55 @@ pub enum Wanted {
         /// The power of ten.
         power: i32,
     },
+    /// Times in seconds from [`Block::origin`] on, which stand among the numbers; of one column at most.
+    Time {
+        /// Which column of the description.
+        column: usize,
+        /// What its numbers count, where [`Table::time_kind`] does not say it.
+        unit: TimeUnit,
+        /// Where the times are to count from; where that is not given, from the first, or from zero where that is near.
+        origin: Option<Instant>,
+    },
     /// Labels: the text as it stands, or a number in its shortest form.
     Label {
         /// Which column of the description.
         column: usize,
     },
+}
+
+impl Wanted {
+    /// Which column of the description.
+    pub const fn column(self) -> usize {
+        match self {
+            Self::Number { column, .. } | Self::Time { column, .. } | Self::Label { column } => column,
+        }
+    }
+
+    /// Whether it is of labels; all else are numbers.
+    pub const fn is_label(self) -> bool {
+        matches!(self, Self::Label { .. })
+    }
+
+    /// The column of the times among what is wanted, what it counts and from where on. A second one is refused: a block has
+    /// one origin.
+    pub fn time(
+        wanted: &[Self],
+        format: &'static str,
+    ) -> Result<Option<(usize, TimeUnit, Option<Instant>)>, FormatError> {
+        let mut times = wanted.iter().filter_map(|want| match *want {
+            Self::Time { column, unit, origin } => Some((column, unit, origin)),
+            _ => None,
+        });
+        let first = times.next();
+        if times.next().is_some() {
+            return Err(FormatError::Unsupported {
+                format,
+                what: "a second column as the times of the rows".to_owned(),
+                remedy: "name one".to_owned(),
+            });
+        }
+        Ok(first)
+    }
 }
 
 /// A table that is being read, from its first row to its last.
@@ -50,6 +110,11 @@ pub trait Table: Send {
 
     /// States what to read; before the first block.
     fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError>;
+
+    /// What the format says of a column of times by itself; `None` where its name or somebody has to say what it counts.
+    fn time_kind(&self, _column: usize) -> Option<TimeKind> {
+        None
+    }
 
     /// The line of the names, for messages; 1 where a format has no lines.
     fn header_line(&self) -> u64 {

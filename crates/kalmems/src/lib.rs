@@ -18,7 +18,7 @@
 //!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
 //!
 //!         // Only now is the reference opened.
-//!         let reference = ReferenceRecording::read(&experiment, index, rig.angles(), rig.values(), &mut |_, _| ControlFlow::Continue(()))?;
+//!         let reference = ReferenceRecording::read(&experiment, (index, recording.origin()), rig.angles(), rig.values(), &mut |_, _| ControlFlow::Continue(()))?;
 //!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
 //!         for errors in rig.evaluate(&estimate, &reference) {
 //!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));
@@ -33,7 +33,7 @@ pub mod stream;
 pub mod study;
 
 pub use kalmems_engines::{
-    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, recording,
-    report, reproduce, signal, simulate, units,
+    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace,
+    recording, report, reproduce, signal, simulate, units,
 };
 pub use kalmems_rigs::{self as rigs, workflow};

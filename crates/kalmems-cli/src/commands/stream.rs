@@ -123,6 +123,9 @@ fn text(summary: &StreamSummary) -> String {
             text += &format!("{} samples at which the drive was not foreseeable\n", counts.without_drive);
         }
     }
+    if let Some(origin) = &summary.origin {
+        text += &format!("{}\n", origin.sentence());
+    }
     for finding in &summary.diagnosis {
         text += &format!("{finding}\n");
     }

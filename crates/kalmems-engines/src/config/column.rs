@@ -102,14 +102,8 @@ impl ColumnChoice {
         column: String,
         unit: Option<String>,
         scale: Option<AnyValue>,
-        offset: Option<AnyValue>,
     ) -> Result<Self, String> {
-        Self::of(ColumnTable { column, unit, scale, offset })
-    }
-
-    /// The schema of it as a table.
-    pub(super) fn table_schema(generator: &mut SchemaGenerator) -> Schema {
-        ColumnTable::json_schema(generator)
+        Self::of(ColumnTable { column, unit, scale, offset: None })
     }
 }
 
@@ -224,6 +218,8 @@ impl FileColumns<'_> {
             columns: Some(columns.map_or_else(all, |some| some.iter().map(|&c| c.to_owned()).collect())),
             declared: self.declared(),
             hints: self.format.map(FileFormat::hints).unwrap_or_default(),
+            origin: None,
+            restarts: None,
         }
     }
 

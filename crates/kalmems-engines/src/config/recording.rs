@@ -6,7 +6,7 @@ use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::AnyValue;
-use super::{ColumnChoice, Name};
+use super::{ColumnChoice, Gaps, Name};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -36,6 +36,9 @@ pub struct Recording {
     pub segments: Option<Segments>,
     /// When the samples were taken.
     pub clock: Clock,
+    /// What is done where samples are missing in time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaps: Option<Gaps>,
     /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`; in place of a name a table, such as
     /// `{ column = "Ucap", unit = "V" }`, says what the column's numbers are.
     pub channels: Channels,
@@ -123,6 +126,20 @@ pub enum Clock {
     },
 }
 
+/// The keys of a clock with a column.
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // It is there for its schema.
+struct ColumnKeys {
+    /// The name of the column of times.
+    #[schemars(example = &"time_s")]
+    column: String,
+    /// The unit of its numbers, such as `"us"`; that which the file says if left out.
+    unit: Option<String>,
+    /// What each number is multiplied by, such as `25` of a counter in `"ns"`; 1 if left out.
+    scale: Option<AnyValue>,
+}
+
 /// The keys of a clock without a column.
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -140,7 +157,7 @@ impl JsonSchema for Clock {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let (column, rate) = (ColumnChoice::table_schema(generator), RateKeys::json_schema(generator));
+        let (column, rate) = (ColumnKeys::json_schema(generator), RateKeys::json_schema(generator));
         json_schema!({
             "description": "When samples were taken: a time column, or a rate where there is none.",
             "anyOf": [column, rate],
@@ -166,18 +183,17 @@ impl<'de> Deserialize<'de> for Clock {
             start: Option<Quantity<Time>>,
             unit: Option<String>,
             scale: Option<AnyValue>,
-            offset: Option<AnyValue>,
         }
         const EXPECTED: &str = "expected either `column = \"time_s\"` or `rate = \"8 kHz\"`";
         match Keys::deserialize(deserializer)? {
-            Keys { column: Some(column), rate: None, start: None, unit, scale, offset } => {
-                ColumnChoice::of_keys(column, unit, scale, offset).map(Self::Column).map_err(D::Error::custom)
+            Keys { column: Some(column), rate: None, start: None, unit, scale } => {
+                ColumnChoice::of_keys(column, unit, scale).map(Self::Column).map_err(D::Error::custom)
             }
-            Keys { column: None, rate: Some(rate), start, unit: None, scale: None, offset: None } => {
+            Keys { column: None, rate: Some(rate), start, unit: None, scale: None } => {
                 Ok(Self::Rate { rate, start })
             }
             Keys { column: None, rate: Some(_), .. } => Err(D::Error::custom(
-                "found `unit`, `scale` or `offset` with `rate`; they are for a column of times, so remove them",
+                "found `unit` or `scale` with `rate`; they are for a column of times, so remove them",
             )),
             Keys { column: Some(_), rate: Some(_), .. } => {
                 Err(D::Error::custom(format!("found both `column` and `rate`; {EXPECTED}")))

@@ -218,6 +218,20 @@ pub enum FieldType {
 }
 
 impl FieldType {
+    /// A whole number of this type, little-endian; `None` where the type is of other numbers or there are not enough bytes.
+    pub fn integer(self, raw: &[u8]) -> Option<i128> {
+        let bytes = raw.get(..self.bytes())?;
+        let unsigned = bytes.iter().rev().fold(0_i128, |number, byte| number << 8 | i128::from(*byte));
+        let size = 1_i128 << self.bits();
+        match self {
+            Self::F32 | Self::F64 => None,
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => Some(unsigned),
+            Self::I8 | Self::I16 | Self::I32 | Self::I64 => {
+                Some(if unsigned >= size / 2 { unsigned - size } else { unsigned })
+            }
+        }
+    }
+
     /// A number of this type, little-endian; not a number where there are not enough bytes.
     pub fn number(self, raw: &[u8]) -> f64 {
         fn of<const N: usize>(raw: &[u8]) -> [u8; N] {

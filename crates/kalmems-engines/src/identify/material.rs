@@ -60,9 +60,13 @@ impl Material {
             return Err(several(&name, recording.segments().len()));
         };
         let interval_s = even_interval_s(&name, segment)?;
-        let reference = ReferenceRecording::read(experiment, index, &ONE_ANGLE, &[], &mut |done, _| {
-            progress.reached(done)
-        })?;
+        let reference = ReferenceRecording::read(
+            experiment,
+            (index, recording.origin()),
+            &ONE_ANGLE,
+            &[],
+            &mut |done, _| progress.reached(done),
+        )?;
         let mut sources = vec![recording.source().clone()];
         sources.extend(reference.iter().map(|r| r.recording().source().clone()));
         let time_s = segment.time.to_vec();

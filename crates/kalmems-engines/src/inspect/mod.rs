@@ -22,7 +22,9 @@ pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, ReadError, Severity, Source, Stretch, Stretches};
+use crate::recording::{
+    Around, Clock, Finding, Origin, ReadError, Restarts, Severity, Source, Stretch, Stretches,
+};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -71,6 +73,9 @@ pub const CYCLES: f64 = 6.0;
 pub struct SegmentSummary {
     /// Its label; empty where the file is one record.
     pub label: String,
+    /// Which stretch of its record it is, where the clock went back before it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretch: Option<usize>,
     /// The number of its rows.
     pub rows: usize,
     /// Its first time, where there is a time column.
@@ -140,9 +145,11 @@ pub fn inspect_with(
     let request = Request {
         clock: &clock,
         segment_column: survey.segment.as_deref(),
-        columns: Wanted::AllBut(&survey.left_out),
+        columns: Wanted::AllBut(&survey.text),
         declared: &[],
         hints: &hints,
+        origin: None,
+        restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };
@@ -162,6 +169,7 @@ pub fn inspect_with(
     let timed = survey.time.is_some();
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
+    recognised.extend(source.origin.as_ref().map(Origin::sentence));
     Ok(Inspection {
         source,
         rows,
@@ -197,6 +205,7 @@ impl Draft {
         if stretch.begins {
             self.segments.push(SegmentSummary {
                 label: segment.label.clone(),
+                stretch: Some(segment.stretch.number).filter(|number| *number > 1),
                 rows: 0,
                 start_s: finite(time.at(stretch.fresh.start)),
                 duration_s: None,

@@ -2,12 +2,13 @@
 
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
+use crate::recording::clock_unit::ClockUnit;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
 use crate::recording::scale::Scale;
-use crate::units::{Header, kind};
-use kalmems_formats::{Block, Fault, Table, Wanted};
-use std::collections::BTreeSet;
+use crate::units::Header;
+use kalmems_formats::{Block, Column, Fault, Table, TimeKind, Wanted};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A label stays the same for at least this many rows on average.
@@ -21,65 +22,61 @@ const MOST_RECORDS: usize = 10_000;
 pub(super) struct Survey {
     pub(super) time: Option<String>,
     pub(super) segment: Option<String>,
-    /// Columns that are left out: they hold text and do not tell records apart, or are of another length than the others.
-    pub(super) left_out: Vec<String>,
+    /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
+    pub(super) text: Vec<String>,
     pub(super) sentences: Vec<String>,
 }
 
 /// Reads a table once and keeps nothing but counts.
-pub(super) fn survey(
-    mut table: Box<dyn Table>,
-    path: &Path,
-    progress: Progress,
-) -> Result<Survey, ReadError> {
+pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> Result<Survey, ReadError> {
     let names: Vec<Header> = table.description().columns.iter().map(|c| Header::parse(&c.name)).collect();
     if names.is_empty() {
         return Ok(Survey::default());
     }
-    let time = names.iter().position(is_time);
-    let power = |column: usize| {
-        let unit = names.get(column).filter(|_| time == Some(column)).and_then(|header| header.unit);
-        Scale::of(unit).power()
-    };
-    let numbers: Vec<Wanted> =
-        (0..names.len()).map(|column| Wanted::Number { column, power: power(column) }).collect();
-    let wanted = readable(table.as_mut(), &numbers, time);
-    let mut scan = Scan::new(names, time, &wanted);
+    let columns = &table.description().columns;
+    let main = main_length(columns);
+    let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
+        .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
+        .partition(|column| columns[*column].text);
+    let time =
+        Time::of(&names, |column| table.time_kind(column)).filter(|time| numbers.contains(&time.column));
+    let others =
+        names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
+    let others: Vec<(String, Option<u64>)> =
+        others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
+    let wanted = numbers.iter().map(|column| match time {
+        Some(Time { column: clock, unit, .. }) if clock == *column => {
+            Wanted::Time { column: *column, unit: unit.unit, origin: None }
+        }
+        _ => Wanted::Number { column: *column, power: 0 },
+    });
+    let mut wanted: Vec<Wanted> = wanted.collect();
+    wanted.extend(texts.iter().map(|column| Wanted::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
+    let mut scan = Scan { numbers, texts, ..Scan::new(names, time) };
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
         blocks.report(progress)?;
     }
-    Ok(scan.conclude())
+    let mut survey = scan.conclude();
+    for (name, rows) in others {
+        let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
+        survey
+            .sentences
+            .push(format!("`{name}`{rows} is left out, as most columns have another number of rows."));
+        survey.text.push(name);
+    }
+    Ok(survey)
 }
 
-/// How the columns can be read together: as numbers, which a text can be in text alone; as labels where the format says that
-/// they are text; and not at all where they are not as long as the time, or as the first column without it.
-fn readable(table: &mut dyn Table, numbers: &[Wanted], time: Option<usize>) -> Vec<Wanted> {
-    if table.want(numbers).is_ok() {
-        return numbers.to_vec();
+/// The number of rows that most columns have, the larger where two are as frequent, of a file whose columns differ in it.
+fn main_length(columns: &[Column]) -> Option<u64> {
+    let mut counts = BTreeMap::<u64, usize>::new();
+    for rows in columns.iter().filter_map(|column| column.rows) {
+        *counts.entry(rows).or_default() += 1;
     }
-    let mut alone = |wanted: &Wanted| {
-        let (Wanted::Number { column, .. } | Wanted::Label { column }) = *wanted;
-        [*wanted, Wanted::Label { column }].into_iter().find(|one| table.want(&[*one]).is_ok())
-    };
-    let each: Vec<Wanted> = numbers.iter().filter_map(&mut alone).collect();
-    if table.want(&each).is_ok() {
-        return each;
-    }
-    let is_time = |wanted: &&Wanted| matches!(wanted, Wanted::Number { column, .. } if Some(*column) == time);
-    let Some(first) = each.iter().find(is_time).or(each.first()).copied() else { return each };
-    each.into_iter().filter(|one| *one == first || table.want(&[first, *one]).is_ok()).collect()
-}
-
-/// Where the cells of a column are in a block.
-#[derive(Clone, Copy)]
-enum Slot {
-    Numbers(usize),
-    Labels(usize),
-    /// It is not as long as the others.
-    LeftOut,
+    counts.into_iter().max_by_key(|(rows, count)| (*count, *rows)).map(|(rows, _)| rows)
 }
 
 /// What is counted of a column.
@@ -97,10 +94,13 @@ struct Counts {
     returns: bool,
 }
 
+#[derive(Default)]
 struct Scan {
     columns: Vec<Counts>,
-    slots: Vec<Slot>,
-    time: Option<usize>,
+    /// Which columns the numbers of a block are, and which the labels.
+    numbers: Vec<usize>,
+    texts: Vec<usize>,
+    time: Option<Time>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
@@ -109,71 +109,58 @@ struct Scan {
 }
 
 impl Scan {
-    fn new(names: Vec<Header>, time: Option<usize>, wanted: &[Wanted]) -> Self {
-        let mut slots = vec![Slot::LeftOut; names.len()];
-        let (mut numbers, mut labels) = (0, 0);
-        for wanted in wanted {
-            let (column, slot, next) = match *wanted {
-                Wanted::Number { column, .. } => (column, Slot::Numbers(numbers), &mut numbers),
-                Wanted::Label { column } => (column, Slot::Labels(labels), &mut labels),
-            };
-            *next += 1;
-            if let Some(own) = slots.get_mut(column) {
-                *own = slot;
-            }
-        }
+    fn new(names: Vec<Header>, time: Option<Time>) -> Self {
         Self {
             time,
-            slots,
             columns: names
                 .into_iter()
                 .map(|h| Counts { has_unit: h.unit.is_some(), name: h.column, ..Counts::default() })
                 .collect(),
             previous_time: f64::NEG_INFINITY,
-            restarts: 0,
-            rows: 0,
-            restarted: Vec::new(),
+            ..Self::default()
         }
     }
 
     fn take(&mut self, block: &Block) {
         self.restarted.clear();
         self.restarted.resize(block.rows, false);
-        let numbers = |slot: Option<&Slot>| match slot {
-            Some(Slot::Numbers(slot)) => block.numbers.get(*slot).map_or(&[][..], Vec::as_slice),
-            _ => &[],
-        };
-        let times = self.time.map_or(&[][..], |time| numbers(self.slots.get(time)));
+        let slot = self.time.and_then(|time| self.numbers.iter().position(|column| *column == time.column));
+        let times = slot.and_then(|slot| block.numbers.get(slot)).map_or(&[][..], Vec::as_slice);
         for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
             self.restarts += usize::from(*restarted);
         }
-        for (index, (column, slot)) in self.columns.iter_mut().zip(&self.slots).enumerate() {
-            if let Slot::Labels(slot) = slot {
-                let runs = block.labels.get(*slot).map_or(&[][..], Vec::as_slice);
-                for (k, (start, label)) in runs.iter().enumerate() {
-                    let end = runs.get(k + 1).map_or(block.rows, |(next, _)| *next);
-                    column.take_run(label, self.restarted.get(*start..end).unwrap_or_default());
-                }
-                continue;
-            }
-            let mut faults = block.faults.iter().filter(|fault| fault.column == Some(index)).peekable();
-            for (row, (number, restarted)) in numbers(Some(slot)).iter().zip(&self.restarted).enumerate() {
+        for (index, numbers) in self.numbers.iter().zip(&block.numbers) {
+            let Some(column) = self.columns.get_mut(*index) else { continue };
+            let mut faults = block.faults.iter().filter(|fault| fault.column == Some(*index)).peekable();
+            for (row, (number, restarted)) in numbers.iter().zip(&self.restarted).enumerate() {
                 let fault = faults.next_if(|fault| fault.row == row).map(|fault| &fault.fault);
-                column.take(*number, fault, *restarted);
+                column.take_number(*number, fault, *restarted);
+            }
+        }
+        for (index, labels) in self.texts.iter().zip(&block.labels) {
+            let Some(column) = self.columns.get_mut(*index) else { continue };
+            let mut runs = labels.iter().peekable();
+            let mut label = Label::Text(Vec::new());
+            for (row, restarted) in self.restarted.iter().enumerate() {
+                if let Some((_, text)) = runs.next_if(|(start, _)| *start == row) {
+                    label = Label::Text(text.clone());
+                }
+                column.texts += 1;
+                column.take(&label, *restarted);
             }
         }
         self.rows += block.rows;
     }
 
     fn conclude(self) -> Survey {
-        let time = self.time;
+        let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = Survey { time: time.and_then(name), ..Survey::default() };
-        survey.sentences.push(match &survey.time {
-            Some(name) => format!("`{name}` is the time, as its name begins with it and ends with a unit of time."),
-            None => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
+        survey.sentences.push(match (&survey.time, self.time) {
+            (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
                      sample, and frequencies are in cycles per sample."
                 .to_owned(),
         });
@@ -193,17 +180,10 @@ impl Scan {
             }
             _ => "No column tells records apart: the file is one record.".to_owned(),
         });
-        for (column, slot) in self.columns.iter().zip(&self.slots) {
-            if matches!(slot, Slot::LeftOut) {
-                let name = &column.name;
-                survey.sentences.push(format!("`{name}` is not as long as the others and is left out."));
-                survey.left_out.push(name.clone());
-            }
-        }
         for (index, column) in self.columns.iter().enumerate() {
             if column.is_text() && Some(index) != time && Some(&column.name) != survey.segment.as_ref() {
                 survey.sentences.push(format!("`{}` is text and is left out.", column.name));
-                survey.left_out.push(column.name.clone());
+                survey.text.push(column.name.clone());
             }
         }
         survey
@@ -214,10 +194,7 @@ impl Scan {
         let candidates = || {
             let all = self.columns.iter().enumerate();
             all.filter(|(index, column)| {
-                Some(*index) != time
-                    && column.previous.is_some()
-                    && !column.returns
-                    && column.changes <= MOST_RECORDS
+                Some(*index) != time && !column.returns && column.changes <= MOST_RECORDS
             })
         };
         let long = |column: &Counts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
@@ -241,7 +218,7 @@ impl Scan {
 }
 
 impl Counts {
-    fn take(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
+    fn take_number(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
         let label = match fault {
             None => {
                 self.numbers += 1;
@@ -257,27 +234,19 @@ impl Counts {
             }
             Some(_) => Label::Text(Vec::new()),
         };
-        self.enter(label, restarted);
+        self.take(&label, restarted);
     }
 
-    /// Takes rows with one text.
-    fn take_run(&mut self, text: &[u8], restarted: &[bool]) {
-        let Some((first, rest)) = restarted.split_first() else { return };
-        self.texts += restarted.len();
-        self.enter(Label::Text(text.to_vec()), *first);
-        self.unmatched += rest.iter().filter(|restarted| **restarted).count();
-    }
-
-    fn enter(&mut self, label: Label, restarted: bool) {
+    fn take(&mut self, label: &Label, restarted: bool) {
         let first = self.previous.is_none();
-        let other = self.previous.as_ref() != Some(&label);
+        let other = self.previous.as_ref() != Some(label);
         let changed = !first && other;
         self.changes += usize::from(changed);
         if other {
             if self.changes <= MOST_RECORDS {
                 self.returns |= !self.seen.insert(label.clone());
             }
-            self.previous = Some(label);
+            self.previous = Some(label.clone());
         }
         self.unmatched += usize::from(changed != restarted);
     }
@@ -288,7 +257,33 @@ impl Counts {
     }
 }
 
-fn is_time(header: &Header) -> bool {
-    header.unit.is_some_and(|unit| kind::TIME.accepts(unit.dimension()))
-        && header.column.to_lowercase().starts_with("time")
+/// The column that is the time.
+#[derive(Clone, Copy)]
+struct Time {
+    column: usize,
+    unit: ClockUnit,
+    /// Why it is taken for that.
+    reason: &'static str,
+}
+
+impl Time {
+    fn of(names: &[Header], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
+        let clocks = || {
+            let all = names.iter().enumerate();
+            all.filter_map(|(column, header)| {
+                let scale = Scale::of(header.unit);
+                Some((column, header, ClockUnit::of(header, scale, kind(column))?))
+            })
+        };
+        let by_name = clocks().find(|(_, header, _)| header.column.to_lowercase().starts_with("time"));
+        if let Some((column, _, unit)) = by_name {
+            let reason = match kind(column) {
+                Some(_) => "its name begins with it and its cells are dates or times",
+                None => "its name begins with it and ends with a unit of time",
+            };
+            return Some(Self { column, unit, reason });
+        }
+        let (column, _, unit) = clocks().find(|(_, _, unit)| unit.calendar)?;
+        Some(Self { column, unit, reason: "it is the first whose cells are instants of the calendar" })
+    }
 }

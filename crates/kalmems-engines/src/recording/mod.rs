@@ -3,7 +3,8 @@
 //! A recording is a table of numbers in any format of `kalmems_formats`, with columns named `name_unit`. Numbers become SI as
 //! they are read, on a thread of their own. What is wrong with the file is found over its whole length and counted;
 //! nothing is repaired or interpolated. Findings that make it unusable are an error with all of them; the others are
-//! kept as [`Recording::diagnosis`]. [`Stretches`] gives the same of a file of any length, a part at a time.
+//! kept as [`Recording::diagnosis`]. Times are read exactly and count from the first, or from zero where that is near
+//! ([`Recording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
 //! use kalmems_engines::recording::{Clock, Layout, Recording};
@@ -13,6 +14,8 @@
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     declared: Vec::new(),
 //!     hints: kalmems_engines::recording::Hints::default(),
+//!     origin: None,
+//!     restarts: None,
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
@@ -23,18 +26,22 @@
 //! ```
 
 pub(crate) mod blocks;
+pub(crate) mod clock_unit;
 mod error;
 mod finding;
 mod findings;
 pub(crate) mod label;
+mod origin;
 mod pass;
 mod plan;
 mod rails;
 pub(crate) mod read;
 mod reading;
 pub(crate) mod request;
+mod restart;
 pub(crate) mod scale;
 mod segment;
+mod stamps;
 mod stretches;
 #[cfg(test)]
 mod tests;
@@ -44,15 +51,17 @@ mod window;
 
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
+pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use reading::{DeclaredColumn, Reading};
+pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-pub use kalmems_formats::{Hints, panic_is_caught};
+pub use kalmems_formats::{Hints, Instant, panic_is_caught};
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -62,6 +71,14 @@ use std::path::Path;
 pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, ReadError> {
     kalmems_formats::has_more_rows(path, &layout.hints, most)
         .map_err(|source| ReadError::of_format(path, source))
+}
+
+/// Whether the name of a column says what a clock in it counts, as `time_s` and `time_unix_ns` do.
+pub fn names_a_time(column: &str) -> bool {
+    {
+        let header = Header::parse(column);
+        clock_unit::ClockUnit::of(&header, scale::Scale::of(header.unit), None).is_some()
+    }
 }
 
 /// What an experiment file says about the columns of a recording.
@@ -78,6 +95,10 @@ pub struct Layout {
     pub declared: Vec<DeclaredColumn>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
+    /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
+    pub origin: Option<Instant>,
+    /// When a record is cut into stretches. `None`: never, so that its times have to increase.
+    pub restarts: Option<Restarts>,
 }
 
 /// Where the times of the rows come from.
@@ -105,6 +126,9 @@ pub struct Source {
     pub bytes: u64,
     /// Its format and what was recognised of it, in a sentence.
     pub format: String,
+    /// Where its times count from, where that is not zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
 }
 
 /// A channel of a recording.
@@ -131,6 +155,7 @@ pub struct Recording {
     segments: Vec<Segment>,
     diagnosis: Vec<Finding>,
     rows: usize,
+    origin: Instant,
 }
 
 impl Recording {
@@ -152,6 +177,8 @@ impl Recording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            origin: layout.origin,
+            restarts: layout.restarts,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }
@@ -167,6 +194,11 @@ impl Recording {
     /// The file it comes from.
     pub const fn source(&self) -> &Source {
         &self.source
+    }
+
+    /// Where its times count from; what is put beside it is to count from there too.
+    pub const fn origin(&self) -> Instant {
+        self.origin
     }
 
     /// What was recognised of the file's format, in a sentence.

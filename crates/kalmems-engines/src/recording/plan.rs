@@ -1,12 +1,13 @@
 //! Which columns of a file are read, as its header says.
 
+use super::clock_unit::ClockUnit;
 use super::error::hint;
 use super::findings::{Findings, Place};
 use super::request::{Request, Wanted};
 use super::scale::Scale;
 use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind};
-use crate::units::{Header, Unit, UnitError, kind};
-use kalmems_formats as formats;
+use crate::units::{Header, Unit, UnitError};
+use kalmems_formats::{self as formats, Instant, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
 
 /// A column that is being read.
@@ -61,6 +62,9 @@ pub(super) struct Plan {
     pub(super) line: usize,
     pub(super) names: Vec<String>,
     pub(super) clock: Option<Target>,
+    /// What the clock counts, and where its times are to count from, where that is not for the file to say.
+    pub(super) clock_unit: ClockUnit,
+    pub(super) origin: Option<Instant>,
     pub(super) segment_column: Option<usize>,
     pub(super) targets: Vec<Target>,
 }
@@ -70,6 +74,7 @@ impl Plan {
     /// an error is a header whose columns cannot even be told.
     pub(super) fn of(
         names: &[String],
+        time_kind: &dyn Fn(usize) -> Option<TimeKind>,
         line: usize,
         request: &Request,
         findings: &mut Findings,
@@ -129,21 +134,19 @@ impl Plan {
             let kind = if needed { Kind::UnknownUnit } else { Kind::NoUnit };
             findings.add(kind, place(target), || unit_detail(&target.header.column, known));
         }
+        let mut clock_unit = ClockUnit { unit: TimeUnit::SECOND, calendar: false };
         if let Some(clock) = &clock {
             let known = declared(&clock.header.column, true);
-            match clock.header.unit {
-                None => {
-                    findings.add(Kind::TimeUnit, place(clock), || unit_detail(&clock.header.column, known));
-                }
-                Some(unit) if !kind::TIME.accepts(unit.dimension()) => {
-                    findings.add(Kind::TimeUnit, place(clock), || {
-                        format!("`{}` is no time", clock.header.unit_text)
-                    });
-                }
-                Some(_) => {}
+            match ClockUnit::of(&clock.header, clock.scale, time_kind(clock.index)) {
+                Some(unit) => clock_unit = unit,
+                None => findings.add(Kind::TimeUnit, place(clock), || match clock.header.unit {
+                    None => unit_detail(&clock.header.column, known),
+                    Some(_) => format!("`{}` is no time", clock.header.unit_text),
+                }),
             }
         }
-        let mut plan = Self { line, names, clock, segment_column, targets };
+        let origin = request.origin;
+        let mut plan = Self { line, names, clock, clock_unit, origin, segment_column, targets };
         plan.number();
         Ok(plan)
     }
@@ -160,7 +163,12 @@ impl Plan {
     /// What is to be read.
     pub(super) fn wanted(&self) -> Vec<formats::Wanted> {
         let mut wanted = Vec::new();
-        for target in self.clock.iter().chain(&self.targets) {
+        wanted.extend(self.clock.iter().map(|clock| formats::Wanted::Time {
+            column: clock.index,
+            unit: self.clock_unit.unit,
+            origin: self.origin,
+        }));
+        for target in &self.targets {
             if target.slot == wanted.len() {
                 wanted.push(formats::Wanted::Number { column: target.index, power: target.scale.power() });
             }

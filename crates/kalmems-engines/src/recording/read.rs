@@ -50,15 +50,16 @@ impl Reading {
         let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
         let mut findings = Findings::default();
-        let plan = Plan::of(&names, line, request, &mut findings)
+        let kind = |column: usize| table.time_kind(column);
+        let plan = Plan::of(&names, &kind, line, request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: file(), findings })?;
         let blocks = Blocks::start(table, path, &plan.wanted())?;
         let name =
             path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
         Ok(Self {
-            pass: Pass::new(plan, findings, request.clock, head),
+            pass: Pass::new(plan, findings, request, head),
             blocks,
-            source: Source { file: name, sha256: String::new(), bytes: 0, format },
+            source: Source { file: name, sha256: String::new(), bytes: 0, format, origin: None },
         })
     }
 
@@ -67,6 +68,7 @@ impl Reading {
         let before = self.pass.rows();
         if let Some(block) = self.blocks.next(progress)? {
             self.pass.take(&block);
+            self.source.origin = self.pass.origin();
             self.blocks.reuse(block);
             if before / ROWS_PER_REPORT < self.pass.rows() / ROWS_PER_REPORT {
                 self.blocks.report(progress)?;

@@ -1,7 +1,7 @@
 //! What is asked of a file.
 
-use super::{Clock, DeclaredColumn};
-use kalmems_formats::Hints;
+use super::{Clock, DeclaredColumn, Restarts};
+use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
 pub(crate) struct Request<'a> {
@@ -11,6 +11,9 @@ pub(crate) struct Request<'a> {
     /// What the settings say of columns beyond their names.
     pub(crate) declared: &'a [DeclaredColumn],
     pub(crate) hints: &'a Hints,
+    /// Where the times count from, where that is not for the file to say.
+    pub(crate) origin: Option<Instant>,
+    pub(crate) restarts: Option<Restarts>,
 }
 
 /// The columns to take.

@@ -2,6 +2,7 @@
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
+use super::stamps;
 use std::cmp::Ordering;
 
 /// How far an interval may be from the segment's median, as a part of the median.
@@ -19,28 +20,50 @@ pub(super) struct TimeCheck {
     /// Whether the head is read; then the usual interval, none where no row of the head follows another in time.
     settled: bool,
     median: Option<f64>,
+    /// To how many s the file rounds the times.
+    resolution_s: f64,
     ordered: bool,
+    /// Whether all intervals are the usual one.
+    regular: bool,
+    tally: Tally,
+}
+
+/// What is not regular in the times of a record, over its stretches until now.
+pub(super) struct Tally {
     gaps: Found,
     missing: f64,
     irregular: Found,
     shortest: f64,
     longest: f64,
+    /// The usual interval of the last stretch that has one.
+    median: Option<f64>,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        let (gaps, irregular) = (Found::default(), Found::default());
+        Self { gaps, missing: 0.0, irregular, shortest: f64::INFINITY, longest: 0.0, median: None }
+    }
 }
 
 impl TimeCheck {
-    pub(super) fn new(head: usize) -> Self {
+    /// Of a segment whose record was found so irregular before it.
+    pub(super) const fn new(head: usize, tally: Tally) -> Self {
         Self {
             head,
             rows: 0,
             settled: false,
             median: None,
+            resolution_s: 0.0,
             ordered: true,
-            gaps: Found::default(),
-            missing: 0.0,
-            irregular: Found::default(),
-            shortest: f64::INFINITY,
-            longest: 0.0,
+            regular: true,
+            tally,
         }
+    }
+
+    /// What is found of the record until now, for its next stretch.
+    pub(super) fn take_tally(&mut self) -> Tally {
+        std::mem::take(&mut self.tally)
     }
 
     /// Whether the times so far are still needed from the first on.
@@ -51,6 +74,11 @@ impl TimeCheck {
     /// The usual interval, as far as it is known.
     pub(super) const fn interval_s(&self) -> Option<f64> {
         self.median
+    }
+
+    /// Hears to how many s the file rounds the times.
+    pub(super) const fn hear_resolution(&mut self, resolution_s: f64) {
+        self.resolution_s = self.resolution_s.max(resolution_s);
     }
 
     /// Takes the last `fresh` of `times`, which are the segment's times up to now: all while the head is read, at least the
@@ -77,23 +105,32 @@ impl TimeCheck {
                 }
             };
             self.ordered = false;
-            findings.add(kind, place(base + i), || format!("{after} s {word} {before} s"));
+            findings
+                .add(kind, place(base + i), || format!("{} s {word} {} s", written(after), written(before)));
         }
         self.rows += fresh;
         if !self.is_waiting() {
             self.judge(times, first, base, place);
         } else if self.rows >= self.head {
-            self.settle(times, place);
+            self.settle(times, place, findings);
         }
     }
 
     /// Finds the usual interval and judges all so far by it.
-    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place) {
+    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place, findings: &mut Findings) {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
         let mut positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
         self.settled = true;
         self.median = median(&mut positive);
+        if let Some(median) = &mut self.median
+            && self.resolution_s > TIME_TOLERANCE * *median
+        {
+            *median = stamps::mean_of_rounded(&positive, *median, self.resolution_s);
+        }
+        if let Some(bursts) = stamps::bursts(head) {
+            findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
+        }
         self.judge(times, 0, 0, place);
     }
 
@@ -102,17 +139,22 @@ impl TimeCheck {
         let Some(median) = self.interval_s() else { return };
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
-            if !is_off(before, after, median) {
+            if !is_off(before, after, median, 0.0) {
                 continue;
             }
+            self.regular = false;
+            if !is_off(before, after, median, self.resolution_s) {
+                continue;
+            }
+            let tally = &mut self.tally;
             let whole = (interval / median).round();
             if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
-                self.gaps.add(|| place(base + i));
-                self.missing += whole - 1.0;
+                tally.gaps.add(|| place(base + i));
+                tally.missing += whole - 1.0;
             } else {
-                self.irregular.add(|| place(base + i));
-                self.shortest = self.shortest.min(interval);
-                self.longest = self.longest.max(interval);
+                tally.irregular.add(|| place(base + i));
+                tally.shortest = tally.shortest.min(interval);
+                tally.longest = tally.longest.max(interval);
             }
         }
     }
@@ -125,13 +167,25 @@ impl TimeCheck {
         findings: &mut Findings,
     ) -> (Option<f64>, bool) {
         if self.is_waiting() {
-            self.settle(times, place);
+            self.settle(times, &place, findings);
         }
-        let Some(median) = self.interval_s() else { return (None, false) };
+        if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
+            findings.add(Kind::RoundedTime, place(0), || detail);
+        }
+        self.tally.median = self.median.or(self.tally.median);
+        (self.median, self.median.is_some() && self.rows > 1 && self.ordered && self.regular)
+    }
+}
+
+impl Tally {
+    /// The end of the record.
+    pub(super) fn tell(&self, findings: &mut Findings) {
+        let Some(median) = self.median else { return };
         if let Some(place) = self.gaps.first {
             findings.add_many(Kind::Gap, place, self.gaps.count, || {
                 let missing = self.missing;
                 let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
+                let missing = written(missing);
                 format!("{missing} {samples} {are} missing where one is expected every {} s", short(median))
             });
         }
@@ -145,22 +199,21 @@ impl TimeCheck {
                 format!("{intervals}, more than {percent} % off the median of {median} s")
             });
         }
-        let regular = self.gaps.count == 0 && self.irregular.count == 0;
-        (Some(median), self.rows > 1 && self.ordered && regular)
     }
 }
 
 /// Whether all of some times follow each other by the usual interval.
 pub(super) fn are_uniform(times: &[f64], median: Option<f64>) -> bool {
-    let usual =
-        |median| steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median));
+    let usual = |median| {
+        steps(times, 0).all(|(_, (before, after))| after > before && !is_off(before, after, median, 0.0))
+    };
     times.len() > 1 && median.is_some_and(usual)
 }
 
-/// Whether an interval is one, and not the median within the tolerance.
-fn is_off(before: f64, after: f64, median: f64) -> bool {
+/// Whether an interval is one, and not the median within the tolerance, of times that the file rounds to `resolution_s`.
+fn is_off(before: f64, after: f64, median: f64, resolution_s: f64) -> bool {
     // The times themselves are rounded; far from zero that is more than a part of the interval.
-    let rounding = 4.0 * f64::EPSILON * before.abs().max(after.abs());
+    let rounding = (4.0 * f64::EPSILON * before.abs().max(after.abs())).max(2.0 * resolution_s);
     // False for times that are no numbers as well.
     after > before && (after - before - median).abs() > TIME_TOLERANCE * median + rounding
 }
@@ -169,6 +222,15 @@ fn is_off(before: f64, after: f64, median: f64) -> bool {
 fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64))> {
     let times = times.get(first..).unwrap_or_default();
     times.iter().zip(times.iter().skip(1)).enumerate().map(move |(i, (a, b))| (first + i + 1, (*a, *b)))
+}
+
+/// A time or a count in a message: all its digits, and an exponent where zeros would be hard to count.
+pub(super) fn written(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e15).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
 }
 
 #[derive(Default)]

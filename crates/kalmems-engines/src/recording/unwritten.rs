@@ -5,7 +5,7 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::{Request, Wanted};
 use super::{Layout, ReadError, Recording, Source};
-use kalmems_formats::{Block, CellFault, Fault, Shift};
+use kalmems_formats::{Block, CellFault, Fault, Shift, TimeReader, Wanted as Read};
 
 /// Rows that would be a file's: what comes of them is what [`Recording::read`] would make of that file, diagnosis and
 /// rounding included, but for the file's digest and length.
@@ -18,6 +18,8 @@ use kalmems_formats::{Block, CellFault, Fault, Shift};
 ///     columns: Some(vec!["cap_V".to_owned()]),
 ///     declared: Vec::new(),
 ///     hints: kalmems_formats::Hints::default(),
+///     origin: None,
+///     restarts: None,
 /// };
 /// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
 /// for k in 0..100 {
@@ -30,11 +32,17 @@ use kalmems_formats::{Block, CellFault, Fault, Shift};
 pub struct UnwrittenRecording {
     name: String,
     pass: Pass,
-    /// For each column of numbers of a block, its position in the header and what shifts its decimal point.
-    columns: Vec<(usize, Shift)>,
+    /// For each column of numbers of a block, its position in the header and what reads it.
+    columns: Vec<(usize, Reader)>,
     block: Block,
     /// The line on which the next row would stand.
     line: u64,
+}
+
+/// Reads the cells of a column.
+enum Reader {
+    Number(Shift),
+    Time(TimeReader),
 }
 
 /// Rows that are taken together.
@@ -49,19 +57,24 @@ impl UnwrittenRecording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            origin: layout.origin,
+            restarts: layout.restarts,
         };
         let mut findings = Findings::default();
         let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
-        let plan = Plan::of(&header, 1, &request, &mut findings)
+        let plan = Plan::of(&header, &|_| None, 1, &request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: name.to_owned(), findings })?;
-        let number = |wanted: kalmems_formats::Wanted| match wanted {
-            kalmems_formats::Wanted::Number { column, power } => Some((column, Shift::new(power))),
-            kalmems_formats::Wanted::Label { .. } => None,
+        let number = |wanted: Read| match wanted {
+            Read::Number { column, power } => Some((column, Reader::Number(Shift::new(power)))),
+            Read::Time { column, unit, origin } => {
+                Some((column, Reader::Time(TimeReader::new(unit, origin))))
+            }
+            Read::Label { .. } => None,
         };
         let columns: Vec<_> = plan.wanted().into_iter().filter_map(number).collect();
         let mut block = Block::with_capacity(ROWS);
         block.clear(columns.len(), 0);
-        let pass = Pass::new(plan, findings, &layout.clock, usize::MAX);
+        let pass = Pass::new(plan, findings, &request, usize::MAX);
         Ok(Self { name: name.to_owned(), pass, columns, block, line: 2 })
     }
 
@@ -71,9 +84,12 @@ impl UnwrittenRecording {
         if row == 0 {
             self.block.lines.push((0, self.line));
         }
-        for ((column, shift), values) in self.columns.iter_mut().zip(&mut self.block.numbers) {
+        for ((column, reader), values) in self.columns.iter_mut().zip(&mut self.block.numbers) {
             let cell = cells.get(*column).copied().unwrap_or(f64::NAN);
-            let number = shift.float(cell);
+            let number = match reader {
+                Reader::Number(shift) => shift.float(cell),
+                Reader::Time(times) => times.float(cell),
+            };
             values.push(if number.is_finite() { number } else { f64::NAN });
             if !number.is_finite() {
                 let fault = if cell.is_nan() { Fault::Nan } else { Fault::Infinite };
@@ -89,6 +105,11 @@ impl UnwrittenRecording {
     }
 
     fn flush(&mut self) {
+        for (_, reader) in &self.columns {
+            if let Reader::Time(times) = reader {
+                self.block.tell_times(times);
+            }
+        }
         self.pass.take(&self.block);
         self.block.clear(self.columns.len(), 0);
     }
@@ -101,6 +122,7 @@ impl UnwrittenRecording {
             sha256: String::new(),
             bytes: 0,
             format: "computed".to_owned(),
+            origin: self.pass.origin(),
         };
         self.pass.finish(source).usable(&self.name)
     }

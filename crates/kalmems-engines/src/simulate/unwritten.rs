@@ -97,6 +97,7 @@ pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experi
             format: None,
             segments: None,
             clock: Clock::column(TIME),
+            gaps: None,
             channels,
             reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
         })

@@ -7,8 +7,10 @@ mod input;
 pub(crate) mod number;
 mod split;
 mod table;
+mod utf16;
 
 pub use cell::Cells;
+pub(crate) use cell::excerpt;
 pub use hints::CsvHints;
 
 use crate::{FormatError, Hints, ReadSeek, Table};

@@ -60,39 +60,57 @@ const fn powers() -> [Power; 2 * LARGEST + 1] {
     table
 }
 
+/// The digits of a number: ±w·10^q, with all digits of the text that count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Digits {
+    pub(crate) negative: bool,
+    pub(crate) w: u64,
+    pub(crate) q: i32,
+}
+
+impl Digits {
+    /// Reads a number that begins at `start` and is written with `point`; its digits and where it ends. `None` is no
+    /// verdict: where there are more digits than fit 64 bits the slow way decides.
+    #[inline]
+    pub(crate) fn read(text: &[u8], start: usize, point: u8) -> Option<(Self, usize)> {
+        let mut place = start;
+        let sign = *text.get(place)?;
+        let negative = sign == b'-';
+        place += usize::from(negative || sign == b'+');
+        let first = place;
+        let mut w = 0;
+        digits(text, &mut place, &mut w);
+        let mut count = place - first;
+        let mut q = 0;
+        if text.get(place) == Some(&point) {
+            place += 1;
+            let behind = place;
+            digits(text, &mut place, &mut w);
+            let fraction = place - behind;
+            count += fraction;
+            q = i32::try_from(fraction).ok()?.checked_neg()?;
+        }
+        if count == 0 {
+            return None;
+        }
+        let last = place;
+        if let Some(b'e' | b'E') = text.get(place) {
+            q = q.checked_add(exponent(text, &mut place)?)?;
+        }
+        // 19 digits fit 64 bits; zeros in front are none.
+        if count > 19 && count - leading_zeros(text.get(first..last)?, point) > 19 {
+            return None;
+        }
+        Some((Self { negative, w, q }, place))
+    }
+}
+
 /// Reads a number that begins at `start` and is written with `point`, times 10^`power`; the number and where it ends.
 /// `None` is no verdict: the slow way decides.
 #[inline]
 pub(crate) fn quick(text: &[u8], start: usize, point: u8, power: i32) -> Option<(f64, usize)> {
-    let mut place = start;
-    let sign = *text.get(place)?;
-    let negative = sign == b'-';
-    place += usize::from(negative || sign == b'+');
-    let first = place;
-    let mut w = 0;
-    digits(text, &mut place, &mut w);
-    let mut count = place - first;
-    let mut q = power;
-    if text.get(place) == Some(&point) {
-        place += 1;
-        let behind = place;
-        digits(text, &mut place, &mut w);
-        let fraction = place - behind;
-        count += fraction;
-        q = q.checked_sub(i32::try_from(fraction).ok()?)?;
-    }
-    if count == 0 {
-        return None;
-    }
-    let last = place;
-    if let Some(b'e' | b'E') = text.get(place) {
-        q = q.checked_add(exponent(text, &mut place)?)?;
-    }
-    // 19 digits fit 64 bits; zeros in front are none.
-    if count > 19 && count - leading_zeros(text.get(first..last)?, point) > 19 {
-        return None;
-    }
-    let number = scaled(w, q)?;
+    let (Digits { negative, w, q }, place) = Digits::read(text, start, point)?;
+    let number = scaled(w, q.checked_add(power)?)?;
     Some((if negative { -number } else { number }, place))
 }
 
@@ -158,7 +176,7 @@ fn leading_zeros(text: &[u8], point: u8) -> usize {
 /// w·10^q, rounded to nearest, ties to even; `None` where that is not sure or q is beyond the table.
 #[inline]
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // small counts, and 53 bits
-fn scaled(w: u64, q: i32) -> Option<f64> {
+pub(crate) fn scaled(w: u64, q: i32) -> Option<f64> {
     if w <= 1 << 53 {
         let exact = |q: i32| EXACT.get(usize::try_from(q).ok()?).copied();
         if let Some(power) = exact(q) {

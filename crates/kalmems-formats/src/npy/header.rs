@@ -5,6 +5,7 @@ use crate::FormatError;
 use crate::element::{Element, Kind};
 use crate::limits;
 use crate::records::Code;
+use crate::time::{TimeCode, TimeKind, TimeUnit};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +34,9 @@ pub(super) enum Cell {
         bytes: usize,
         code: Code,
     },
-    /// Complex numbers, dates, arrays, padding.
+    /// Dates or durations.
+    Time(TimeCode),
+    /// Complex numbers, arrays, padding.
     Other {
         bytes: usize,
         what: String,
@@ -44,6 +47,7 @@ impl Cell {
     pub(super) fn bytes(&self) -> usize {
         match self {
             Self::Number(element) => element.bytes,
+            Self::Time(code) => code.bytes(),
             Self::Text { bytes, .. } | Self::Other { bytes, .. } => *bytes,
         }
     }
@@ -209,7 +213,9 @@ fn cell(code: &str) -> Result<Cell, String> {
     if kind == 'O' {
         return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
     }
-    let digits: String = letters.by_ref().take_while(char::is_ascii_digit).collect();
+    let after: String = letters.collect();
+    let end = after.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(after.len());
+    let (digits, after) = after.split_at(end);
     let size: usize = digits.parse().map_err(|_| unknown())?;
     if size > limits::ROW_BYTES {
         return Err(unknown());
@@ -232,8 +238,43 @@ fn cell(code: &str) -> Result<Cell, String> {
         'S' | 'a' => Cell::Text { bytes: size, code: Code::Bytes },
         'U' => Cell::Text { bytes: size * 4, code: Code::Utf32 { big_endian } },
         'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
+        'M' | 'm' if size == 8 => match time_unit(after) {
+            Some(unit) => {
+                let element = Element { kind: Kind::Signed, bytes: size, big_endian };
+                let kind = if kind == 'M' { TimeKind::Calendar } else { TimeKind::Elapsed };
+                Cell::Time(TimeCode::Numpy { element, unit, kind })
+            }
+            None => Cell::Other {
+                bytes: size,
+                what: format!("dates of type `{}`", code.chars().take(24).collect::<String>()),
+            },
+        },
         'M' | 'm' => Cell::Other { bytes: size, what: "dates".to_owned() },
         'V' => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
         _ => return Err(unknown()),
     })
+}
+
+/// The unit of dates and durations, such as `[ns]` or `[25us]`; none where it is months or years, which differ in length, or
+/// not said.
+fn time_unit(text: &str) -> Option<TimeUnit> {
+    let inside = text.strip_prefix('[')?.strip_suffix(']')?;
+    let letters = inside.find(|letter: char| !letter.is_ascii_digit())?;
+    let (many, unit) = inside.split_at(letters);
+    let many: u32 = if many.is_empty() { 1 } else { many.parse().ok()? };
+    let (factor, power) = match unit {
+        "W" => (604_800, 0),
+        "D" => (86_400, 0),
+        "h" => (3600, 0),
+        "m" => (60, 0),
+        "s" => (1, 0),
+        "ms" => (1, -3),
+        "us" => (1, -6),
+        "ns" => (1, -9),
+        "ps" => (1, -12),
+        "fs" => (1, -15),
+        "as" => (1, -18),
+        _ => return None,
+    };
+    Some(TimeUnit { factor: many.checked_mul(factor)?, power, zero_s: 0 })
 }

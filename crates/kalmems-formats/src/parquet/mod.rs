@@ -1,5 +1,6 @@
 //! Apache Parquet: columns that hold one value a row.
 
+mod fixed;
 mod layout;
 mod packing;
 mod pages;
@@ -11,7 +12,8 @@ use crate::panics;
 use crate::records::{push_label, refuse_infinities};
 use crate::source::Source;
 use crate::{
-    Block, CellFault, Column, Description, Fault, FormatError, Hints, Labels, Table, Wanted, element,
+    Block, CellFault, Column, Description, Fault, FormatError, Hints, Instant, Labels, Table, TimeKind,
+    TimeReader, TimeUnit, Wanted, element,
 };
 use pages::{ColumnPages, PAGE_BYTES};
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -96,7 +98,8 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let name = descriptor.path().string();
         match kind(descriptor) {
             Ok(kind) => {
-                columns.push(Column { name, place: None });
+                let text = descriptor.physical_type() == Type::BYTE_ARRAY;
+                columns.push(Column { text, ..Column::new(&name) });
                 kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
             Err(what) => left_out.push(format!("`{name}` ({what})")),
@@ -123,6 +126,7 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         row: 0,
         file_bytes,
         wanted: Vec::new(),
+        times: TimeReader::new(TimeUnit::SECOND, None),
     }))
 }
 
@@ -139,6 +143,14 @@ struct Leaf {
 enum Kind {
     Signed,
     Unsigned,
+    /// Whole numbers times 10^−scale.
+    Decimal {
+        scale: i32,
+    },
+    /// Floating-point numbers of 16 bits.
+    Half,
+    /// Integers that count a unit of time.
+    Time(TimeUnit, TimeKind),
     /// Numbers that f64 holds, and texts.
     Plain,
 }
@@ -147,6 +159,12 @@ enum Kind {
 fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
     if descriptor.max_rep_level() > 0 {
         return Err("a list in each row");
+    }
+    if let Some(kind) = fixed::kind(descriptor) {
+        return kind;
+    }
+    if let Some(time) = time(descriptor) {
+        return Ok(time);
     }
     let integers = match (descriptor.logical_type_ref(), descriptor.converted_type()) {
         (Some(LogicalType::Integer { .. }), _)
@@ -162,7 +180,6 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
             | ConvertedType::UINT_32
             | ConvertedType::UINT_64,
         ) => Ok(()),
-        (Some(LogicalType::Decimal { .. }), _) | (None, ConvertedType::DECIMAL) => Err("decimal numbers"),
         _ => Err("dates or times of day"),
     };
     let unsigned = matches!(
@@ -181,6 +198,29 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
     }
 }
 
+/// The dates and times of a day that are integers.
+fn time(descriptor: &ColumnDescriptor) -> Option<Kind> {
+    use parquet::basic::TimeUnit as Unit;
+    let power = |unit: Unit| match unit {
+        Unit::MILLIS => -3,
+        Unit::MICROS => -6,
+        Unit::NANOS => -9,
+    };
+    let (unit, kind) = match (descriptor.logical_type_ref(), descriptor.converted_type()) {
+        (Some(LogicalType::Timestamp(time)), _) => (TimeUnit::decimal(power(time.unit)), TimeKind::Calendar),
+        (Some(LogicalType::Time(time)), _) => (TimeUnit::decimal(power(time.unit)), TimeKind::Elapsed),
+        (Some(LogicalType::Date), _) | (None, ConvertedType::DATE) => {
+            (TimeUnit::seconds(86_400), TimeKind::Calendar)
+        }
+        (None, ConvertedType::TIMESTAMP_MILLIS) => (TimeUnit::decimal(-3), TimeKind::Calendar),
+        (None, ConvertedType::TIMESTAMP_MICROS) => (TimeUnit::decimal(-6), TimeKind::Calendar),
+        (None, ConvertedType::TIME_MILLIS) => (TimeUnit::decimal(-3), TimeKind::Elapsed),
+        (None, ConvertedType::TIME_MICROS) => (TimeUnit::decimal(-6), TimeKind::Elapsed),
+        _ => return None,
+    };
+    matches!(descriptor.physical_type(), Type::INT32 | Type::INT64).then_some(Kind::Time(unit, kind))
+}
+
 struct ParquetTable {
     description: Description,
     source: Arc<Source>,
@@ -190,6 +230,7 @@ struct ParquetTable {
     row: u64,
     file_bytes: u64,
     wanted: Vec<Cursor>,
+    times: TimeReader,
 }
 
 /// A wanted column and how far it is read.
@@ -205,6 +246,7 @@ struct Cursor {
 /// Where values go.
 enum Sink<'a> {
     Numbers { out: &'a mut Vec<f64>, power: i32 },
+    Times { out: &'a mut Vec<f64>, times: &'a mut TimeReader },
     Labels { out: &'a mut Labels },
 }
 
@@ -216,7 +258,7 @@ impl Table for ParquetTable {
     fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
         self.wanted.clear();
         for want in wanted {
-            let (Wanted::Number { column, .. } | Wanted::Label { column }) = *want;
+            let column = want.column();
             let unsupported = |what: String| FormatError::Unsupported {
                 format: FORMAT,
                 what,
@@ -227,12 +269,19 @@ impl Table for ParquetTable {
             };
             let schema = self.metadata.file_metadata().schema_descr();
             let text = schema.column(leaf.number).physical_type() == Type::BYTE_ARRAY;
-            if text && matches!(want, Wanted::Number { .. }) {
+            if text && !want.is_label() {
                 let name = &self.description.columns[column].name;
                 return Err(unsupported(format!("text where numbers belong, in column `{name}`,")));
             }
             let cursor = Cursor { want: *want, column, leaf, reader: None, group: 0, levels: Vec::new() };
             self.wanted.push(cursor);
+        }
+        if let Some((column, unit, origin)) = Wanted::time(wanted, FORMAT)? {
+            let unit = match self.kinds.get(column).map(|leaf| leaf.kind) {
+                Some(Kind::Time(unit, _)) => unit,
+                _ => unit,
+            };
+            self.times = TimeReader::new(unit, origin);
         }
         Ok(())
     }
@@ -240,7 +289,7 @@ impl Table for ParquetTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let room = (BLOCK_BYTES / 8 / self.wanted.len().max(1)).max(1).min(block.capacity);
         let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
-        let labels = self.wanted.iter().filter(|cursor| matches!(cursor.want, Wanted::Label { .. })).count();
+        let labels = self.wanted.iter().filter(|cursor| cursor.want.is_label()).count();
         block.clear(self.wanted.len() - labels, labels);
         if rows == 0 {
             return Ok(());
@@ -252,14 +301,13 @@ impl Table for ParquetTable {
             let column = cursor.column;
             let name = &self.description.columns[column].name;
             match cursor.want {
-                Wanted::Number { power, .. } => {
+                Wanted::Number { .. } | Wanted::Time { .. } => {
                     let out = &mut block.numbers[number];
-                    let missing = cursor.read(
-                        (&self.source, &self.metadata),
-                        name,
-                        rows,
-                        Sink::Numbers { out, power },
-                    )?;
+                    let sink = match cursor.want {
+                        Wanted::Number { power, .. } => Sink::Numbers { out: &mut *out, power },
+                        _ => Sink::Times { out: &mut *out, times: &mut self.times },
+                    };
+                    let missing = cursor.read((&self.source, &self.metadata), name, rows, sink)?;
                     refuse_infinities(out, column, self.row, &mut block.faults);
                     // They are NaN so far, and were taken for such.
                     for fault in block.faults.iter_mut().filter(|fault| fault.column == Some(column)) {
@@ -286,9 +334,17 @@ impl Table for ParquetTable {
                 }
             }
         }
+        block.tell_times(&self.times);
         block.faults.sort_by_key(|fault| fault.row);
         self.row += rows as u64;
         Ok(())
+    }
+
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        match self.kinds.get(column)?.kind {
+            Kind::Time(_, kind) => Some(kind),
+            _ => None,
+        }
     }
 
     fn progress(&self) -> (u64, u64) {
@@ -346,33 +402,101 @@ fn take(
 ) -> Result<usize, ParquetError> {
     let mut records = Records { leaf, rows, row, levels, missing };
     let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
-    let mut shift = Shift::new(power);
+    // Dates as numbers are seconds since 1970.
+    let mut since_1970;
+    let mut shift;
+    let (out, mut numbers) = match sink {
+        Sink::Times { out, times } => (Out::Numbers(out), Numbers::Times(times)),
+        Sink::Numbers { out, .. } if let Kind::Time(unit, _) = leaf.kind => {
+            since_1970 = TimeReader::new(unit, Some(Instant::ZERO));
+            (Out::Numbers(out), Numbers::Times(&mut since_1970))
+        }
+        Sink::Numbers { out, power } => {
+            shift = Shift::new(*power);
+            (Out::Numbers(out), Numbers::Shifted(&mut shift))
+        }
+        Sink::Labels { out } => {
+            shift = Shift::new(0);
+            (Out::Labels(out), Numbers::Shifted(&mut shift))
+        }
+    };
+    if matches!(leaf.kind, Kind::Decimal { .. } | Kind::Half) {
+        return fixed::take(reader, &mut records, out, power);
+    }
     // As signed and unsigned numbers of the same bits.
     #[allow(clippy::cast_sign_loss)]
     let wide = |x: i64| if leaf.kind == Kind::Unsigned { i128::from(x as u64) } else { i128::from(x) };
     #[allow(clippy::cast_sign_loss)]
     let narrow = |x: i32| if leaf.kind == Kind::Unsigned { i128::from(x as u32) } else { i128::from(x) };
-    let integer = |x: i128| x.to_string().into_bytes();
+    let integer = |x: i128| leaf.kind.label(x).into_bytes();
     let float = |x: f64| element::shortest(x).into_bytes();
     match reader {
         ColumnReader::BoolColumnReader(r) => {
-            records.read(r, sink, |x| shift.integer(i128::from(*x)), |x| integer(i128::from(*x)))
+            records.read(r, out, |x| numbers.integer(i128::from(*x)), |x| integer(i128::from(*x)))
         }
         ColumnReader::Int32ColumnReader(r) => {
-            records.read(r, sink, |x| shift.integer(narrow(*x)), |x| integer(narrow(*x)))
+            records.read(r, out, |x| numbers.integer(narrow(*x)), |x| integer(narrow(*x)))
         }
         ColumnReader::Int64ColumnReader(r) => {
-            records.read(r, sink, |x| shift.integer(wide(*x)), |x| integer(wide(*x)))
+            records.read(r, out, |x| numbers.integer(wide(*x)), |x| integer(wide(*x)))
         }
         ColumnReader::FloatColumnReader(r) => {
-            records.read(r, sink, |x| shift.float(f64::from(*x)), |x| float(f64::from(*x)))
+            records.read(r, out, |x| numbers.single(*x), |x| float(f64::from(*x)))
         }
-        ColumnReader::DoubleColumnReader(r) => records.read(r, sink, |x| shift.float(*x), |x| float(*x)),
+        ColumnReader::DoubleColumnReader(r) => records.read(r, out, |x| numbers.float(*x), |x| float(*x)),
         ColumnReader::ByteArrayColumnReader(r) => {
-            records.read(r, sink, |_: &ByteArray| f64::NAN, |x| x.data().trim_ascii().to_vec())
+            records.read(r, out, |_: &ByteArray| f64::NAN, |x| x.data().trim_ascii().to_vec())
         }
         ColumnReader::Int96ColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => Ok(0),
     }
+}
+
+/// What makes numbers of values.
+enum Numbers<'a> {
+    Shifted(&'a mut Shift),
+    Times(&'a mut TimeReader),
+}
+
+impl Numbers<'_> {
+    fn integer(&mut self, number: i128) -> f64 {
+        match self {
+            Self::Shifted(shift) => shift.integer(number),
+            Self::Times(times) => times.integer(number),
+        }
+    }
+
+    fn float(&mut self, number: f64) -> f64 {
+        match self {
+            Self::Shifted(shift) => shift.float(number),
+            Self::Times(times) => times.float(number),
+        }
+    }
+
+    fn single(&mut self, number: f32) -> f64 {
+        match self {
+            Self::Shifted(shift) => shift.float(f64::from(number)),
+            Self::Times(times) => times.single(number),
+        }
+    }
+}
+
+impl Kind {
+    /// An integer as a label: a date, or its digits.
+    fn label(self, number: i128) -> String {
+        let date = match self {
+            Self::Time(unit, TimeKind::Calendar) => {
+                Instant::of_integer(number, unit).and_then(Instant::to_utc)
+            }
+            _ => None,
+        };
+        date.unwrap_or_else(|| number.to_string())
+    }
+}
+
+/// What values are appended to.
+enum Out<'a> {
+    Numbers(&'a mut Vec<f64>),
+    Labels(&'a mut Labels),
 }
 
 /// Rows that are to be read.
@@ -388,7 +512,7 @@ impl Records<'_> {
     fn read<T: DataType>(
         &mut self,
         reader: &mut ColumnReaderImpl<T>,
-        sink: &mut Sink<'_>,
+        mut out: Out<'_>,
         mut number: impl FnMut(&T::T) -> f64,
         label: impl Fn(&T::T) -> Vec<u8>,
     ) -> Result<usize, ParquetError> {
@@ -405,9 +529,9 @@ impl Records<'_> {
             } else if value.is_none() {
                 return Err(ParquetError::General("fewer values than rows".to_owned()));
             }
-            match sink {
-                Sink::Numbers { out, .. } => out.push(value.map_or(f64::NAN, &mut number)),
-                Sink::Labels { out } => push_label(out, self.row + row, &value.map_or_else(Vec::new, &label)),
+            match &mut out {
+                Out::Numbers(out) => out.push(value.map_or(f64::NAN, &mut number)),
+                Out::Labels(out) => push_label(out, self.row + row, &value.map_or_else(Vec::new, &label)),
             }
         }
         Ok(rows)

@@ -4,7 +4,7 @@ use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
 use crate::estimate::Progress;
 use crate::identify::{IdentifyError, Material};
-use crate::recording::{Finding, FindingKind, Layout, ReadError, Recording, Segment};
+use crate::recording::{Finding, FindingKind, Instant, Layout, ReadError, Recording, Segment};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;
 
@@ -92,7 +92,7 @@ pub fn read(
     let (drive, signals) = columns(experiment, hardware, index)?;
     let wanted: Vec<&str> = [drive].into_iter().chain(signals.iter().map(|(_, column)| *column)).collect();
     let recording = read_file(experiment, described, &described.layout(&wanted), progress)?;
-    let reference = Shown::read(experiment, hardware, index, progress)?;
+    let reference = Shown::read(experiment, hardware, (index, recording.origin()), progress)?;
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     let unfit = |place: &str, why: String| IdentifyError::Unfit { recording: place.to_owned(), why };
     let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
@@ -171,7 +171,7 @@ impl Shown {
     fn read(
         experiment: &Experiment,
         hardware: &Hardware,
-        index: usize,
+        (index, origin): (usize, Instant),
         progress: &dyn Progress,
     ) -> Result<Option<Self>, IdentifyError> {
         let described = experiment.recording(index)?;
@@ -194,7 +194,7 @@ impl Shown {
             }
         };
         let path = experiment.resolve(reference.file(described));
-        let layout = described.reference_layout(reference, &[column]);
+        let layout = Layout { origin: Some(origin), ..described.reference_layout(reference, &[column]) };
         let recording = Recording::read_with(&path, &layout, &mut |done, _| progress.reached(done))?;
         recording.column_of(column, kind)?;
         Ok(Some(Self { column: column.to_owned(), scale, recording }))

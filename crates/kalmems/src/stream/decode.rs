@@ -1,7 +1,7 @@
 //! Samples from bytes, as text or as frames.
 
 use crate::config::{Field, StreamFormat};
-use kalmems_formats::{Cells, Fault, Shift};
+use kalmems_formats::{Cells, Fault, Shift, TimeReader};
 
 /// One sample as it came.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +30,8 @@ pub struct Decoder {
     /// What is not decoded yet.
     rest: Vec<u8>,
     damage: Damage,
+    /// The place of the times among the numbers, and what reads them.
+    times: Option<(usize, TimeReader)>,
 }
 
 enum Format {
@@ -65,7 +67,18 @@ impl Decoder {
                 length: sync.bytes().len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
             },
         };
-        Self { format, rest: Vec::new(), damage: Damage::default() }
+        Self { format, rest: Vec::new(), damage: Damage::default(), times: None }
+    }
+
+    /// Reads the numbers at this place as times.
+    #[must_use]
+    pub fn with_times(self, place: usize, times: TimeReader) -> Self {
+        Self { times: Some((place, times)), ..self }
+    }
+
+    /// What reads the times, where there are any.
+    pub fn times(&self) -> Option<&TimeReader> {
+        self.times.as_ref().map(|(_, times)| times)
     }
 
     /// What was in the bytes beside samples.
@@ -76,13 +89,14 @@ impl Decoder {
     /// Takes bytes; each sample that they complete goes to `each`.
     pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(Sample)) {
         self.rest.extend_from_slice(bytes);
+        let times = &mut self.times;
         let done = match &mut self.format {
             Format::Text { columns, cells, powers, in_a_long_line } => {
-                let mut numbers = |line: &[u8]| numbers(line, cells, powers);
+                let mut numbers = |line: &[u8]| numbers(line, cells, powers, times);
                 lines(&self.rest, columns, in_a_long_line, &mut self.damage, &mut numbers, each)
             }
             Format::Frames { sync, fields, shifts, length } => {
-                frames(&self.rest, (sync, fields, *length), shifts, &mut self.damage, each)
+                frames(&self.rest, (sync, fields, *length), (shifts, times), &mut self.damage, each)
             }
         };
         self.rest.drain(..done);
@@ -140,22 +154,38 @@ fn is_header(line: &[u8], columns: &[String]) -> bool {
 }
 
 /// As many numbers as there are powers, an empty cell being none; `None` where there are fewer or more, or something else.
-fn numbers(line: &[u8], cells: &mut Cells, powers: &[i32]) -> Option<Vec<f64>> {
+fn numbers(
+    line: &[u8],
+    cells: &mut Cells,
+    powers: &[i32],
+    times: &mut Option<(usize, TimeReader)>,
+) -> Option<Vec<f64>> {
+    // A line that is no sample says nothing of where the times count from.
+    if line.split(|byte| *byte == b',').count() != powers.len() {
+        return None;
+    }
     let mut texts = line.split(|byte| *byte == b',');
-    let mut number = |power: &i32| match cells.read(texts.next()?, b'.', *power) {
-        Ok(number) => Some(number),
-        Err(Fault::Missing | Fault::Nan(_) | Fault::Infinite(_)) => Some(f64::NAN),
-        Err(_) => None,
+    let mut number = |(place, power): (usize, &i32)| {
+        let text = texts.next()?;
+        let read = match times {
+            Some((of_time, times)) if *of_time == place => times.cell(text, b'.'),
+            _ => cells.read(text, b'.', *power),
+        };
+        match read {
+            Ok(number) => Some(number),
+            Err(Fault::Missing | Fault::Nan(_) | Fault::Infinite(_)) => Some(f64::NAN),
+            Err(_) => None,
+        }
     };
-    let numbers: Vec<f64> = powers.iter().map(&mut number).collect::<Option<_>>()?;
-    texts.next().is_none().then_some(numbers)
+    let numbers: Vec<f64> = powers.iter().enumerate().map(&mut number).collect::<Option<_>>()?;
+    Some(numbers)
 }
 
 /// The samples of whole frames; how many bytes they take up.
 fn frames(
     bytes: &[u8],
     (sync, fields, length): (&[u8], &[Field], usize),
-    shifts: &mut [Shift],
+    (shifts, times): (&mut [Shift], &mut Option<(usize, TimeReader)>),
     damage: &mut Damage,
     each: &mut impl FnMut(Sample),
 ) -> usize {
@@ -175,8 +205,15 @@ fn frames(
                 sample.sequence =
                     Some(raw.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte)));
             } else {
-                let number = field.kind.number(raw);
-                sample.numbers.push(shifts.next().map_or(number, |shift| shift.float(number)));
+                let (number, shift) = (field.kind.number(raw), shifts.next());
+                let number = match times {
+                    Some((place, times)) if *place == sample.numbers.len() => match field.kind.integer(raw) {
+                        Some(integer) => times.integer(integer),
+                        None => times.float(number),
+                    },
+                    _ => shift.map_or(number, |shift| shift.float(number)),
+                };
+                sample.numbers.push(number);
             }
         }
         each(sample);

@@ -20,8 +20,11 @@ pub use output::{Outputs, SYNC, SYNC_AHEAD};
 pub use table::WayCounts;
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
-use crate::estimate::{EstimateError, ForetoldCounts, Part, Past, SegmentEstimate, Silent, Trajectory};
-use crate::recording::{self, Clock, Finding, ReadError, Stretches};
+use crate::estimate::{
+    EstimateError, ForetoldCounts, Part, Past, Progress, SegmentEstimate, StretchJudge, StretchSummary,
+    Trajectory,
+};
+use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
 use crate::rigs::{self, Estimator, Rig};
 use latency::Arrivals;
 use output::Writer;
@@ -80,10 +83,16 @@ pub enum StreamError {
 pub struct StreamSummary {
     /// What was received, and what the way has made of it.
     pub received: WayCounts,
+    /// Where the times of all estimates count from, where that is not zero of the samples' clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// What was found in the samples.
     pub diagnosis: Vec<Finding>,
     /// Samples that were estimated.
     pub estimated: u64,
+    /// What became of the stretches of the samples, where there are several.
+    #[serde(skip_serializing_if = "StretchSummary::is_empty")]
+    pub stretches: StretchSummary,
     /// Events, by what happened.
     pub events: u64,
     /// How zero phases were told before they happened, where that was asked for.
@@ -122,7 +131,8 @@ pub fn stream(
     })?;
     let rig = rigs::of(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
-    let mut estimator = rig.live(experiment, index, &Silent)?;
+    let stopped = Stopped(stop);
+    let mut estimator = rig.live(experiment, index, &stopped)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
     // To smooth over the whole there must be an end.
@@ -139,13 +149,14 @@ pub fn stream(
         *estimator.past() = Past::resumed(left.past());
         table.go_on(left);
     }
-    let stretch = recording::Around {
+    let around_stretch = recording::Around {
         rows: MOST,
         first: if left.is_some() { again + 1 } else { around.head },
         before: around.before,
         after: around.after.max(1),
     };
-    let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, stretch)?;
+    let mut stretches =
+        Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, around_stretch)?;
     let channel = channel(experiment, described, &outputs)?;
     let mut live = Live {
         rig,
@@ -165,6 +176,7 @@ pub fn stream(
         arrivals,
     };
     let mut go_on = |_: u64, _: u64| if stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let (mut judge, mut resumes) = (StretchJudge::default(), left.is_some());
     loop {
         let stretch = match stretches.next(&mut go_on) {
             // Stopped: what has been read is all there is.
@@ -177,31 +189,54 @@ pub fn stream(
         let Some(stretch) = stretch else { break };
         let Some(segment) = stretch.recording.segments().first() else { continue };
         // What another run took already is there to be interpolated through.
-        let known = if stretch.begins { again } else { 0 };
+        let known = if stretch.begins && resumes { again } else { 0 };
         let part = Part {
             recording: &stretch.recording,
             segment,
             fresh: (stretch.fresh.start + known).min(stretch.fresh.end)..stretch.fresh.end,
-            begins: stretch.begins && left.is_none(),
+            begins: stretch.begins && !resumes,
             ends: stretch.ends,
         };
-        if part.fresh.is_empty() {
+        if stretch.begins {
+            // A stretch that begins later begins as a recording does.
+            stretches.give(recording::Around { first: around.head, ..around_stretch });
+            resumes = false;
+        }
+        if part.fresh.is_empty() || judge.leaves_out(&part)? {
             continue;
         }
-        let estimate = estimator.take(&part)?;
-        live.foretell(&estimate.trajectories, &part, estimator.past())?;
-        live.take(&estimate, &part)?;
-        live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
+        let taken = match judge.judge(&part, estimator.take(&part)) {
+            // Stopped: what has been written is all there is.
+            Err(EstimateError::Interrupted) => break,
+            taken => taken?,
+        };
+        if let Some(estimate) = taken {
+            live.foretell(&estimate.trajectories, &part, estimator.past())?;
+            live.take(&estimate, &part)?;
+            live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
+        }
         stretches.reuse(stretch);
         if stop() {
             stretches.cut_off();
         }
     }
     live.writer.flush()?;
-    let (_, diagnosis) = stretches.finish();
+    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
     let Live { estimated, events, latency, .. } = live;
     let ahead = described.trigger.as_ref().map(|_| live.ahead);
-    Ok(StreamSummary { received: counts.now(), diagnosis, estimated, events, ahead, latency })
+    let (received, stretches) = (counts.now(), judge.finish()?);
+    Ok(StreamSummary { received, origin, diagnosis, estimated, stretches, events, ahead, latency })
+}
+
+/// Stops the work on samples where the stream is stopped.
+struct Stopped<'a>(&'a dyn Fn() -> bool);
+
+impl Progress for Stopped<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        if self.0() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
 }
 
 /// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
@@ -327,7 +362,9 @@ impl Live {
             };
             (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
         };
-        if let Some(acknowledged_s) = keeper.given(trajectories, last, part.ends)? {
+        if let Some(acknowledged_s) =
+            keeper.given((trajectories, part.recording.origin()), last, part.ends)?
+        {
             self.writer.acknowledged(acknowledged_s)?;
         }
         Ok(())
@@ -374,8 +411,10 @@ impl Live {
         let trajectories = &estimate.trajectories;
         if part.begins {
             self.start_s = part.segment.time.start_s();
+            self.watches.clear();
         }
         let from_s = self.start_s + self.skip_s;
+        self.writer.origin(part.recording.source().origin.as_ref())?;
         self.writer.estimates(trajectories)?;
         let crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
         self.events += crossings.len() as u64;

@@ -2,6 +2,7 @@
 
 use super::Event;
 use crate::estimate::{Foretold, Trajectory};
+use crate::recording::Origin;
 use std::io::{self, Write};
 
 /// What each frame of an estimate begins with.
@@ -26,12 +27,20 @@ pub(super) struct Writer {
     /// Samples of each answer so far.
     samples: Vec<u64>,
     named: bool,
+    origin_told: bool,
     line: Vec<u8>,
 }
 
 impl Writer {
     pub(super) fn new(outputs: Outputs, every: u64) -> Self {
-        Self { outputs, every: every.max(1), samples: Vec::new(), named: false, line: Vec::new() }
+        Self {
+            outputs,
+            every: every.max(1),
+            samples: Vec::new(),
+            named: false,
+            origin_told: false,
+            line: Vec::new(),
+        }
     }
 
     /// Writes the next samples of all answers.
@@ -55,6 +64,19 @@ impl Writer {
             }
         }
         Ok(())
+    }
+
+    /// Says once where the times of all lines and frames count from, where that is not zero: a line `origin,seconds`, and
+    /// behind that the date where the clock is one of the calendar.
+    pub(super) fn origin(&mut self, origin: Option<&Origin>) -> io::Result<()> {
+        let (Some(origin), false) = (origin, self.origin_told) else { return Ok(()) };
+        self.origin_told = true;
+        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
+        write!(lines, "origin,{}", origin.seconds)?;
+        if let Some(utc) = &origin.utc {
+            write!(lines, ",{utc}")?;
+        }
+        writeln!(lines)
     }
 
     fn one(&mut self, place: usize, trajectory: &Trajectory, k: usize) -> io::Result<()> {

@@ -3,6 +3,7 @@
 use super::StreamError;
 use super::decode::Sample;
 use crate::estimate::{PastState, Trajectory};
+use crate::recording;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::Write;
@@ -20,16 +21,29 @@ pub(super) struct State {
     /// The time of the last sample whose every answer was given, by its bits: samples up to it need not be sent again.
     acknowledged: u64,
     past: PastState,
+    /// Where all times count from, in s of the clock of the samples.
+    #[serde(default = "zero")]
+    origin: String,
     /// The columns that are read.
     columns: Vec<String>,
     /// The last samples, the numbers of these columns by their bits; the newest last.
     samples: Vec<Vec<u64>>,
 }
 
+/// The origin of a state that names none.
+fn zero() -> String {
+    recording::Instant::ZERO.to_string()
+}
+
 impl State {
     /// The time of the last sample whose every answer was given, in s.
     pub(super) fn acknowledged_s(&self) -> f64 {
         f64::from_bits(self.acknowledged)
+    }
+
+    /// Where all times count from.
+    pub(super) fn origin(&self) -> recording::Instant {
+        self.origin.parse().unwrap_or_default()
     }
 
     pub(super) const fn past(&self) -> &PastState {
@@ -63,6 +77,9 @@ impl State {
         };
         let state: Self = serde_json::from_str(&text)
             .map_err(|_| wrong("it is no state that `kalmems stream` has written".to_owned()))?;
+        if state.origin.parse::<recording::Instant>().is_err() {
+            return Err(wrong("its origin of times is none".to_owned()));
+        }
         if state.experiment != experiment {
             return Err(wrong("it was left by another experiment".to_owned()));
         }
@@ -102,7 +119,7 @@ impl Keeper {
     /// the time that is acknowledged then.
     pub(super) fn given(
         &mut self,
-        trajectories: &[Trajectory],
+        (trajectories, origin): (&[Trajectory], recording::Instant),
         last: impl FnOnce() -> (f64, PastState, Vec<Vec<u64>>),
         ends: bool,
     ) -> Result<Option<f64>, StreamError> {
@@ -115,7 +132,8 @@ impl Keeper {
             let (time_s, past, samples) = last();
             let experiment = self.experiment.clone();
             let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
-            self.waiting.push(State { experiment, acknowledged, past, columns, samples });
+            let origin = origin.to_string();
+            self.waiting.push(State { experiment, acknowledged, past, origin, columns, samples });
         }
         let until_s = self.given_s.iter().copied().fold(f64::INFINITY, f64::min);
         if !(ends || self.written.elapsed() >= EVERY) {

@@ -5,7 +5,11 @@ use super::latency::Arrivals;
 use super::order::{Order, OrderCounts};
 use super::state::State;
 use crate::config::StreamFormat;
-use kalmems_formats::{Block, CellFault, Column, Description, Digest, Fault, FormatError, Table, Wanted};
+use crate::recording::names_a_time;
+use kalmems_formats::{
+    Block, CellFault, Column, Description, Digest, Fault, FormatError, Instant, Table, TimeKind, TimeReader,
+    Wanted,
+};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -62,6 +66,8 @@ pub struct LiveTable {
     /// The place of the time among the numbers, and until when samples were taken by another run.
     taken: Option<(usize, f64)>,
     time: Option<usize>,
+    /// Where the times count from, where another run has said it.
+    origin: Option<Instant>,
     interval_s: f64,
     /// Samples that another run took.
     passed_over: u64,
@@ -87,7 +93,7 @@ impl LiveTable {
             description: Description {
                 format: "stream",
                 recognised: format!("{what}, as the experiment says"),
-                columns: names.iter().map(|name| Column { name: name.clone(), place: None }).collect(),
+                columns: names.iter().map(|name| Column::new(name)).collect(),
                 rows: None,
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),
@@ -102,6 +108,7 @@ impl LiveTable {
             ended: false,
             taken: None,
             time,
+            origin: None,
             interval_s,
             passed_over: 0,
         }
@@ -111,6 +118,7 @@ impl LiveTable {
     pub(super) fn go_on(&mut self, left: &State) {
         let names: Vec<String> = self.description.columns.iter().map(|column| column.name.clone()).collect();
         self.ready.extend(left.samples(&names));
+        self.origin = Some(left.origin());
         self.taken = self.time.map(|time| (time, left.acknowledged_s()));
     }
 
@@ -163,6 +171,7 @@ impl Table for LiveTable {
                         *own = power;
                     }
                 }
+                Wanted::Time { column, .. } => self.wanted.push(column),
                 Wanted::Label { .. } => {
                     return Err(FormatError::Unsupported {
                         format: "stream",
@@ -174,6 +183,14 @@ impl Table for LiveTable {
             }
         }
         self.decoder = Decoder::new(&self.format, &powers);
+        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+            let origin = self.origin.or(origin);
+            let times = match self.time_kind(column) {
+                Some(_) => TimeReader::of_iso(origin),
+                None => TimeReader::new(unit, origin),
+            };
+            self.decoder = Decoder::new(&self.format, &powers).with_times(column, times);
+        }
         Ok(())
     }
 
@@ -197,7 +214,17 @@ impl Table for LiveTable {
             block.rows += 1;
             self.rows += 1;
         }
+        if let Some(times) = self.decoder.times() {
+            block.tell_times(times);
+        }
         Ok(())
+    }
+
+    /// Where the name of the clock says no unit, lines hold dates and times as text.
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        let name = &self.description.columns.get(column)?.name;
+        let text = matches!(self.format, StreamFormat::Text { .. });
+        (text && self.time == Some(column) && !names_a_time(name)).then_some(TimeKind::Calendar)
     }
 
     fn progress(&self) -> (u64, u64) {

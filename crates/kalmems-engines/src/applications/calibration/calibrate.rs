@@ -15,6 +15,7 @@ use crate::config::{Condition, GyroscopeCalibration, Key, MotionReference};
 use crate::estimate::Progress;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Calibrates a gyroscope as its file says.
@@ -22,7 +23,8 @@ pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
-    let mut files = Files { file, files: NamedFiles::new("calibration file", progress) };
+    let files = NamedFiles::new("calibration file", progress);
+    let mut files = Files { file, files, origins: BTreeMap::new() };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;

@@ -4,8 +4,9 @@ use super::error::CalibrationError;
 use super::tone::{AXES, Signals};
 use crate::applications::files::{NamedFileError, NamedFiles};
 use crate::config::{Channels, Condition, Fault, GyroscopeCalibration, Key, MotionReference, is_per_record};
-use crate::recording::{Layout, Recording};
+use crate::recording::{Instant, Layout, Recording};
 use crate::units::{Kind, Unit, kind};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What a column of a reference is.
@@ -36,6 +37,8 @@ pub struct ReferenceRecord {
 pub struct Files<'a> {
     pub file: &'a GyroscopeCalibration,
     pub files: NamedFiles<'a>,
+    /// Where the times of each record of the gyroscope count from.
+    pub origins: BTreeMap<String, Instant>,
 }
 
 impl Files<'_> {
@@ -72,8 +75,10 @@ impl Files<'_> {
                     }
                     Ok(Signals { time_s: time_s.clone(), axes })
                 };
+                let name = if per_record { name.clone() } else { label };
+                self.origins.insert(name.clone(), recording.origin());
                 records.push(UnitRecord {
-                    name: if per_record { name.clone() } else { label },
+                    name,
                     place: path.display().to_string(),
                     rates: axes(Some(&unit.channels), &kind::ANGULAR_RATE)?,
                     forces: axes(unit.accelerometers.as_ref(), &kind::ACCELERATION)?,
@@ -93,10 +98,12 @@ impl Files<'_> {
         let layout = reference.layout();
         let per_record = is_per_record(&reference.file);
         let mut records = Vec::new();
-        let mut whole = None;
+        let mut whole: Option<Recording> = None;
         for name in names {
+            let layout = Layout { origin: self.origins.get(*name).copied(), ..layout.clone() };
             let path = self.file.resolve(&reference.file, name);
-            if per_record || whole.is_none() {
+            let there = whole.as_ref().map(Recording::origin);
+            if per_record || there.is_none() || layout.origin.is_some_and(|origin| there != Some(origin)) {
                 whole = Some(self.read(key.clone().child("file"), &path, &layout)?);
             }
             let Some(recording) = &whole else { continue };

@@ -8,7 +8,7 @@ use super::track::{Track, TrackError};
 use crate::applications::files::{NamedFileError, NamedFiles};
 use crate::config::{ConfigError, Fault, Image, Key, Quantity};
 use crate::estimate::Progress;
-use crate::recording::{Finding, Layout, ReadError, Source};
+use crate::recording::{Finding, Instant, Layout, ReadError, Source};
 use crate::units::{Kind, kind};
 use std::path::Path;
 
@@ -92,7 +92,7 @@ impl ImageError {
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files = Files { image, files: NamedFiles::new("image file", progress) };
+    let mut files = Files { image, origin: None, files: NamedFiles::new("image file", progress) };
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
@@ -154,6 +154,8 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
 
 struct Files<'a> {
     image: &'a Image,
+    /// Where the times of all files count from: the first says it.
+    origin: Option<Instant>,
     files: NamedFiles<'a>,
 }
 
@@ -167,11 +169,13 @@ impl Files<'_> {
         column: &str,
         kind: Option<&Kind>,
     ) -> Result<(Vec<f64>, Vec<f64>), ImageError> {
-        let read = self.files.read(&self.image.resolve(file), layout);
+        let layout = Layout { origin: self.origin, ..layout.clone() };
+        let read = self.files.read(&self.image.resolve(file), &layout);
         let recording = read.map_err(|error| match error {
             NamedFileError::Missing(why) => self.image.error(key.child("file"), Fault::Value { why }).into(),
             NamedFileError::Read(error) => ImageError::Read(error),
         })?;
+        self.origin = Some(recording.origin());
         let values = match kind {
             Some(kind) => recording.column_of(column, kind)?,
             None => recording.column(column)?,

@@ -5,7 +5,7 @@ use super::scans::Detector;
 use super::track::PositionTrack;
 use crate::applications::files::{NamedFileError, NamedFiles};
 use crate::config::{Fault, Key, PathTrajectory, ReferenceSpectrum, SpectrumFile};
-use crate::recording::{Layout, Recording};
+use crate::recording::{Clock, Instant, Layout, Recording};
 use crate::units::kind;
 use std::path::Path;
 
@@ -13,6 +13,8 @@ use std::path::Path;
 pub(super) struct Input<'a> {
     pub(super) file: &'a SpectrumFile,
     pub(super) files: NamedFiles<'a>,
+    /// Where the times of all files count from: the first says it.
+    pub(super) origin: Option<Instant>,
 }
 
 impl Input<'_> {
@@ -46,12 +48,18 @@ impl Input<'_> {
     }
 
     fn read(&mut self, key: &str, file: &Path, layout: &Layout) -> Result<Recording, SpectrumError> {
-        self.files.read(&self.file.resolve(file), layout).map_err(|error| match error {
+        let layout = Layout { origin: self.origin, ..layout.clone() };
+        let read = self.files.read(&self.file.resolve(file), &layout);
+        let recording = read.map_err(|error| match error {
             NamedFileError::Missing(why) => {
                 self.file.error(Key::from(key).child("file"), Fault::Value { why }).into()
             }
-            NamedFileError::Read(error) => error.into(),
-        })
+            NamedFileError::Read(error) => SpectrumError::from(error),
+        })?;
+        if matches!(layout.clock, Clock::Column(_)) {
+            self.origin = Some(recording.origin());
+        }
+        Ok(recording)
     }
 }
 

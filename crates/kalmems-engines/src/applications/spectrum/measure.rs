@@ -171,7 +171,7 @@ impl SpectrumError {
 
 /// Reads, or simulates, all interferograms of a spectrum file and computes the spectrum.
 pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input = Input { file, files: NamedFiles::new("spectrum file", progress) };
+    let mut input = Input { file, origin: None, files: NamedFiles::new("spectrum file", progress) };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,

@@ -1,0 +1,89 @@
+//! What stamps of time say of how they were made: rounded far from zero, or taken by a host that gets its samples in bursts.
+
+use super::findings::short;
+use super::time::TIME_TOLERANCE;
+
+/// Fewer steps show no habit.
+const FEWEST_STEPS: usize = 64;
+/// Fewer long steps show none either.
+const FEWEST_BURSTS: usize = 4;
+
+/// The mean of the intervals that are the usual one but for rounding, where that is so coarse that the usual one is a
+/// multiple of it and nothing else.
+pub(super) fn mean_of_rounded(intervals: &[f64], median: f64, resolution_s: f64) -> f64 {
+    let near = intervals.iter().filter(|interval| (**interval - median).abs() <= 2.0 * resolution_s);
+    let (count, sum) = near.fold((0_usize, 0.0), |(count, sum), interval| (count + 1, sum + interval));
+    if count > 0 { sum / count as f64 } else { median }
+}
+
+/// What to say of times that are rounded to more than a small part of their interval.
+pub(super) fn rounded(interval_s: f64, resolution_s: f64) -> Option<String> {
+    let part = resolution_s / interval_s;
+    (part > TIME_TOLERANCE).then(|| {
+        format!(
+            "so far from zero the file's binary numbers are {} s apart, {:.0} % of an interval of {} s, and the times are \
+             rounded to them",
+            short(resolution_s),
+            100.0 * part,
+            short(interval_s)
+        )
+    })
+}
+
+/// Times that come in bursts.
+pub(super) struct Bursts {
+    /// The step after which the first one ends.
+    pub(super) first: usize,
+    /// How many there are.
+    pub(super) count: usize,
+    /// In words.
+    pub(super) detail: String,
+}
+
+/// Finds bursts in the steps from row to row: runs of short steps, about as long as one another, with a long step between
+/// them, in which at least half of the time passes.
+pub(super) fn bursts(times: &[f64]) -> Option<Bursts> {
+    let steps = || times.iter().zip(times.iter().skip(1)).map(|(before, after)| after - before);
+    let count = times.len().saturating_sub(1);
+    let (first, last) = (times.first()?, times.last()?);
+    let mean = (last - first) / count as f64;
+    // A time that goes back or is none makes this false or the runs uneven.
+    if count < FEWEST_STEPS || !(mean > 0.0 && mean.is_finite()) {
+        return None;
+    }
+    let mut sorted: Vec<f64> = steps().filter(|step| *step >= 0.0).collect();
+    let middle = sorted.len() / 2;
+    let (_, median, _) =
+        sorted.get(middle).is_some().then(|| sorted.select_nth_unstable_by(middle, f64::total_cmp))?;
+    let median = *median;
+    if median >= 0.5 * mean {
+        return None;
+    }
+    let long: Vec<(usize, f64)> = steps().enumerate().filter(|(_, step)| *step > 2.0 * mean).collect();
+    let in_long: f64 = long.iter().map(|(_, step)| step).sum();
+    if long.len() < FEWEST_BURSTS || in_long < 0.5 * (last - first) {
+        return None;
+    }
+    let runs =
+        || long.iter().zip(long.iter().skip(1)).map(|((before, _), (after, _))| (after - before) as f64);
+    let rows = runs().sum::<f64>() / (long.len() - 1) as f64;
+    let spread = (runs().map(|run| (run - rows).powi(2)).sum::<f64>() / (long.len() - 1) as f64).sqrt();
+    if spread > 0.5 * rows {
+        return None;
+    }
+    // From the beginning of one burst to that of another, so that what is cut at both ends does not count.
+    let ((begin, _), (end, long_s)) = (long.first()?, long.last()?);
+    let rate_hz = (end - begin) as f64 / (times.get(end + 1)? - times.get(begin + 1)?);
+    let usual = if median > 0.0 { format!("{} s", short(median)) } else { "nothing".to_owned() };
+    Some(Bursts {
+        first: begin + 1,
+        count: long.len(),
+        detail: format!(
+            "the rows come in bursts of about {rows:.0}, mostly with {usual} from one to the next and then with intervals \
+             such as {} s: on average a row comes every {} s, which is a rate of {} Hz",
+            short(*long_s),
+            short(rate_hz.recip()),
+            short(rate_hz)
+        ),
+    })
+}
