@@ -6,9 +6,9 @@ use std::num::NonZero;
 use std::path::PathBuf;
 
 /// What stands below the help.
-const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; \
-    3 under --strict, a filter failed its consistency test; 4 the connection that samples came over broke; \
-    130 interrupted.";
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an \
+    estimate; 2 usage; 3 under --strict, a filter failed its consistency test; 4 the connection that samples came over \
+    broke; 130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]

@@ -1,7 +1,7 @@
 //! The `kalmems` command: arguments, progress and exit codes. What it does is in the library `kalmems`.
 //!
-//! Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; 3 under `--strict`, an estimate
-//! failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
+//! Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under
+//! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
 
 mod args;
 mod commands;

@@ -2,6 +2,10 @@
 //!
 //! A rig makes it of an experiment file ([`Rig::outlook`](crate::rig::Rig::outlook)); `kalmems inspect` prints it.
 
+mod recorded;
+
+pub use recorded::Recorded;
+
 use crate::simulate::{StabilityMap, SteadyMotion, Sweeps};
 use serde::{Serialize, Serializer};
 use std::fmt::Write as _;

@@ -179,7 +179,7 @@ fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, Forma
         }),
         (Content::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
         (Content::Text, Some(promised)) => Err(FormatError::NotRecognised {
-            found: format!("named as {} and begins as text: {}", promised.name(), excerpt(&beginning)),
+            found: format!("named as {} and begins as text", promised.name()),
             expected: format!(
                 "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
                 promised.name()
@@ -278,7 +278,8 @@ fn is_text(beginning: &[u8]) -> bool {
         || !beginning.iter().any(|byte| *byte < 32 && !matches!(byte, b'\t' | b'\n' | b'\r' | 0x0c | 0x1a))
 }
 
+/// The first bytes, which tell formats apart; no more, as it may be a file that was not meant.
 fn excerpt(beginning: &[u8]) -> String {
-    let shown = &beginning[..beginning.len().min(24)];
+    let shown = &beginning[..beginning.len().min(4)];
     format!("`{}`", shown.escape_ascii())
 }

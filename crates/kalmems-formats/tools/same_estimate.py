@@ -1,5 +1,5 @@
-"""Writes the scanner's example recording in every format with the format's reference tool, estimates each, and says
-whether the trajectories are the same, byte for byte.
+"""Writes the scanner's example recording in every format with the format's reference tool, under the example's names and under
+names without units, estimates each, and says whether the trajectories are the same, byte for byte.
 
     cargo build --release -p kalmems-cli
     python -m venv venv && venv/bin/pip install numpy scipy h5py npTDMS pyarrow
@@ -22,6 +22,9 @@ import pyarrow.parquet as pq
 import scipy.io
 import scipy.io.wavfile
 from nptdms import ChannelObject, TdmsWriter
+
+
+OWN = {"time_s": "t", "drive_V": "Vdrive", "cap_V": "Ucap"}
 
 
 def write(rows, folder):
@@ -48,6 +51,15 @@ def write(rows, folder):
     scipy.io.savemat(folder / "variables.mat", columns, do_compression=True)
     with TdmsWriter(str(folder / "channels.tdms")) as writer:
         writer.write_segment([ChannelObject("run", name, columns[name]) for name in names])
+    own = {OWN[name]: values for name, values in columns.items()}
+    np.savez(folder / "own.npz", **own)
+    scipy.io.savemat(folder / "own.mat", own)
+    pq.write_table(pa.table(own), folder / "own.parquet")
+    with h5py.File(folder / "own.h5", "w") as file:
+        for name, values in own.items():
+            file.create_dataset(name, data=values)
+    with TdmsWriter(str(folder / "own.tdms")) as writer:
+        writer.write_segment([ChannelObject("run", name, values) for name, values in own.items()])
     rate = round((len(numbers) - 1) / (columns["time_s"][-1] - columns["time_s"][0]))
     scipy.io.wavfile.write(folder / "channels.wav", rate, numbers[:, 1:])
     named = 'format = { kind = "%s", columns = [%s] }'
@@ -60,6 +72,14 @@ def write(rows, folder):
 
 def estimate(program, experiment, folder, file, hint):
     text = re.sub(r'^file = "recording.csv"$', f'file = "{file}"\n{hint}', experiment, count=1, flags=re.M)
+    if file.startswith("own."):
+        for name, own in OWN.items():
+            mapped = f'column = "{own}", unit = "{name.rsplit("_", 1)[1]}"'
+            text = text.replace(f'clock = {{ column = "{name}" }}', f"clock = {{ {mapped} }}")
+            text = text.replace(f'"{name}"', f"{{ {mapped} }}")
+        # The reference is sampled as the recording where it says nothing else.
+        reference = 'file = "reference.csv"'
+        text = text.replace(reference, reference + '\nclock = { column = "time_s" }')
     (folder / "experiment.toml").write_text(text)
     out = folder / "out"
     command = [program, "estimate", folder / "experiment.toml", "--out", out, "--force"]

@@ -310,8 +310,8 @@ fn named_columns(recording: &Recording) -> Vec<(PathBuf, String)> {
     ) -> Vec<(PathBuf, String)> {
         let mut names: Vec<String> = channels.iter().map(|(_, column)| column.to_owned()).collect();
         names.extend(segments.map(|s| s.column.clone()));
-        if let Clock::Column { column } = clock {
-            names.push(column.clone());
+        if let Clock::Column(column) = clock {
+            names.push(column.name().to_owned());
         }
         names.into_iter().map(|name| (file.to_owned(), name)).collect()
     }

@@ -287,6 +287,7 @@ fn what_is_not_written_is_read_as_if_it_were() {
         clock: Clock::Column("time_s".to_owned()),
         segment_column: None,
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
+        declared: Vec::new(),
         hints: Hints::default(),
         origin: None,
         restarts: None,

@@ -36,6 +36,10 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
     }
     eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
 
+    if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
+        let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";
+        return Err(Ending::Wrong(why.to_owned()));
+    }
     let failed: Vec<&str> =
         metrics.estimators().filter(|e| !e.verdict.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {

@@ -74,8 +74,13 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))
+        print(&(json + "\n"))?;
     } else {
-        print(&inspection.to_text())
+        print(&inspection.to_text())?;
     }
+    if inspection.is_usable() {
+        return Ok(());
+    }
+    let file = arguments.input.display();
+    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the diagnosis says why")))
 }

@@ -127,12 +127,14 @@ pub enum Fault {
         /// The tables that may stand here.
         known: Vec<String>,
     },
-    /// Two recordings of one name.
-    #[error("the name `{name}` is that of `{first}` already; give each recording a name of its own")]
+    /// Two things of one kind with one name.
+    #[error(
+        "the name `{name}` is that of `{first}` already; give this one another, such as `name = \"{name}-2\"`"
+    )]
     DuplicateName {
         /// The name.
         name: String,
-        /// The recording that has it already, such as `recording[0]`.
+        /// What has it already, such as `recording[0]` or `estimate.filter[0]`.
         first: String,
     },
     /// A value that cannot be: a wrong dimension, an unknown unit, out of range.

@@ -1,17 +1,15 @@
 //! The whole file.
 
-use super::format::FileFormat;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, AnyValue, Entry, Values};
 use super::{
-    Channels, Clock, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Method, Name,
-    Quantity, Recording, Reference, Segments, Sign, Simulate, Stream,
+    Channels, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Method, Name,
+    Recording, Reference, Sign, Simulate, Stream,
 };
-use crate::recording::{self, Layout};
+use crate::recording::{DeclaredColumn, Layout};
 use crate::units::Kind;
-use kalmems_formats::Hints;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -82,6 +80,7 @@ impl Experiment {
             return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;
+        self.check_columns()?;
         self.check_crossings()?;
         if let Some(estimate) = &self.estimate {
             estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
@@ -90,6 +89,21 @@ impl Experiment {
         if let Some(simulate) = &self.simulate {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
             self.check_dither(simulate)?;
+        }
+        Ok(())
+    }
+
+    /// A column that is read in two ways.
+    fn check_columns(&self) -> Result<(), ConfigError> {
+        for (index, recording) in self.recordings.iter().enumerate() {
+            let key = Key::from("recording").index(index);
+            let reference = recording.reference.as_ref().map(|reference| reference.in_file(recording));
+            let files = [(key.clone(), Some(recording.in_file())), (key.child("reference"), reference)];
+            for (key, file) in files {
+                let Some(Err((name, why))) = file.map(|file| file.check()) else { continue };
+                let key = if name == DeclaredColumn::CLOCK { key } else { key.child("channels") };
+                return Err(self.error(key.child(&name), Fault::Value { why }));
+            }
         }
         Ok(())
     }
@@ -306,32 +320,11 @@ impl Experiment {
 impl Recording {
     /// How to read these columns of its file.
     pub fn layout(&self, columns: &[&str]) -> Layout {
-        let hints = self.format.as_ref().map(FileFormat::hints).unwrap_or_default();
-        Layout { hints, ..layout(&self.clock, self.segments.as_ref(), columns) }
+        self.in_file().layout(Some(columns))
     }
 
     /// How to read these columns of its reference's file.
     pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> Layout {
-        let format = self.format.as_ref().filter(|_| reference.is_in_recording());
-        let hints = format.map(FileFormat::hints).unwrap_or_default();
-        Layout { hints, ..layout(reference.clock(self), reference.segments(self), columns) }
-    }
-}
-
-/// How to read these columns of a file.
-pub(super) fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str]) -> Layout {
-    Layout {
-        clock: match clock {
-            Clock::Column { column } => recording::Clock::Column(column.clone()),
-            Clock::Rate { rate, start } => recording::Clock::Rate {
-                rate_hz: rate.si(),
-                start_s: start.as_ref().map_or(0.0, Quantity::si),
-            },
-        },
-        segment_column: segments.map(|segments| segments.column.clone()),
-        columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
-        hints: Hints::default(),
-        origin: None,
-        restarts: None,
+        reference.in_file(self).layout(Some(columns))
     }
 }

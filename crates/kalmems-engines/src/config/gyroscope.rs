@@ -1,13 +1,14 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
+use super::column::FileColumns;
 use super::device::Vibrometer;
-use super::experiment::layout;
+use super::format::FileFormat;
 use super::kinds::{AngularRate, Frequency, Ratio, Temperature};
 use super::quantity::Quantity;
 use super::reader;
 use super::sign::{NotNegative, Positive};
 use super::source::Source;
-use super::{Channels, Clock, ConfigError, Fault, Key, Name, Segments};
+use super::{Channels, Clock, ColumnChoice, ConfigError, Fault, Key, Name, Segments};
 use crate::recording::Layout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,6 +72,9 @@ pub struct Condition {
     /// The file of the gyroscope. With `{record}` in its name, a file for each of `records`.
     #[schemars(example = &"gyro.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// Where one file holds several records: the column that tells them apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segments: Option<Segments>,
@@ -92,6 +96,9 @@ pub struct MotionReference {
     /// Its file. With `{record}` in its name, a file for each record, such as `out/stage/{record}_trajectory_ekf.csv`.
     #[schemars(example = &"bias_on.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// Where one file holds several records: the column that tells them apart, with the names that the gyroscope's have.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segments: Option<Segments>,
@@ -142,7 +149,14 @@ pub struct RestRecord {
     /// Its file.
     #[schemars(example = &"rest.csv")]
     pub file: PathBuf,
-    /// When its samples were taken; by the gyroscope's nominal rate if left out.
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart. None of them is joined to the next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the gyroscope's nominal rate if left out. A column of times has to show that rate within
+    /// its `clock_tolerance`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
     /// Its columns by axis; those of the gyroscope if left out.
@@ -182,8 +196,14 @@ impl GyroscopeCalibration {
             let why = "found neither records under vibration nor one at rest; expected `[[condition]]`, or `[rest]`";
             return refuse(Key::default(), why.to_owned());
         }
-        if let Some(channels) = self.rest.as_ref().and_then(|rest| rest.channels.as_ref()) {
-            self.check_axes(&Key::from("rest").child("channels"), channels)?;
+        let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
+        self.check_columns(&Key::from("gyroscope"), &both)?;
+        if let Some(rest) = &self.rest {
+            if let Some(channels) = &rest.channels {
+                self.check_axes(&Key::from("rest").child("channels"), channels)?;
+            }
+            let clock = rest.clock.clone().unwrap_or_else(|| self.gyroscope.clock());
+            self.check_columns(&Key::from("rest"), &rest.in_file(&self.gyroscope, &clock))?;
         }
         let mut conditions = BTreeMap::new();
         for (index, condition) in self.conditions.iter().enumerate() {
@@ -206,6 +226,7 @@ impl GyroscopeCalibration {
             for (number, reference) in condition.references.iter().enumerate() {
                 let key = key.clone().child("reference").index(number);
                 self.check_axes(&key.clone().child("channels"), &reference.channels)?;
+                self.check_columns(&key, &reference.in_file())?;
                 if let Some(first) = names.insert(&reference.name, key.clone()) {
                     let fault =
                         Fault::DuplicateName { name: reference.name.to_string(), first: first.to_string() };
@@ -214,6 +235,11 @@ impl GyroscopeCalibration {
             }
         }
         Ok(())
+    }
+
+    /// Refuses a column that is read in two ways.
+    fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
+        file.check().map_err(|(_, why)| self.error(key.clone(), Fault::Value { why }))
     }
 
     fn check_axes(&self, key: &Key, channels: &Channels) -> Result<(), ConfigError> {
@@ -256,17 +282,12 @@ pub(crate) fn is_per_record(file: &Path) -> bool {
     file.to_string_lossy().contains(RECORD)
 }
 
-/// The columns of channels, and the axis of each.
-fn columns(channels: &Channels) -> Vec<&str> {
-    channels.iter().map(|(_, column)| column).collect()
-}
-
 impl InertialUnit {
-    /// How to read a file of it.
-    pub fn layout(&self, segments: Option<&Segments>) -> Layout {
-        let mut wanted = columns(&self.channels);
-        wanted.extend(self.accelerometers.as_ref().map(columns).unwrap_or_default());
-        layout(&self.clock(), segments, &wanted)
+    /// The columns of a file of it.
+    fn columns(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
+        let mut columns = self.channels.in_file();
+        columns.extend(self.accelerometers.iter().flat_map(Channels::in_file));
+        columns
     }
 
     /// Its clock, by its nominal rate.
@@ -275,20 +296,50 @@ impl InertialUnit {
     }
 }
 
+impl Condition {
+    /// How to read a file of the gyroscope.
+    pub fn layout(&self, unit: &InertialUnit) -> Layout {
+        let clock = unit.clock();
+        let (format, segments) = (self.format.as_ref(), self.segments.as_ref());
+        FileColumns { format, clock: Some(&clock), segments, columns: unit.columns() }.layout(None)
+    }
+}
+
 impl MotionReference {
     /// How to read a file of it.
     pub fn layout(&self) -> Layout {
-        layout(&self.clock, self.segments.as_ref(), &columns(&self.channels))
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        FileColumns {
+            format: self.format.as_ref(),
+            clock: Some(&self.clock),
+            segments: self.segments.as_ref(),
+            columns: self.channels.in_file(),
+        }
     }
 }
 
 impl RestRecord {
-    /// Its columns, and how to read its file.
-    pub fn layout(&self, unit: &InertialUnit) -> (Channels, Layout) {
-        let channels = self.channels.as_ref().unwrap_or(&unit.channels).clone();
+    /// Its columns by axis.
+    pub fn channels<'a>(&'a self, unit: &'a InertialUnit) -> &'a Channels {
+        self.channels.as_ref().unwrap_or(&unit.channels)
+    }
+
+    /// How to read its file.
+    pub fn layout(&self, unit: &InertialUnit) -> Layout {
         let clock = self.clock.clone().unwrap_or_else(|| unit.clock());
-        let layout = layout(&clock, None, &columns(&channels));
-        (channels, layout)
+        self.in_file(unit, &clock).layout(None)
+    }
+
+    fn in_file<'a>(&'a self, unit: &'a InertialUnit, clock: &'a Clock) -> FileColumns<'a> {
+        FileColumns {
+            format: self.format.as_ref(),
+            clock: Some(clock),
+            segments: self.segments.as_ref(),
+            columns: self.channels(unit).in_file(),
+        }
     }
 }
 

@@ -1,12 +1,13 @@
 //! The image file: intensities and the trajectories along which they were taken.
 
-use super::experiment::layout;
+use super::column::FileColumns;
+use super::format::FileFormat;
 use super::kinds::Angle;
 use super::quantity::Quantity;
 use super::reader;
 use super::sign::Positive;
 use super::source::Source;
-use super::{Clock, ConfigError, Fault, Key, Name};
+use super::{Clock, ColumnChoice, ConfigError, Fault, Key, Name};
 use crate::recording::Layout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -52,11 +53,14 @@ pub struct Intensity {
     /// The file, relative to the folder of the image file.
     #[schemars(example = &"intensity.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// When the samples were taken, on the clock of the trajectories; their rates need not be equal.
     pub clock: Clock,
     /// The column, such as `intensity_1`.
     #[schemars(example = &"intensity_1")]
-    pub column: String,
+    pub column: ColumnChoice,
     /// The intensity, in SI units, that becomes black; the smallest mean of a pixel if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black: Option<f64>,
@@ -72,11 +76,14 @@ pub struct ImageAxis {
     /// The file of the trajectory, such as a `trajectory_ekf.csv` of `kalmems estimate`.
     #[schemars(example = &"trajectory_ekf.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// When its samples were taken.
     pub clock: Clock,
     /// The column of the angle.
     #[schemars(example = &"angle_rad")]
-    pub column: String,
+    pub column: ColumnChoice,
     /// Pixels along the axis, 2 to 16384.
     #[schemars(range(min = 2, max = 16384), example = 400)]
     pub pixels: u32,
@@ -126,6 +133,12 @@ impl Image {
             if let Some(search) = axis.search.as_ref().filter(|search| search.si() > WIDEST_SEARCH) {
                 let why = format!("`{}` could turn the image over; expected up to `90 deg`", search.text());
                 return refuse(key("search"), why);
+            }
+        }
+        let files = self.axes().map(|(name, axis)| (name, axis.in_file()));
+        for (name, file) in files.chain([("intensity", self.intensity.in_file())]) {
+            if let Err((_, why)) = file.check() {
+                return refuse(Key::from(name), why);
             }
         }
         let Intensity { black, white, .. } = &self.intensity;
@@ -182,13 +195,23 @@ impl Image {
 impl Intensity {
     /// How to read its file.
     pub fn layout(&self) -> Layout {
-        layout(&self.clock, None, &[&self.column])
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        let columns = vec![("column", &self.column, Some("1"))];
+        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
     }
 }
 
 impl ImageAxis {
     /// How to read its file.
     pub fn layout(&self) -> Layout {
-        layout(&self.clock, None, &[&self.column])
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        let columns = vec![("column", &self.column, Some("rad"))];
+        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
     }
 }

@@ -14,6 +14,7 @@
 //! );
 //! ```
 
+mod column;
 mod device;
 mod error;
 mod estimate;
@@ -42,6 +43,7 @@ mod stream;
 mod tests;
 mod values;
 
+pub use column::ColumnChoice;
 pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Crossings, Estimate, Peak};

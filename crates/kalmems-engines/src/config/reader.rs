@@ -78,7 +78,16 @@ impl serde::de::Error for Failure {
             Unexpected::Map => "a table".to_owned(),
             other => other.to_string(),
         };
-        Self::new(Fault::Type { found, expected: expected.to_string(), remedy: String::new() })
+        Self::new(Fault::Type { found, expected: in_words(&expected.to_string()), remedy: String::new() })
+    }
+
+    fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        Self::invalid_type(found, expected)
+    }
+
+    fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
+        let found = format!("a list of {length}");
+        Self::new(Fault::Type { found, expected: in_words(&expected.to_string()), remedy: String::new() })
     }
 
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
@@ -92,6 +101,29 @@ impl serde::de::Error for Failure {
     fn missing_field(field: &'static str) -> Self {
         Self::new(Fault::MissingKey { remedy: String::new() }).under(field)
     }
+}
+
+/// What is expected, in the words of this program where the library has its own.
+fn in_words(expected: &str) -> String {
+    let list = |length: &str| format!("a list of {length} in square brackets");
+    let words = match expected {
+        "u8" | "u16" | "u32" | "u64" | "u128" | "usize" => "a whole number of 0 or more, without quotes",
+        "i8" | "i16" | "i32" | "i64" | "i128" | "isize" => "a whole number, without quotes",
+        "f32" | "f64" => "a number, without quotes",
+        "a boolean" => "`true` or `false`, without quotes",
+        "a string" | "a character" => "text in quotes",
+        "a sequence" => "a list in square brackets",
+        "a map" => "a table",
+        _ if expected.starts_with("a nonzero u") => "a whole number of 1 or more, without quotes",
+        _ if expected.starts_with("struct ") => "a table",
+        _ => {
+            let of_length = ["an array of length ", "a tuple of size ", "tuple of "]
+                .iter()
+                .find_map(|start| expected.strip_prefix(start));
+            return of_length.map_or_else(|| expected.to_owned(), list);
+        }
+    };
+    words.to_owned()
 }
 
 /// Reads a file into a type, and says of a fault where it is and what to write.

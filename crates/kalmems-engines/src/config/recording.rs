@@ -1,11 +1,13 @@
 //! What an experiment file says about its recordings.
 
+use super::column::{FileColumns, usual_unit};
 use super::format::FileFormat;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
-use super::{Gaps, Name};
-use schemars::{JsonSchema, Schema, SchemaGenerator};
+use super::values::AnyValue;
+use super::{ColumnChoice, Gaps, Name};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::json;
@@ -37,12 +39,25 @@ pub struct Recording {
     /// What is done where samples are missing in time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaps: Option<Gaps>,
-    /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`.
+    /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`; in place of a name a table, such as
+    /// `{ column = "Ucap", unit = "V" }`, says what the column's numbers are.
     pub channels: Channels,
     /// An independent measurement of the motion. Only the evaluation of an estimate, or an identification,
     /// reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
+}
+
+impl Recording {
+    /// Its file with its columns.
+    pub(super) fn in_file(&self) -> FileColumns<'_> {
+        FileColumns {
+            format: self.format.as_ref(),
+            clock: Some(&self.clock),
+            segments: self.segments.as_ref(),
+            columns: self.channels.in_file(),
+        }
+    }
 }
 
 /// What a recording was taken for.
@@ -95,15 +110,12 @@ pub struct Segments {
 }
 
 /// When samples were taken: a time column, or a rate where there is none.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-#[serde(untagged, deny_unknown_fields)]
-#[schemars(example = Clock::Column { column: "time_s".to_owned() })]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Clock {
     /// The file has a column of times.
-    Column {
-        /// Its name.
-        column: String,
-    },
+    #[serde(serialize_with = "ColumnChoice::serialize_as_table")]
+    Column(ColumnChoice),
     /// The samples are equidistant.
     Rate {
         /// Samples per second.
@@ -114,6 +126,53 @@ pub enum Clock {
     },
 }
 
+/// The keys of a clock with a column.
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // It is there for its schema.
+struct ColumnKeys {
+    /// The name of the column of times.
+    #[schemars(example = &"time_s")]
+    column: String,
+    /// The unit of its numbers, such as `"us"`; that which the file says if left out.
+    unit: Option<String>,
+    /// What each number is multiplied by, such as `25` of a counter in `"ns"`; 1 if left out.
+    scale: Option<AnyValue>,
+}
+
+/// The keys of a clock without a column.
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // It is there for its schema.
+struct RateKeys {
+    /// Samples per second.
+    rate: Quantity<Frequency, Positive>,
+    /// The time of the first sample, of each segment where there are several; 0 s if left out.
+    start: Option<Quantity<Time>>,
+}
+
+impl JsonSchema for Clock {
+    fn schema_name() -> Cow<'static, str> {
+        "Clock".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let (column, rate) = (ColumnKeys::json_schema(generator), RateKeys::json_schema(generator));
+        json_schema!({
+            "description": "When samples were taken: a time column, or a rate where there is none.",
+            "anyOf": [column, rate],
+            "examples": [{ "column": "time_s" }],
+        })
+    }
+}
+
+impl Clock {
+    /// A column of times by its name.
+    pub fn column(name: &str) -> Self {
+        Self::Column(ColumnChoice::from(name))
+    }
+}
+
 impl<'de> Deserialize<'de> for Clock {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
@@ -122,15 +181,24 @@ impl<'de> Deserialize<'de> for Clock {
             column: Option<String>,
             rate: Option<Quantity<Frequency, Positive>>,
             start: Option<Quantity<Time>>,
+            unit: Option<String>,
+            scale: Option<AnyValue>,
         }
         const EXPECTED: &str = "expected either `column = \"time_s\"` or `rate = \"8 kHz\"`";
         match Keys::deserialize(deserializer)? {
-            Keys { column: Some(column), rate: None, start: None } => Ok(Self::Column { column }),
-            Keys { column: None, rate: Some(rate), start } => Ok(Self::Rate { rate, start }),
+            Keys { column: Some(column), rate: None, start: None, unit, scale } => {
+                ColumnChoice::of_keys(column, unit, scale).map(Self::Column).map_err(D::Error::custom)
+            }
+            Keys { column: None, rate: Some(rate), start, unit: None, scale: None } => {
+                Ok(Self::Rate { rate, start })
+            }
+            Keys { column: None, rate: Some(_), .. } => Err(D::Error::custom(
+                "found `unit` or `scale` with `rate`; they are for a column of times, so remove them",
+            )),
             Keys { column: Some(_), rate: Some(_), .. } => {
                 Err(D::Error::custom(format!("found both `column` and `rate`; {EXPECTED}")))
             }
-            Keys { column: Some(_), rate: None, start: Some(_) } => Err(D::Error::custom(
+            Keys { column: Some(_), rate: None, start: Some(_), .. } => Err(D::Error::custom(
                 "found `start` with `column`; a time column says itself when it starts, so remove `start`",
             )),
             Keys { column: None, rate: None, .. } => {
@@ -141,26 +209,36 @@ impl<'de> Deserialize<'de> for Clock {
 }
 
 /// Columns by their meaning. The rig knows the meanings; there is at least one.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "BTreeMap<String, String>")]
-pub struct Channels(BTreeMap<String, String>);
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "BTreeMap<String, ColumnChoice>")]
+pub struct Channels(BTreeMap<String, ColumnChoice>);
 
 impl Channels {
     /// The column with this meaning.
     pub fn column(&self, meaning: &str) -> Option<&str> {
-        self.0.get(meaning).map(String::as_str)
+        self.0.get(meaning).map(ColumnChoice::name)
     }
 
     /// Meanings and columns, sorted by meaning.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.0.iter().map(|(meaning, column)| (meaning.as_str(), column.as_str()))
+        self.choices().map(|(meaning, column)| (meaning, column.name()))
+    }
+
+    /// The same with what is said of the columns.
+    pub fn choices(&self) -> impl Iterator<Item = (&str, &ColumnChoice)> {
+        self.0.iter().map(|(meaning, column)| (meaning.as_str(), column))
+    }
+
+    /// The columns of a file, all of which need a unit.
+    pub(super) fn in_file(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
+        self.choices().map(|(meaning, column)| (meaning, column, Some(usual_unit(meaning)))).collect()
     }
 }
 
-impl TryFrom<BTreeMap<String, String>> for Channels {
+impl TryFrom<BTreeMap<String, ColumnChoice>> for Channels {
     type Error = &'static str;
 
-    fn try_from(columns: BTreeMap<String, String>) -> Result<Self, Self::Error> {
+    fn try_from(columns: BTreeMap<String, ColumnChoice>) -> Result<Self, Self::Error> {
         if columns.is_empty() {
             Err(
                 "found no channel; expected at least one meaning with its column, such as `signal = \"cap_V\"`",
@@ -177,9 +255,10 @@ impl JsonSchema for Channels {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let mut schema = <BTreeMap<String, String>>::json_schema(generator);
+        let mut schema = <BTreeMap<String, ColumnChoice>>::json_schema(generator);
         schema.insert("minProperties".to_owned(), 1.into());
-        schema.insert("examples".to_owned(), json!([{ "drive": "drive_V", "signal": "cap_V" }]));
+        let mapped = json!({ "drive": { "column": "Vdrive", "unit": "V" }, "signal": "cap_V" });
+        schema.insert("examples".to_owned(), json!([{ "drive": "drive_V", "signal": "cap_V" }, mapped]));
         schema
     }
 }
@@ -191,6 +270,9 @@ pub struct Reference {
     /// Its file, relative to the folder of the experiment file; the recording's file if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     file: Option<PathBuf>,
+    /// How its file is written, where that cannot be told from it; as in the recording where it is the same file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    format: Option<FileFormat>,
     /// The column that tells records apart; as in the recording if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     segments: Option<Segments>,
@@ -212,7 +294,7 @@ impl Reference {
 
     /// A file of its own with these columns, sampled as the recording.
     pub fn of(file: PathBuf, channels: Channels) -> Self {
-        Self { file: Some(file), segments: None, clock: None, channels, delay: None }
+        Self { file: Some(file), format: None, segments: None, clock: None, channels, delay: None }
     }
 
     /// Puts its file, where it has one of its own, elsewhere.
@@ -223,6 +305,22 @@ impl Reference {
     /// Its file, relative to the folder of the experiment file.
     pub fn file<'a>(&'a self, recording: &'a Recording) -> &'a Path {
         self.file.as_deref().unwrap_or(&recording.file)
+    }
+
+    /// How its file is written, where that cannot be told from it.
+    pub fn format<'a>(&'a self, recording: &'a Recording) -> Option<&'a FileFormat> {
+        let of_recording = recording.format.as_ref().filter(|_| self.is_in_recording());
+        self.format.as_ref().or(of_recording)
+    }
+
+    /// Its file with its columns.
+    pub(super) fn in_file<'a>(&'a self, recording: &'a Recording) -> FileColumns<'a> {
+        FileColumns {
+            format: self.format(recording),
+            clock: Some(self.clock(recording)),
+            segments: self.segments(recording),
+            columns: self.channels.in_file(),
+        }
     }
 
     /// The column that tells records apart.

@@ -88,6 +88,9 @@ fn example(schema: &Value) -> Option<String> {
     }
     match schema.get("type")?.as_str()? {
         "string" => Some("\"...\"".to_owned()),
+        "integer" => Some("1".to_owned()),
+        "number" => Some("1.0".to_owned()),
+        "boolean" => Some("true".to_owned()),
         // A list of values; one of tables has no example.
         "array" => example(schema.get("items")?).map(|item| format!("[{item}]")),
         _ => None,

@@ -1,12 +1,15 @@
 //! What an experiment file says about the simulation that is wanted.
 
+use super::column::FileColumns;
+use super::format::FileFormat;
 use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
 use super::recording::Clock;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
 use super::values::Values;
-use super::{Fault, Key};
+use super::{ColumnChoice, Fault, Key};
+use crate::recording::Layout;
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -245,11 +248,23 @@ pub struct RecordedDrive {
     /// The file, relative to the folder of the experiment file.
     #[schemars(example = &"drive.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// When its samples were taken.
     pub clock: Clock,
     /// The column.
     #[schemars(example = &"drive_V")]
-    pub column: String,
+    pub column: ColumnChoice,
+}
+
+impl RecordedDrive {
+    /// How to read its file.
+    pub fn layout(&self) -> Layout {
+        let columns = vec![("column", &self.column, Some("V"))];
+        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
+            .layout(None)
+    }
 }
 
 /// A sine that drives the device before the recording and a bias that is on during it.

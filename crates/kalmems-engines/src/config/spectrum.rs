@@ -1,15 +1,15 @@
 //! The spectrum file: interferograms, and where the mirror was.
 
-use super::experiment::layout;
+use super::column::FileColumns;
+use super::format::FileFormat;
 use super::kinds::{Angle, Frequency, Length, Ratio, Time, Wavenumber};
 use super::quantity::Quantity;
 use super::reader;
 use super::sign::{NotNegative, Positive};
 use super::source::Source;
-use super::{Clock, ConfigError, Fault, Key, Name};
+use super::{Clock, ColumnChoice, ConfigError, Fault, Key, Name};
 use crate::applications::spectrum::Apodisation;
 use crate::recording::Layout;
-use kalmems_formats::Hints;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -60,9 +60,12 @@ pub struct Interferogram {
     /// The file, relative to the folder of the spectrum file.
     #[schemars(example = &"interferogram.csv")]
     pub file: PathBuf,
-    /// The columns of the detector. With a known step each is one scan; along a trajectory each is cut into scans.
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// The columns of the detector, whose numbers need no unit. With a known step each is one scan; along a trajectory each is cut into scans.
     #[schemars(length(min = 1), example = vec!["detector_1"])]
-    pub columns: Vec<String>,
+    pub columns: Vec<ColumnChoice>,
     /// When the samples were taken, on the clock of the trajectory; not needed where the step is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
@@ -97,11 +100,14 @@ pub struct PathTrajectory {
     /// The file, such as a `trajectory_ekf.csv` of `kalmems estimate`; relative to the folder of the spectrum file.
     #[schemars(example = &"trajectory_ekf.csv")]
     pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
     /// When its samples were taken.
     pub clock: Clock,
     /// The column of the position.
     #[schemars(example = &"position_m")]
-    pub column: String,
+    pub column: ColumnChoice,
     /// By how much the path changes for each unit of the position; 2 if left out, for a mirror that sends the light back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path_per_position: Option<Quantity<Ratio, Positive>>,
@@ -266,12 +272,16 @@ pub struct ReferenceSpectrum {
     /// The file, relative to the folder of the spectrum file.
     #[schemars(example = &"single_channel.csv")]
     pub file: PathBuf,
-    /// The column of the wavenumbers; its name ends with `_per_m` or `_per_cm`.
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// The column of the wavenumbers: `wavenumber_per_m` or `wavenumber_per_cm`, or one of any name with its unit,
+    /// `{ column = "nu", unit = "1/cm" }`.
     #[schemars(example = &"wavenumber_per_m")]
-    pub wavenumber: String,
-    /// The column of the values.
+    pub wavenumber: ColumnChoice,
+    /// The column of the values, whose numbers need no unit.
     #[schemars(example = &"single_channel_1")]
-    pub column: String,
+    pub column: ColumnChoice,
 }
 
 /// A light, and a detector in the place of a recorded one.
@@ -439,6 +449,23 @@ impl SpectrumFile {
                 refuse(key, &format!("`{}` is not below `{}`", band.from.text(), band.to.text()))?;
             }
         }
+        let path = match &self.path {
+            PathDifference::Trajectory(trajectory) => Some(trajectory.in_file()),
+            PathDifference::Step(_) | PathDifference::Laser(_) => None,
+        };
+        let spectrum = reference.and_then(|reference| reference.spectrum.as_ref());
+        let truth = reference.and_then(|reference| reference.trajectory.as_ref());
+        for (key, file) in [
+            ("interferogram", self.interferogram.as_ref().map(Interferogram::in_file)),
+            ("path.trajectory", path),
+            ("light.trajectory", self.light.as_ref().map(|light| light.trajectory.in_file())),
+            ("reference.trajectory", truth.map(PathTrajectory::in_file)),
+            ("reference.spectrum", spectrum.map(ReferenceSpectrum::in_file)),
+        ] {
+            if let Some(Err((_, why))) = file.map(|file| file.check()) {
+                refuse(key, &why)?;
+            }
+        }
         Ok(())
     }
 
@@ -465,7 +492,12 @@ fn refuse(key: &str, why: &str) -> Result<(), (Key, String)> {
 impl PathTrajectory {
     /// How to read its file.
     pub fn layout(&self) -> Layout {
-        layout(&self.clock, None, &[&self.column])
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        let columns = vec![("column", &self.column, Some("m"))];
+        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
     }
 
     /// By how much the path changes for each unit of the position.
@@ -482,18 +514,24 @@ impl PathTrajectory {
 impl Interferogram {
     /// How to read its columns; without a clock samples count as one per second.
     pub fn layout(&self) -> Layout {
-        let columns: Vec<&str> = self.columns.iter().map(String::as_str).collect();
-        match &self.clock {
-            Some(clock) => layout(clock, None, &columns),
-            None => Layout {
-                clock: crate::recording::Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
-                segment_column: None,
-                columns: Some(self.columns.clone()),
-                hints: Hints::default(),
-                origin: None,
-                restarts: None,
-            },
-        }
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        let columns = self.columns.iter().map(|column| ("columns", column, None)).collect();
+        FileColumns { format: self.format.as_ref(), clock: self.clock.as_ref(), columns, segments: None }
+    }
+}
+
+impl ReferenceSpectrum {
+    /// How to read its columns.
+    pub fn layout(&self) -> Layout {
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        let columns = vec![("wavenumber", &self.wavenumber, Some("1/cm")), ("column", &self.column, None)];
+        FileColumns { format: self.format.as_ref(), columns, ..FileColumns::default() }
     }
 }
 

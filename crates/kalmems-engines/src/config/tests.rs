@@ -248,3 +248,62 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn a_channel_is_a_name_or_a_table_and_comes_back_as_it_was() {
+    let channels = "{ drive = \"drive_V\", signal = \"cap_V\" }";
+    assert!(SCANNER.contains(channels));
+    let mapped = "{ drive = { column = \"Vdrive\", unit = \"mV\", scale = 4 }, signal = { column = \"Ucap\", unit = \"V\", \
+                  offset = \"0.1 V\" } }";
+    let text = SCANNER.replacen(channels, mapped, 1).replacen("\"time_s\" }", "\"t\", unit = \"ms\" }", 1);
+    let experiment = parse(&text).unwrap();
+    let recording = &experiment.recordings[0];
+    assert_eq!(recording.channels.column("drive"), Some("Vdrive"));
+    let layout = recording.layout(&["Vdrive", "Ucap"]);
+    assert_eq!(layout.clock, crate::recording::Clock::Column("t".to_owned()));
+    let drive = layout.declared.iter().find(|known| known.key == "drive").unwrap();
+    let reading = drive.reading.as_ref().unwrap();
+    assert_eq!(
+        (reading.unit.as_ref().unwrap().0.as_str(), reading.scale.as_ref().unwrap().si()),
+        ("mV", 4.0)
+    );
+    assert!(layout.declared.iter().any(|known| known.is_clock() && known.reading.is_some()));
+    let again = parse(&experiment.to_toml().unwrap()).unwrap();
+    assert_eq!(again, experiment);
+    // What says nothing but a name is written as one.
+    let plain = scanner().to_toml().unwrap();
+    assert!(plain.contains("signal = \"cap_V\"") && plain.contains("column = \"time_s\""), "{plain}");
+}
+
+#[test]
+fn a_column_that_two_channels_read_otherwise_is_refused() {
+    let text = SCANNER.replacen("drive = \"drive_V\"", "drive = { column = \"cap_V\", scale = 2 }", 1);
+    insta::assert_snapshot!(message(&text), @"lab/experiment.toml:27: recording[0].channels.signal: the column `cap_V` is that of `drive` as well, and there its numbers are read otherwise; say the same of them in both places");
+}
+
+#[test]
+fn what_a_number_or_a_list_should_be_is_said_in_words_of_this_program() {
+    let of = |text: &str| Image::parse(text, Path::new("image.toml")).unwrap_err().to_string();
+    let image = "name = \"a\"\n[intensity]\nfile = \"i.csv\"\nclock = { column = \"time_s\" }\ncolumn = \"i_1\"\n[x]\nfile = \
+                 \"x.csv\"\nclock = { column = \"time_s\" }\ncolumn = \"angle_rad\"\npixels = ";
+    insta::assert_snapshot!(of(&format!("{image}\"400\"\n")), @"image.toml:10: x.pixels: found the text `400`; expected a whole number of 0 or more, without quotes; write `pixels = 400`");
+    insta::assert_snapshot!(of(&format!("{image}-4\n")), @"image.toml:10: x.pixels: found the number `-4`; expected a whole number of 0 or more, without quotes; write `pixels = 400`");
+    insta::assert_snapshot!(of(&format!("{image}[4]\n")), @"image.toml:10: x.pixels: found a list; expected a whole number of 0 or more, without quotes; write `pixels = 400`");
+    let clock = "clock = { column = \"time_s\" }";
+    let text =
+        SCANNER.replacen(clock, &format!("format = {{ kind = \"csv\", header_line = 0 }}\n{clock}"), 1);
+    insta::assert_snapshot!(message(&text), @"lab/experiment.toml:26: recording[0].format.header_line: found the number `0`; expected a whole number of 1 or more, without quotes; write `header_line = 1`");
+    insta::assert_snapshot!(message(&SCANNER.replacen("[[recording]]", "[recording]", 1)), @"lab/experiment.toml:23: recording: found a table; expected a list of tables; add a table headed `[[recording]]`, with double brackets");
+}
+
+#[test]
+fn a_second_filter_of_a_name_is_told_to_take_another() {
+    let text = format!(
+        "{SCANNER}\n[[estimate.filter]]\nname = \"Twice\"\nmethod = \"model\"\nstart = {{ angle = \"0 rad\", rate = \
+                        \"0 rad/s\" }}\n"
+    );
+    let twice = format!("{text}{}", &text[SCANNER.len()..]);
+    let said = message(&twice);
+    assert!(said.contains("give this one another, such as `name = \"Twice-2\"`"), "{said}");
+    assert!(!said.contains("recording"), "{said}");
+}

@@ -17,11 +17,14 @@ mod tests;
 mod text;
 
 pub use envelope::{Envelope, EnvelopePoint, envelope};
+pub(crate) use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, Origin, ReadError, Restarts, Source, Stretch, Stretches};
+use crate::recording::{
+    Around, Clock, Finding, Origin, ReadError, Restarts, Severity, Source, Stretch, Stretches,
+};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -143,6 +146,7 @@ pub fn inspect_with(
         clock: &clock,
         segment_column: survey.segment.as_deref(),
         columns: Wanted::AllBut(&survey.text),
+        declared: &[],
         hints: &hints,
         origin: None,
         restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
@@ -236,6 +240,11 @@ impl Draft {
 }
 
 impl Inspection {
+    /// Whether nothing was found that keeps the file from being used as a recording.
+    pub fn is_usable(&self) -> bool {
+        self.diagnosis.iter().all(|finding| finding.severity() != Severity::Fatal)
+    }
+
     /// The segment with the most rows, the first of several.
     pub fn longest_segment(&self) -> Option<&SegmentSummary> {
         self.segments.get(self.longest.as_ref()?.0)

@@ -25,6 +25,7 @@ const SI_UNITS: &[&str] = &[
     "Pa",
     "W",
     "N/m",
+    "1/m",
     "m²",
     "V²",
     "V/√(Hz)",
@@ -50,6 +51,9 @@ pub(super) fn si_unit(header: &Header) -> String {
     let Some(unit) = header.unit else { return String::new() };
     if header.unit_text == "1" {
         return String::new();
+    }
+    if let Some(length) = header.unit_text.strip_prefix("per_").filter(|_| unit.factor() == 1.0) {
+        return format!("1/{length}");
     }
     // Compared as parsed, so that the factor is exactly 1.
     if unit.factor().to_bits() == 1_f64.to_bits() {
@@ -127,6 +131,8 @@ mod tests {
             ("load_g", "kg"),
             ("nis_1", ""),
             ("part_ppm", ""),
+            ("wavenumber_per_m", "1/m"),
+            ("wavenumber_per_cm", "1/m"),
             ("record", ""),
         ] {
             assert_eq!(si_unit(&Header::parse(column)), unit, "{column}");

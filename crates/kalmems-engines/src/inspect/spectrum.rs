@@ -60,7 +60,7 @@ pub struct Spectrum {
 /// The spectrum of evenly spaced numbers, `rate` of them per unit of time; `None` where they are too few or not
 /// finite.
 pub(super) fn spectrum(values: &[f64], rate: f64, segment: &str) -> Option<Spectrum> {
-    of_bins(&magnitudes(values)?, values.len(), rate, segment)
+    of_bins(&magnitudes(values)?.0, values.len(), rate, segment)
 }
 
 /// The mean power of stretches of one length that follow each other, for segments too long for one transform
@@ -78,7 +78,7 @@ impl Periodogram {
         if self.stretches > 0 && values.len() != self.length {
             return;
         }
-        let Some(bins) = magnitudes(values) else { return };
+        let Some((bins, _)) = magnitudes(values) else { return };
         self.length = values.len();
         self.power.resize(bins.len(), 0.0);
         self.power.iter_mut().zip(bins).for_each(|(power, bin)| *power += bin * bin);
@@ -118,8 +118,9 @@ fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<Spec
     })
 }
 
-/// The magnitudes of the transform of the windowed values without their mean.
-fn magnitudes(values: &[f64]) -> Option<Vec<f64>> {
+/// The magnitudes of the transform of the windowed values without their mean, and the amplitude of a tone in the middle of a
+/// bin by its magnitude.
+pub(crate) fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
     if values.len() < SHORTEST || !values.iter().all(|v| v.is_finite()) {
         return None;
     }
@@ -135,7 +136,7 @@ fn magnitudes(values: &[f64]) -> Option<Vec<f64>> {
     let mut bins = transform.make_output_vec();
     // The lengths fit, as the plan has made them.
     transform.process(&mut windowed, &mut bins).ok()?;
-    Some(bins.iter().map(|bin| bin.norm()).collect())
+    Some((bins.iter().map(|bin| bin.norm()).collect(), 2.0 / (values.len() as f64 * lobe(0.0))))
 }
 
 fn median(bins: &[f64]) -> Option<f64> {

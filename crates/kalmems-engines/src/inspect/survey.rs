@@ -5,6 +5,7 @@ use crate::recording::blocks::Blocks;
 use crate::recording::clock_unit::ClockUnit;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
+use crate::recording::scale::Scale;
 use crate::units::Header;
 use kalmems_formats::{Block, Column, Fault, Table, TimeKind, Wanted};
 use std::collections::{BTreeMap, BTreeSet};
@@ -269,7 +270,10 @@ impl Time {
     fn of(names: &[Header], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
         let clocks = || {
             let all = names.iter().enumerate();
-            all.filter_map(|(column, header)| Some((column, header, ClockUnit::of(header, kind(column))?)))
+            all.filter_map(|(column, header)| {
+                let scale = Scale::of(header.unit);
+                Some((column, header, ClockUnit::of(header, scale, kind(column))?))
+            })
         };
         let by_name = clocks().find(|(_, header, _)| header.column.to_lowercase().starts_with("time"));
         if let Some((column, _, unit)) = by_name {

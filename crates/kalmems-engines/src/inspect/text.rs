@@ -117,7 +117,7 @@ fn lines(text: &mut String, inspection: &Inspection) {
 }
 
 fn diagnosis(text: &mut String, inspection: &Inspection) {
-    let fatal = inspection.diagnosis.iter().any(|f| f.severity() == Severity::Fatal);
+    let fatal = !inspection.is_usable();
     text.push_str(match (fatal, inspection.diagnosis.is_empty()) {
         (true, _) => "\nThe file cannot be used as a recording like this:\n",
         (false, false) => "\nFound and kept as it is:\n",

@@ -21,8 +21,8 @@ const DAYS: [&str; 3] = ["d", "day", "days"];
 
 impl ClockUnit {
     /// What the format says, or else the name: its unit, and a word such as `unix` in it. `None` where neither says a unit of
-    /// time.
-    pub(crate) fn of(header: &Header, kind: Option<TimeKind>) -> Option<Self> {
+    /// time. `scale` is what makes SI of the numbers, with what the settings say of them.
+    pub(crate) fn of(header: &Header, scale: Scale, kind: Option<TimeKind>) -> Option<Self> {
         if let Some(kind) = kind {
             return Some(Self { unit: TimeUnit::SECOND, calendar: kind == TimeKind::Calendar });
         }
@@ -31,7 +31,7 @@ impl ClockUnit {
         let zero = ZEROS.iter().find(|(names, _)| words.iter().any(|word| names.contains(word)));
         let spreadsheet = zero.is_some_and(|(_, zero_s)| *zero_s == SPREADSHEET_ZERO_S);
         let unit = match header.unit {
-            Some(unit) if kind::TIME.accepts(unit.dimension()) => of_scale(Scale::of(Some(unit)))?,
+            Some(unit) if kind::TIME.accepts(unit.dimension()) => of_scale(scale)?,
             Some(_) => return None,
             None if words.len() > 1 && words.last().is_some_and(|last| DAYS.contains(last)) => {
                 TimeUnit::seconds(86_400)
@@ -45,7 +45,8 @@ impl ClockUnit {
     }
 }
 
-/// Powers of ten and whole numbers of seconds, which all units of time have.
+/// Powers of ten and whole numbers of seconds, which all units of time have, and decimal numbers of few digits, such as the
+/// 25·10⁻⁹ s of a counter.
 fn of_scale(scale: Scale) -> Option<TimeUnit> {
     match scale {
         Scale::Decimal(power) => Some(TimeUnit::decimal(power)),
@@ -53,7 +54,16 @@ fn of_scale(scale: Scale) -> Option<TimeUnit> {
         Scale::Factor(factor) if factor.fract() == 0.0 && (1.0..1e9).contains(&factor) => {
             Some(TimeUnit::seconds(factor as u32))
         }
-        Scale::Factor(_) => None,
+        Scale::Factor(factor) => {
+            let text = format!("{factor:e}");
+            let (digits, power) = text.split_once('e')?;
+            let decimals = digits.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+            let power = power.parse::<i32>().ok()?.checked_sub(i32::try_from(decimals).ok()?)?;
+            let factor: u32 = digits.replace('.', "").parse().ok()?;
+            (factor < 1_000_000).then_some(TimeUnit { factor, ..TimeUnit::decimal(power) })
+        }
+        // A count has its own zero and goes forward.
+        Scale::Affine { .. } => None,
     }
 }
 
@@ -62,8 +72,19 @@ mod tests {
     use super::*;
 
     fn of(name: &str) -> Option<(u32, i32, i64, bool)> {
-        let ClockUnit { unit, calendar } = ClockUnit::of(&Header::parse(name), None)?;
+        let header = Header::parse(name);
+        let ClockUnit { unit, calendar } = ClockUnit::of(&header, Scale::of(header.unit), None)?;
         Some((unit.factor, unit.power, unit.zero_s, calendar))
+    }
+
+    #[test]
+    fn a_counter_of_few_digits_is_exact() {
+        let of = |factor: f64| of_scale(Scale::Factor(factor)).map(|unit| (unit.factor, unit.power));
+        assert_eq!(of(2.5e-8), Some((25, -9)));
+        assert_eq!(of(60.0), Some((60, 0)));
+        assert_eq!(of(1.0 / 3.0), None);
+        assert_eq!(of(-60.0), None);
+        assert_eq!(of_scale(Scale::Affine { power: 0, factor: 1.0, offset: 1.0 }), None);
     }
 
     #[test]

@@ -60,10 +60,7 @@ pub enum ReadError {
         hint: String,
     },
     /// A column is of another kind than it is used for.
-    #[error(
-        "the column `{column}` of `{file}` is in `{unit}`; expected {expected}: name another column, or correct the \
-         unit that its name ends with"
-    )]
+    #[error("the column `{column}` of `{file}` is in `{unit}`; expected {expected}: {remedy}")]
     Kind {
         /// The file's name.
         file: String,
@@ -73,6 +70,8 @@ pub enum ReadError {
         unit: String,
         /// The kind that was expected.
         expected: String,
+        /// What to do.
+        remedy: &'static str,
     },
     /// Stopped from outside.
     #[error("reading `{file}` was interrupted")]
@@ -119,6 +118,16 @@ pub(super) fn hint<'a>(wanted: &str, names: impl Iterator<Item = &'a str> + Clon
     if let Some((_, name)) = best {
         return format!("did you mean `{name}`?");
     }
+    if names.clone().nth(1).is_none() && names.clone().any(|name| !is_a_word(name)) {
+        return "its first line is no line of names".to_owned();
+    }
     let all: Vec<String> = names.map(|name| format!("`{name}`")).collect();
     if all.is_empty() { "there are no columns".to_owned() } else { format!("there are {}", all.join(", ")) }
+}
+
+/// Whether the only name of a file can be that of a column. What else the first line of some file holds is not shown: it may
+/// be one that was not meant, with what is nobody's business.
+fn is_a_word(name: &str) -> bool {
+    let of_a_name = |c: char| c.is_alphanumeric() || " _-()[]/%°²^.".contains(c);
+    name.chars().count() <= 40 && name.chars().all(of_a_name)
 }

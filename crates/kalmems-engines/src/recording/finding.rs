@@ -33,6 +33,8 @@ pub enum FindingKind {
     UnknownUnit,
     /// The unit of the time column is no unit of time.
     TimeUnit,
+    /// What the settings say of a column's numbers does not fit together.
+    Contradiction,
     /// A row with more or fewer cells than the header.
     WrongColumnCount,
     /// A cell that holds something, and no number.
@@ -49,7 +51,11 @@ pub enum FindingKind {
     NoLabel,
     /// A segment's label that was there already, with others between.
     SegmentReturns,
-    /// The name of a column that nobody named ends with no unit.
+    /// The settings say what a column's numbers are.
+    Stated,
+    /// The settings say another unit than the file.
+    OtherUnit,
+    /// The name of a column ends with no unit, and it needs none.
     NoUnit,
     /// Lines without cells between the rows.
     BlankLine,
@@ -91,6 +97,7 @@ impl FindingKind {
             | Self::DuplicateColumn
             | Self::UnknownUnit
             | Self::TimeUnit
+            | Self::Contradiction
             | Self::WrongColumnCount
             | Self::NonNumeric
             | Self::NoTime
@@ -99,7 +106,9 @@ impl FindingKind {
             | Self::SparseTime
             | Self::NoLabel
             | Self::SegmentReturns => Severity::Fatal,
-            Self::NoUnit
+            Self::Stated
+            | Self::OtherUnit
+            | Self::NoUnit
             | Self::BlankLine
             | Self::NoLineEnd
             | Self::Missing
@@ -147,6 +156,11 @@ impl FindingKind {
             Self::UnknownUnit => {
                 "expected a name that ends with a unit, such as `cap_V`, or with `_1` where there is none"
             }
+            Self::Contradiction => {
+                "expected an offset in the unit of the values: correct `offset`, `scale` or `unit`"
+            }
+            Self::Stated => "the settings say so",
+            Self::OtherUnit => "the unit of the settings counts: correct whichever is wrong",
             Self::TimeUnit => "expected a unit of time, such as `time_s` or `time_us`",
             Self::WrongColumnCount => "expected as many cells as names in the header: complete the row",
             Self::NonNumeric => {

@@ -12,6 +12,7 @@
 //!     clock: Clock::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
+//!     declared: Vec::new(),
 //!     hints: kalmems_engines::recording::Hints::default(),
 //!     origin: None,
 //!     restarts: None,
@@ -35,6 +36,7 @@ mod pass;
 mod plan;
 mod rails;
 pub(crate) mod read;
+mod reading;
 pub(crate) mod request;
 mod restart;
 pub(crate) mod scale;
@@ -51,6 +53,7 @@ pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
 pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use reading::{DeclaredColumn, Reading};
 pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
@@ -72,7 +75,10 @@ pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, Re
 
 /// Whether the name of a column says what a clock in it counts, as `time_s` and `time_unix_ns` do.
 pub fn names_a_time(column: &str) -> bool {
-    clock_unit::ClockUnit::of(&Header::parse(column), None).is_some()
+    {
+        let header = Header::parse(column);
+        clock_unit::ClockUnit::of(&header, scale::Scale::of(header.unit), None).is_some()
+    }
 }
 
 /// What an experiment file says about the columns of a recording.
@@ -85,6 +91,8 @@ pub struct Layout {
     /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
     /// labels of the segments, whatever their names end with.
     pub columns: Option<Vec<String>>,
+    /// What the settings say of them beyond their names.
+    pub declared: Vec<DeclaredColumn>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
     /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
@@ -167,6 +175,7 @@ impl Recording {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            declared: &layout.declared,
             hints: &layout.hints,
             origin: layout.origin,
             restarts: layout.restarts,
@@ -228,6 +237,12 @@ impl Recording {
             column: name.to_owned(),
             unit: column.header.unit_text.clone(),
             expected: kind.to_string(),
+            remedy: if column.header.is_stated {
+                "correct `unit` or `scale` of its table: `scale` multiplies the numbers, so that a sensitivity of `2 V/gn` is \
+                 `scale = \"0.5 gn/V\"`"
+            } else {
+                "name another column, or correct the unit that its name ends with"
+            },
         })
     }
 

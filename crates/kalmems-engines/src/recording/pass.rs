@@ -545,9 +545,14 @@ fn rate_times(rate_hz: f64, start_s: f64, first: usize, len: usize) -> TimeBase 
 
 /// Appends numbers in SI; one that is beyond f64 there becomes NaN, and its row and what it was are told.
 fn append(values: &mut Vec<f64>, numbers: &[f64], scale: Scale, mut beyond: impl FnMut(usize, f64)) {
-    let Scale::Factor(factor) = scale else { return values.extend_from_slice(numbers) };
+    let (factor, offset) = match scale {
+        Scale::Decimal(_) => return values.extend_from_slice(numbers),
+        // Nothing is added to it, not even to the sign of a zero.
+        Scale::Factor(factor) => (factor, -0.0),
+        Scale::Affine { factor, offset, .. } => (factor, offset),
+    };
     values.extend(numbers.iter().enumerate().map(|(row, number)| {
-        let si = number * factor;
+        let si = number * factor + offset;
         if si.is_infinite() {
             beyond(row, *number);
             return f64::NAN;

@@ -5,7 +5,7 @@ use super::error::hint;
 use super::findings::{Findings, Place};
 use super::request::{Request, Wanted};
 use super::scale::Scale;
-use super::{Clock, Finding, FindingKind as Kind};
+use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind};
 use crate::units::{Header, Unit, UnitError};
 use kalmems_formats::{self as formats, Instant, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
@@ -26,6 +26,33 @@ impl Target {
     fn new(index: usize, name: &str) -> Self {
         let header = Header::parse(name);
         Self { index, scale: Scale::of(header.unit), header, slot: 0, values: Vec::new() }
+    }
+
+    /// A column as the settings say, which is called `in_file` in the file.
+    fn declared(
+        index: usize,
+        in_file: &str,
+        declared: &DeclaredColumn,
+        line: usize,
+        findings: &mut Findings,
+    ) -> Self {
+        let mut target = Self::new(index, in_file);
+        let Some(reading) = &declared.reading else { return target };
+        let place = Place { column: Some(index), segment: None, line };
+        findings.add(Kind::Stated, place, || reading.words(&target.header));
+        if let Some((text, stated)) = &reading.unit
+            && target.header.unit.is_some_and(|unit| unit != *stated)
+        {
+            findings.add(Kind::OtherUnit, place, || {
+                format!("the file says `{}` and the settings say `{text}`", target.header.unit_text)
+            });
+        }
+        match reading.apply(&target.header) {
+            Ok((header, scale)) => (target.header, target.scale) = (header, scale),
+            Err(why) => findings.add(Kind::Contradiction, place, || why),
+        }
+        declared.column.clone_into(&mut target.header.column);
+        target
     }
 }
 
@@ -65,16 +92,24 @@ impl Plan {
             let detail = format!("the names are separated by {separator:?}");
             return Err(unreadable(Kind::Separator, line, detail));
         }
-        let mut find = |name: &str| find(name, &names, line, findings);
+        let declared = |name: &str, is_clock: bool| {
+            request.declared.iter().find(|known| known.column == name && known.is_clock() == is_clock)
+        };
+        let target = |name: &str, is_clock: bool, findings: &mut Findings| match declared(name, is_clock) {
+            Some(known) => {
+                let index = find(name, known.reading.is_some(), &names, line, findings)?;
+                Some(Target::declared(index, names.get(index)?, known, line, findings))
+            }
+            None => Some(Target::new(find(name, false, &names, line, findings)?, name)),
+        };
         let clock = match request.clock {
-            Clock::Column(name) => find(name).map(|index| Target::new(index, name)),
+            Clock::Column(name) => target(name, true, findings),
             Clock::Rate { .. } => None,
         };
-        let segment_column = request.segment_column.and_then(&mut find);
+        let find = |name: &str, findings: &mut Findings| find(name, false, &names, line, findings);
+        let segment_column = request.segment_column.and_then(|name| find(name, findings));
         let targets: Vec<Target> = match request.columns {
-            Wanted::Named(wanted) => {
-                wanted.iter().filter_map(|name| Some(Target::new(find(name)?, name))).collect()
-            }
+            Wanted::Named(wanted) => wanted.iter().filter_map(|name| target(name, false, findings)).collect(),
             Wanted::AllBut(unwanted) => {
                 let taken =
                     |i: usize| clock.as_ref().is_some_and(|c| c.index == i) || segment_column == Some(i);
@@ -84,7 +119,7 @@ impl Plan {
                 rest.map(|(i, name)| {
                     // Looked up as well, once for each name, to find those that come twice.
                     if first(i, name) {
-                        find(name);
+                        find(name, findings);
                     }
                     Target::new(i, name)
                 })
@@ -94,15 +129,18 @@ impl Plan {
         let named = matches!(request.columns, Wanted::Named(_));
         let place = |target: &Target| Place { column: Some(target.index), segment: None, line };
         for target in targets.iter().filter(|target| target.header.unit.is_none()) {
-            let kind = if named { Kind::UnknownUnit } else { Kind::NoUnit };
-            findings.add(kind, place(target), || unit_detail(&target.header.column));
+            let known = declared(&target.header.column, false);
+            let needed = named && known.is_none_or(|known| known.usual_unit.is_some());
+            let kind = if needed { Kind::UnknownUnit } else { Kind::NoUnit };
+            findings.add(kind, place(target), || unit_detail(&target.header.column, known));
         }
         let mut clock_unit = ClockUnit { unit: TimeUnit::SECOND, calendar: false };
         if let Some(clock) = &clock {
-            match ClockUnit::of(&clock.header, time_kind(clock.index)) {
+            let known = declared(&clock.header.column, true);
+            match ClockUnit::of(&clock.header, clock.scale, time_kind(clock.index)) {
                 Some(unit) => clock_unit = unit,
                 None => findings.add(Kind::TimeUnit, place(clock), || match clock.header.unit {
-                    None => unit_detail(&clock.header.column),
+                    None => unit_detail(&clock.header.column, known),
                     Some(_) => format!("`{}` is no time", clock.header.unit_text),
                 }),
             }
@@ -140,9 +178,23 @@ impl Plan {
     }
 }
 
-/// The position of a name, the first where it comes twice.
-fn find(wanted: &str, names: &[String], line: usize, findings: &mut Findings) -> Option<usize> {
-    let mut places = names.iter().enumerate().filter(|(_, name)| *name == wanted).map(|(i, _)| i);
+/// The position of a name, the first where it comes twice. Where `by_name` it may stand there with a unit that the format
+/// keeps apart: `cap_V` is `cap`.
+fn find(
+    wanted: &str,
+    by_name: bool,
+    names: &[String],
+    line: usize,
+    findings: &mut Findings,
+) -> Option<usize> {
+    let without_unit = |name: &String| {
+        let Header { unit_text, .. } = Header::parse(name);
+        let name = name.strip_suffix(unit_text.as_str()).and_then(|name| name.strip_suffix('_'));
+        !unit_text.is_empty() && name == Some(wanted)
+    };
+    let by_name = by_name && !names.iter().any(|name| name == wanted);
+    let is_it = |name: &String| if by_name { without_unit(name) } else { name == wanted };
+    let mut places = names.iter().enumerate().filter(|(_, name)| is_it(name)).map(|(i, _)| i);
     let Some(index) = places.next() else {
         let near = hint(wanted, names.iter().map(String::as_str));
         findings.add_absent(wanted, line, format!("there is no such column ({near})"));
@@ -164,17 +216,18 @@ pub(super) fn unreadable(kind: Kind, line: usize, detail: String) -> Vec<Finding
     findings.list(&[], &[])
 }
 
-/// Why a name has no unit, with the unit that was probably meant.
-fn unit_detail(column: &str) -> String {
-    let Some((name, ending)) = column.rsplit_once('_') else {
-        return "the name ends with no unit".to_owned();
-    };
-    match Unit::parse(ending) {
-        Err(UnitError::Unknown { suggestion: Some(unit), .. }) => {
+/// Why a name has no unit, with the unit that was probably meant, and what to write in the settings that name the column.
+fn unit_detail(column: &str, known: Option<&DeclaredColumn>) -> String {
+    let mut detail = match column.rsplit_once('_').map(|(name, ending)| (name, ending, Unit::parse(ending))) {
+        Some((name, ending, Err(UnitError::Unknown { suggestion: Some(unit), .. }))) => {
             format!("`{ending}` is no unit (did you mean `{name}_{unit}`?)")
         }
-        Err(_) => format!("`{ending}` is no unit"),
-        // As in `wavenumber_per_m`, where nothing stands before `per`.
-        Ok(_) => "the name ends with no unit".to_owned(),
+        Some((_, ending, Err(_))) => format!("`{ending}` is no unit"),
+        // As in `x_per_m`, where nothing stands before `per`.
+        Some((_, _, Ok(_))) | None => "the name ends with no unit".to_owned(),
+    };
+    if let Some(way_out) = known.and_then(DeclaredColumn::way_out) {
+        detail += &format!(": {way_out}");
     }
+    detail
 }

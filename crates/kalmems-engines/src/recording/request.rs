@@ -1,6 +1,6 @@
 //! What is asked of a file.
 
-use super::{Clock, Restarts};
+use super::{Clock, DeclaredColumn, Restarts};
 use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
@@ -8,6 +8,8 @@ pub(crate) struct Request<'a> {
     pub(crate) clock: &'a Clock,
     pub(crate) segment_column: Option<&'a str>,
     pub(crate) columns: Wanted<'a>,
+    /// What the settings say of columns beyond their names.
+    pub(crate) declared: &'a [DeclaredColumn],
     pub(crate) hints: &'a Hints,
     /// Where the times count from, where that is not for the file to say.
     pub(crate) origin: Option<Instant>,
@@ -16,7 +18,7 @@ pub(crate) struct Request<'a> {
 
 /// The columns to take.
 pub(crate) enum Wanted<'a> {
-    /// These; each must be there and have a unit.
+    /// These; each must be there, and have a unit where that is needed.
     Named(&'a [String]),
     /// All but these, the time and the segments' labels.
     AllBut(&'a [String]),

@@ -10,11 +10,33 @@ pub(crate) enum Scale {
     Decimal(i32),
     /// Any other factor.
     Factor(f64),
+    /// A power of ten, and `factor · number + offset` after it.
+    Affine {
+        /// The power of ten.
+        power: i32,
+        /// The factor.
+        factor: f64,
+        /// What is added, in SI.
+        offset: f64,
+    },
 }
 
 impl Scale {
     pub(crate) fn of(unit: Option<Unit>) -> Self {
-        let factor = unit.map_or(1.0, |u| u.factor());
+        Self::of_factor(unit.map_or(1.0, |u| u.factor()))
+    }
+
+    /// Numbers times a factor, with an offset in SI added.
+    pub(super) fn of_factor_and_offset(factor: f64, offset: f64) -> Self {
+        match Self::of_factor(factor.abs()) {
+            Self::Decimal(power) if offset == 0.0 && factor > 0.0 => Self::Decimal(power),
+            Self::Decimal(power) => Self::Affine { power, factor: factor.signum(), offset },
+            _ if offset == 0.0 => Self::Factor(factor),
+            _ => Self::Affine { power: 0, factor, offset },
+        }
+    }
+
+    fn of_factor(factor: f64) -> Self {
         let power = factor.log10().round();
         if power.is_nan() || power.abs() > 300.0 {
             return Self::Factor(factor);
@@ -27,7 +49,7 @@ impl Scale {
     /// The power of ten with which the numbers are read.
     pub(crate) const fn power(self) -> i32 {
         match self {
-            Self::Decimal(power) => power,
+            Self::Decimal(power) | Self::Affine { power, .. } => power,
             Self::Factor(_) => 0,
         }
     }

@@ -52,7 +52,7 @@ pub struct Stretch {
 /// ```no_run
 /// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default(), restarts: None, origin: None };
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, origin: None };
 /// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
@@ -84,6 +84,7 @@ impl Stretches {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            declared: &layout.declared,
             hints: &layout.hints,
             origin: layout.origin,
             restarts: layout.restarts,
@@ -114,6 +115,7 @@ impl Stretches {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            declared: &layout.declared,
             hints: &layout.hints,
             origin: layout.origin,
             // What arrives cannot be sorted: it is taken as it comes.

@@ -1,6 +1,7 @@
 //! Each kind of finding from a small file, and what is read from files of every form.
 
 use super::*;
+use crate::units::kind;
 use proptest::prelude::*;
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -14,6 +15,7 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
         },
         segment_column: (!segments.is_empty()).then(|| segments.to_owned()),
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
+        declared: Vec::new(),
         hints: Hints::default(),
         origin: None,
         restarts: None,
@@ -723,4 +725,66 @@ fn reference_recordings_are_usable() {
             assert!(recording.segments().iter().all(|s| s.time.is_uniform()), "{file}");
         }
     }
+}
+
+/// A column with what the settings say of it.
+fn declared(column: &str, key: &str, [unit, scale, offset]: [&str; 3]) -> DeclaredColumn {
+    let value = |text: &str| (!text.is_empty()).then(|| crate::units::Value::parse(text).unwrap());
+    let unit = (!unit.is_empty()).then(|| (unit.to_owned(), Unit::parse(unit).unwrap()));
+    let (scale, offset) = (value(scale), value(offset));
+    let said = unit.is_some() || scale.is_some() || offset.is_some();
+    DeclaredColumn {
+        column: column.to_owned(),
+        key: key.to_owned(),
+        usual_unit: Some(if key == DeclaredColumn::CLOCK { "s" } else { "V" }),
+        reading: said.then_some(Reading { unit, scale, offset }),
+    }
+}
+
+fn with(layout: Layout, declared: &[DeclaredColumn]) -> Layout {
+    Layout { declared: declared.to_vec(), ..layout }
+}
+
+#[test]
+fn a_declared_column_is_read_as_the_settings_say_and_that_is_told() {
+    let text = "t,Ucap,gyro_mV\n0,5.71,100\n1,0.1,200\n2,,300\n";
+    let columns = [
+        declared("t", DeclaredColumn::CLOCK, ["ms", "", ""]),
+        declared("Ucap", "signal", ["V", "10 mV/V", ""]),
+        declared("gyro", "rate", ["", "0.5 rad/s/V", "1 rad/s"]),
+    ];
+    let layout = with(layout("t", "", &["Ucap", "gyro"]), &columns);
+    let recording = read(text.as_bytes(), &layout).unwrap();
+    let ucap = recording.column_of("Ucap", &kind::VOLTAGE).unwrap();
+    // The exponent is moved, and the number rounded once.
+    assert_eq!(ucap.values[..2], [5.71e-2, 1e-3]);
+    let gyro = recording.column_of("gyro", &kind::ANGULAR_RATE).unwrap();
+    assert_eq!(gyro.values, [1.05, 1.1, 1.15]);
+    assert_eq!(recording.segments()[0].time.interval_s(), Some(1e-3));
+    insta::assert_snapshot!(diagnosis(text, &layout));
+}
+
+#[test]
+fn what_the_settings_say_wrongly_of_a_column_is_refused_with_the_way_out() {
+    let text = "t,Ucap,cap_mV,x y\n0,1,2,3\n1,2,1,4\n";
+    let clock = declared("t", DeclaredColumn::CLOCK, ["s", "", ""]);
+    let mut report = String::new();
+    for column in [
+        declared("Ucap", "signal", ["", "", ""]),
+        declared("x y", "drive", ["", "2", ""]),
+        declared("cap", "signal", ["V", "", ""]),
+        declared("cap_mV", "signal", ["", "", "1 s"]),
+        declared("nothing", "signal", ["V", "", ""]),
+    ] {
+        let layout = with(layout("t", "", &[&column.column]), &[clock.clone(), column.clone()]);
+        writeln!(report, "## {}\n{}\n", column.column, diagnosis(text, &layout)).unwrap();
+    }
+    let plain = declared("t", DeclaredColumn::CLOCK, ["", "", ""]);
+    let layout = with(layout("t", "", &["cap_mV"]), &[plain]);
+    writeln!(report, "## t\n{}", diagnosis(text, &layout)).unwrap();
+    insta::assert_snapshot!(report);
+    let column = declared("Ucap", "acceleration", ["V", "2 V/gn", ""]);
+    let layout = with(self::layout("t", "", &["Ucap"]), &[clock, column]);
+    let error = read(text.as_bytes(), &layout).unwrap().column_of("Ucap", &kind::ACCELERATION).unwrap_err();
+    assert!(error.to_string().contains("`scale = \"0.5 gn/V\"`"), "{error}");
 }

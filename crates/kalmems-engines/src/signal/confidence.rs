@@ -48,11 +48,26 @@ impl Deviation {
         factors: &[usize],
         probability: f64,
     ) -> Vec<Confident> {
+        self.of_phases_with_confidence(&[phase], interval_s, factors, probability)
+    }
+
+    fn of_phases_with_confidence(
+        self,
+        phases: &[&[f64]],
+        interval_s: f64,
+        factors: &[usize],
+        probability: f64,
+    ) -> Vec<Confident> {
         let mut exponent = 0;
-        let found = self.of_phase(phase, interval_s, factors);
-        let with = found.into_iter().map(|averaged| {
-            exponent = noise_of(phase, averaged.factor, self.differences()).unwrap_or(exponent);
-            let freedom = self.freedom(phase.len(), averaged.factor, exponent);
+        let longest = phases.iter().copied().max_by_key(|phase| phase.len()).unwrap_or_default();
+        let found = factors.iter().filter_map(|factor| self.of_phases(phases, interval_s, *factor));
+        let with = found.map(|averaged| {
+            exponent = noise_of(longest, averaged.factor, self.differences()).unwrap_or(exponent);
+            let freedoms = phases.iter().map(|phase| self.freedom(phase.len(), averaged.factor, exponent));
+            let freedom = match phases {
+                [_] => freedoms.sum(),
+                _ => freedoms.filter(|freedom| freedom.is_finite()).sum(),
+            };
             let end = |part: f64| match ChiSquared::new(freedom) {
                 Ok(law) => averaged.deviation * (freedom / law.inverse_cdf(part)).sqrt(),
                 Err(_) => f64::NAN,
@@ -61,6 +76,32 @@ impl Deviation {
             Confident { averaged, exponent, freedom, interval }
         });
         with.collect()
+    }
+
+    /// The deviation over several phases: the root of the mean square of all their differences.
+    fn of_phases(self, phases: &[&[f64]], interval_s: f64, factor: usize) -> Option<Averaged> {
+        let each = phases.iter().flat_map(|phase| self.of_phase(phase, interval_s, &[factor]));
+        each.reduce(|all, one| {
+            let square = |of: &Averaged| of.terms as f64 * of.deviation.powi(2);
+            let terms = all.terms + one.terms;
+            let deviation = ((square(&all) + square(&one)) / terms as f64).sqrt();
+            Averaged { deviation, terms, ..all }
+        })
+    }
+
+    /// The same of a rate that is known in stretches with gaps between them: the mean square is that of the differences in
+    /// all stretches, none of them across a gap, and their degrees of freedom add up. Which noise it is, the longest tells.
+    pub fn of_stretches_with_confidence(
+        self,
+        stretches: &[&[f64]],
+        interval_s: f64,
+        factors: &[usize],
+        probability: f64,
+    ) -> Vec<Confident> {
+        let phases: Vec<Vec<f64>> =
+            stretches.iter().map(|rate| super::allan::phase(rate, interval_s)).collect();
+        let phases: Vec<&[f64]> = phases.iter().map(Vec::as_slice).collect();
+        self.of_phases_with_confidence(&phases, interval_s, factors, probability)
     }
 
     /// Which difference of the phase it squares.

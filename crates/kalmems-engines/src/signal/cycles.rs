@@ -14,18 +14,26 @@ pub struct Cycle {
 }
 
 /// Fits a sine of this frequency to each whole cycle from `start_s` on. A cycle with fewer than eight finite
-/// samples is left out.
+/// samples is left out; those within a gap cost nothing, however long it is.
 pub fn fit_cycles(time_s: &[f64], y: &[f64], frequency_hz: f64, start_s: f64) -> Vec<Cycle> {
     let Some(last) = time_s.last() else { return Vec::new() };
     let mut cycles = Vec::new();
     let mut first = time_s.partition_point(|t| *t < start_s);
-    for index in 0_u32.. {
-        let start = start_s + f64::from(index) / frequency_hz;
-        let next = start_s + f64::from(index + 1) / frequency_hz;
-        if next > *last {
+    let mut index = 0.0;
+    loop {
+        let start = start_s + index / frequency_hz;
+        let next = start_s + (index + 1.0) / frequency_hz;
+        // So far from the start that numbers do not tell two cycles apart, there is none to be fitted.
+        if next > *last || next <= start {
             break;
         }
         let end = first + time_s[first..].partition_point(|t| *t < next);
+        index += 1.0;
+        if end == first {
+            let ahead = time_s.get(first).map_or(0.0, |t| ((t - start_s) * frequency_hz).floor());
+            index = index.max(ahead);
+            continue;
+        }
         let local: Vec<f64> = time_s[first..end].iter().map(|t| t - start).collect();
         let values = &y[first..end];
         first = end;
@@ -71,5 +79,17 @@ mod tests {
             .collect();
         assert_eq!(fit_cycles(&time, &y, 10.0, 0.0).len(), 8);
         assert!(fit_cycles(&[], &[], 10.0, 0.0).is_empty());
+    }
+
+    #[test]
+    fn a_gap_of_any_length_is_passed_over_at_once() {
+        for end in [1e9, 1e300, f64::MAX] {
+            let mut time: Vec<f64> = (0..1000).map(|i| f64::from(i) * 1e-3).collect();
+            time.extend((0..1000).map(|i| end + f64::from(i) * 1e-3));
+            let y: Vec<f64> = time.iter().map(|t| (TAU * 10.0 * (t % 1.0)).cos()).collect();
+            let cycles = fit_cycles(&time, &y, 10.0, 0.0);
+            // Beyond 1e15 s no two samples are apart.
+            assert_eq!(cycles.len(), if end < 1e10 { 18 } else { 9 }, "{end}");
+        }
     }
 }

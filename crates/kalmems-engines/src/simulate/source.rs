@@ -1,8 +1,8 @@
 //! The drive as the experiment file describes it.
 
 use super::{Drive, SimulateError, Tone};
-use crate::config::{Clock, DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
-use crate::recording::{self, Layout, Recording, Source};
+use crate::config::{DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
+use crate::recording::{Recording, Source};
 use crate::units::kind;
 
 /// The drive in SI units, and the file that it comes from, if it comes from one. Of a ring-down, the drive before it.
@@ -84,22 +84,8 @@ fn read(
     simulate: &Simulate,
     recorded: &RecordedDrive,
 ) -> Result<(Drive, Source), SimulateError> {
-    let clock = match &recorded.clock {
-        Clock::Column { column } => recording::Clock::Column(column.clone()),
-        Clock::Rate { rate, start } => {
-            recording::Clock::Rate { rate_hz: rate.si(), start_s: start.as_ref().map_or(0.0, Quantity::si) }
-        }
-    };
-    let layout = Layout {
-        clock,
-        segment_column: None,
-        columns: Some(vec![recorded.column.clone()]),
-        hints: kalmems_formats::Hints::default(),
-        origin: None,
-        restarts: None,
-    };
-    let recording = Recording::read(&experiment.resolve(&recorded.file), &layout)?;
-    let column = recording.column_of(&recorded.column, &kind::VOLTAGE)?;
+    let recording = Recording::read(&experiment.resolve(&recorded.file), &recorded.layout())?;
+    let column = recording.column_of(recorded.column.name(), &kind::VOLTAGE)?;
     let refuse = |why: String| {
         let key = Key::from("simulate").child("drive").child("recorded").child("file");
         Err(experiment.error(key, Fault::Value { why }).into())

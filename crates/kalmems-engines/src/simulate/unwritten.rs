@@ -1,7 +1,7 @@
 //! A simulated recording that is handed on without a file, and how an experiment describes one.
 
 use super::{Channel, SimulateError, Simulation};
-use crate::config::{Channels, Clock, Experiment, Name, Recording, Reference};
+use crate::config::{Channels, Clock, ColumnChoice, Experiment, Name, Recording, Reference};
 use crate::estimate::Progress;
 use crate::recording::{self, Layout, ReadError, UnwrittenRecording};
 use std::collections::BTreeMap;
@@ -79,8 +79,8 @@ impl Columns {
 /// The experiment with the simulated recording instead of its own, ready to be estimated.
 pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experiment {
     let named = |channels: &[Channel]| {
-        let names: BTreeMap<String, String> =
-            channels.iter().map(|c| (c.meaning.to_owned(), c.column.to_owned())).collect();
+        let names: BTreeMap<String, ColumnChoice> =
+            channels.iter().map(|c| (c.meaning.to_owned(), c.column.into())).collect();
         Channels::try_from(names).ok()
     };
     let mut described = experiment.clone();
@@ -96,7 +96,7 @@ pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experi
             file: RECORDING.into(),
             format: None,
             segments: None,
-            clock: Clock::Column { column: TIME.to_owned() },
+            clock: Clock::column(TIME),
             gaps: None,
             channels,
             reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),

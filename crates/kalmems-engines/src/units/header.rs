@@ -11,6 +11,8 @@ pub struct Header {
     pub unit: Option<Unit>,
     /// The unit as it stands there, such as `rad_per_s`; empty where there is none.
     pub unit_text: String,
+    /// Whether the settings say the unit and not the name.
+    pub is_stated: bool,
 }
 
 impl Header {
@@ -25,6 +27,13 @@ impl Header {
     pub fn parse(column: &str) -> Self {
         let column = column.trim();
         let words: Vec<&str> = column.split('_').collect();
+        // A wavenumber is a number per length: nothing stands before the `per` of its unit.
+        if let ["wavenumber", "per", length] = words[..]
+            && let Some(unit) = Unit::symbol(length).and_then(|unit| unit.to_half_power(-2))
+        {
+            let unit_text = format!("per_{length}");
+            return Self { column: column.to_owned(), unit: Some(unit), unit_text, is_stated: false };
+        }
         // The first word is always a name, so that a column called `m` is not taken for metres.
         for start in 1..words.len() {
             // What stands after a `per` is no unit by itself.
@@ -37,6 +46,7 @@ impl Header {
                     column: column.to_owned(),
                     unit: Some(unit),
                     unit_text: words[start..].join("_"),
+                    is_stated: false,
                 };
             }
         }
@@ -45,7 +55,7 @@ impl Header {
             .and_then(|(last, name)| name.last().filter(|before| **before != "per").and(spelt(last)));
         let unit = word.as_deref().and_then(|word| ending(&word.split('_').collect::<Vec<_>>(), false));
         let unit_text = word.filter(|_| unit.is_some()).unwrap_or_default();
-        Self { column: column.to_owned(), unit, unit_text }
+        Self { column: column.to_owned(), unit, unit_text, is_stated: false }
     }
 }
 
@@ -129,6 +139,8 @@ mod tests {
             ("density_F_per_rtHz", "F/sqrt(Hz)", "F_per_rtHz"),
             ("readout_V2", "V^2", "V2"),
             ("nis_1", "1", "1"),
+            ("wavenumber_per_cm", "1/cm", "per_cm"),
+            ("wavenumber_per_m", "1/m", "per_m"),
         ] {
             let header = Header::parse(column);
             assert_eq!(header.unit, Some(Unit::parse(unit).unwrap()), "{column}");

@@ -45,6 +45,13 @@ impl Value {
         (number, unit.trim())
     }
 
+    /// As a factor on numbers in a unit: the unit of the products, and what the number 1 becomes in SI, rounded once where
+    /// both units are powers of ten.
+    pub fn times_unit(&self, unit: Unit) -> (Unit, f64) {
+        let product = unit.times(self.unit);
+        (product, product.scale(self.parts().0))
+    }
+
     /// The SI value, where its dimension is that of `kind`.
     pub fn of_kind(&self, kind: &Kind) -> Result<f64, UnitError> {
         if kind.accepts(self.unit.dimension()) {

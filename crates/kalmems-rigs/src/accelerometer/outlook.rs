@@ -4,8 +4,8 @@ use super::instrument::Instrument;
 use super::run::Acting;
 use super::settings::Hardware;
 use super::simulation::{acting, closed_loop};
-use crate::config::{Clock, Device, Experiment, Quantity};
-use crate::outlook::{AtFrequency, Outlook, Topic};
+use crate::config::{Device, Experiment, Quantity};
+use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
 use crate::simulate::SimulateError;
 use kalmems_core::FixedGain;
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -100,15 +100,10 @@ fn over_frequency(
         .collect()
 }
 
-/// That of the simulation, or of the first recording whose rate the file says.
+/// That of the simulation, or of the first recording that has one.
 fn sampling_rate(experiment: &Experiment) -> Option<f64> {
     let simulated = experiment.simulate.as_ref().map(|simulate| simulate.sampling_rate.si());
-    simulated.or_else(|| {
-        experiment.recordings.iter().find_map(|recording| match &recording.clock {
-            Clock::Rate { rate, .. } => Some(rate.si()),
-            Clock::Column { .. } => None,
-        })
-    })
+    simulated.or_else(|| Recorded::of(experiment).rate_hz)
 }
 
 fn device(hardware: &Hardware) -> Topic {
@@ -233,7 +228,7 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
         None => topic.with(
             "is_stable",
             [],
-            "The file states no sampling rate; what follows is for a continuous loop.",
+            "Neither the file nor a recording states a sampling rate; what follows is for a continuous loop.",
         ),
     };
     let topic = match closed.bandwidth(TAU, highest) {

@@ -5,8 +5,8 @@ use super::mechanics::Mechanics;
 use super::observability::Unseen;
 use super::phasor::{Drifting, Phasor, position_and_velocity};
 use super::settings::{FilterSettings, Hardware, Motion, Settings};
-use crate::config::{CarrierFrontEnd, Clock, Device, DriveSource, Experiment};
-use crate::outlook::{Outlook, Topic};
+use crate::config::{CarrierFrontEnd, Device, DriveSource, Experiment};
+use crate::outlook::{Outlook, Recorded, Topic};
 use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
 use kalmems_core::{Covariance, FixedGain};
 use kalmems_models::dynamics::ParametricScanner;
@@ -76,15 +76,10 @@ fn stated_motion(
         }))
 }
 
-/// That of the simulation, or of the first recording whose rate the file says.
+/// That of the simulation, or of the first recording that has one.
 fn sampling_rate(experiment: &Experiment) -> Option<f64> {
     let simulated = experiment.simulate.as_ref().map(|simulate| simulate.sampling_rate.si());
-    simulated.or_else(|| {
-        experiment.recordings.iter().find_map(|recording| match &recording.clock {
-            Clock::Rate { rate, .. } => Some(rate.si()),
-            Clock::Column { .. } => None,
-        })
-    })
+    simulated.or_else(|| Recorded::of(experiment).rate_hz)
 }
 
 /// The nearest distance of the motion, the rest and the farthest.
@@ -256,7 +251,7 @@ fn third_harmonic(device: &ParametricScanner<f64>, drive: &Drive, motion: &Stead
 
 fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)) -> Topic {
     let [amplitude, frequency, ..] = stated.motion;
-    let of = if is_given { "" } else { " (taken for this; the file says no rate)" };
+    let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
     let sample = hardware.noise_variance(1.0 / rate_hz).sqrt();
     let one = distances(&stated.motion).map(|d| sample / hardware.plates.slope(d).abs() * NM);
     let mut topic = Topic::new("What the signal tells").with(

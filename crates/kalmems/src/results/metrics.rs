@@ -211,6 +211,11 @@ impl Verdict {
         }
     }
 
+    /// Whether what it is about is an estimate of the motion, be it a good one or not.
+    pub const fn is_of_an_estimate(self) -> bool {
+        !matches!(self, Self::LostLock | Self::Failed | Self::Astray)
+    }
+
     /// Whether a strict run may pass with it.
     pub const fn passes(self) -> bool {
         matches!(self, Self::Consistent | Self::NoClaim | Self::Astray)

@@ -257,6 +257,11 @@ fn live_table(
         }
         Clock::Rate { .. } => None,
     };
+    if time.is_some() && layout.declared.iter().any(|known| known.is_clock() && is_scaled(known)) {
+        let why = "the times of samples that arrive are compared as they come, in their unit: leave `scale` and `offset` of the \
+                   recording's clock out, and say `unit`";
+        return Err(experiment.error(Key::from("stream.input"), Fault::Value { why: why.to_owned() }).into());
+    }
     let settings = LiveSettings {
         wait: described.wait.unwrap_or(WAIT) as usize,
         time,
@@ -282,8 +287,23 @@ fn keeper(path: &Path, experiment: String, layout: &recording::Layout) -> Result
             "samples without a column of times cannot be told from those that were taken before".to_owned();
         return Err(StreamError::State { path: path.display().to_string(), why });
     };
+    if let Some(scaled) =
+        layout.declared.iter().find(|known| columns.contains(&known.column) && is_scaled(known))
+    {
+        let why = format!(
+            "the column `{}` has a `scale` or an `offset`, and the state keeps no numbers from before they were applied; run \
+             without `--state`",
+            scaled.column
+        );
+        return Err(StreamError::State { path: path.display().to_string(), why });
+    }
     let columns = std::iter::once(time).chain(columns).cloned().collect();
     Ok(Keeper::new(path.to_owned(), experiment, columns))
+}
+
+/// Whether the settings say a factor or an offset of a column.
+fn is_scaled(known: &recording::DeclaredColumn) -> bool {
+    known.reading.as_ref().is_some_and(|reading| reading.scale.is_some() || reading.offset.is_some())
 }
 
 /// How many samples last this long.

@@ -75,9 +75,10 @@ impl State {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|e| wrong(e.to_string()))?,
         };
-        let state: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        if let Err(e) = state.origin.parse::<recording::Instant>() {
-            return Err(wrong(format!("`{}` is no origin of times: {e}", state.origin)));
+        let state: Self = serde_json::from_str(&text)
+            .map_err(|_| wrong("it is no state that `kalmems stream` has written".to_owned()))?;
+        if state.origin.parse::<recording::Instant>().is_err() {
+            return Err(wrong("its origin of times is none".to_owned()));
         }
         if state.experiment != experiment {
             return Err(wrong("it was left by another experiment".to_owned()));

@@ -8,8 +8,9 @@ use super::outcome::{
     Calibrated, Calibration, Centred, Change, Contribution, Estimate, InPlane, RecordFigures,
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
-use super::rest::Rest;
+use super::rest_record;
 use super::tone::{AXES, Tone};
+use crate::applications::files::NamedFiles;
 use crate::config::{Condition, GyroscopeCalibration, Key, MotionReference};
 use crate::estimate::Progress;
 use realfft::num_complex::Complex64;
@@ -22,8 +23,8 @@ pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
-    let mut files =
-        Files { file, progress, origins: BTreeMap::new(), sources: Vec::new(), findings: Vec::new() };
+    let files = NamedFiles::new("calibration file", progress);
+    let mut files = Files { file, files, origins: BTreeMap::new() };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
@@ -44,23 +45,10 @@ pub fn calibrate(
             results.push(against.calibrate(&known)?);
         }
     }
-    let mut rest = Vec::new();
-    if let Some(record) = &file.rest {
-        let (channels, layout) = record.layout(&file.gyroscope);
-        let path = file.resolve(&record.file, "");
-        let recording = files.read(Key::from("rest").child("file"), &path, &layout)?;
-        for axis in AXES {
-            let Some(column) = channels.column(axis) else { continue };
-            let values = recording.column_of(column, &crate::units::kind::ANGULAR_RATE)?;
-            let segment = recording.segments().first();
-            let interval_s = segment.and_then(|segment| segment.time.interval_s()).unwrap_or(f64::NAN);
-            let found = Rest::of(axis, &values.values, interval_s);
-            let place = || format!("{}, column `{column}`", path.display());
-            let samples = values.values.iter().take_while(|v| v.is_finite()).count();
-            rest.push(found.ok_or_else(|| CalibrationError::Rest { place: place(), samples })?);
-        }
-    }
-    let Files { sources, findings, .. } = files;
+    let (rest, of_rest) = rest_record::measure(&mut files)?;
+    let NamedFiles { sources, findings, .. } = files.files;
+    let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
+    let findings = findings.chain(of_rest).collect();
     Ok(Calibration { file: file.clone(), changes: changes(&results), results, rest, sources, findings })
 }
 

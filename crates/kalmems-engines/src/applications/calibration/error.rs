@@ -91,7 +91,7 @@ pub enum CalibrationError {
         known: String,
     },
     /// The record at rest is too short.
-    #[error("{place}: found {samples} samples in a row; expected at least 64 without motion")]
+    #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]
     Rest {
         /// The file and column.
         place: String,

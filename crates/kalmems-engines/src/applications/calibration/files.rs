@@ -2,9 +2,9 @@
 
 use super::error::CalibrationError;
 use super::tone::{AXES, Signals};
+use crate::applications::files::{NamedFileError, NamedFiles};
 use crate::config::{Channels, Condition, Fault, GyroscopeCalibration, Key, MotionReference, is_per_record};
-use crate::estimate::Progress;
-use crate::recording::{Instant, Layout, Recording, Source};
+use crate::recording::{Instant, Layout, Recording};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -36,11 +36,9 @@ pub struct ReferenceRecord {
 /// Reads files and remembers what they were.
 pub struct Files<'a> {
     pub file: &'a GyroscopeCalibration,
-    pub progress: &'a dyn Progress,
+    pub files: NamedFiles<'a>,
     /// Where the times of each record of the gyroscope count from.
     pub origins: BTreeMap<String, Instant>,
-    pub sources: Vec<Source>,
-    pub findings: Vec<String>,
 }
 
 impl Files<'_> {
@@ -48,7 +46,7 @@ impl Files<'_> {
     pub fn unit(&mut self, index: usize, condition: &Condition) -> Result<Vec<UnitRecord>, CalibrationError> {
         let key = || Key::from("condition").index(index);
         let unit = &self.file.gyroscope;
-        let layout = unit.layout(condition.segments.as_ref());
+        let layout = condition.layout(unit);
         let per_record = is_per_record(&condition.file);
         let mut records = Vec::new();
         let names = condition.records.clone().unwrap_or_default();
@@ -149,27 +147,9 @@ impl Files<'_> {
 
     /// Reads a file and remembers it.
     pub fn read(&mut self, key: Key, path: &Path, layout: &Layout) -> Result<Recording, CalibrationError> {
-        if !path.is_file() {
-            let why = format!(
-                "there is no file `{}`; give its path from the folder of the calibration file, or put it there",
-                path.display()
-            );
-            return Err(self.file.error(key, Fault::Value { why }).into());
-        }
-        let mut started = false;
-        let progress = self.progress;
-        let recording = Recording::read_with(path, layout, &mut |done, total| {
-            if !started {
-                progress.begin("reading", total);
-                started = true;
-            }
-            progress.reached(done)
-        })?;
-        let source = recording.source().clone();
-        if !self.sources.contains(&source) {
-            self.findings.extend(recording.diagnosis().iter().map(|f| format!("{}: {f}", source.file)));
-            self.sources.push(source);
-        }
-        Ok(recording)
+        self.files.read(path, layout).map_err(|error| match error {
+            NamedFileError::Missing(why) => self.file.error(key, Fault::Value { why }).into(),
+            NamedFileError::Read(error) => error.into(),
+        })
     }
 }

@@ -10,12 +10,15 @@ mod centre;
 mod error;
 mod files;
 mod matrix;
+mod motion;
 mod noise_study;
 mod off_axis;
 mod outcome;
 mod peaks;
 mod rest;
+mod rest_record;
 mod simulated;
+mod stretches;
 mod tone;
 
 pub use calibrate::calibrate;

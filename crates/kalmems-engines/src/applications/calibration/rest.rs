@@ -16,10 +16,13 @@ const FLOOR: f64 = 0.664_280_6;
 pub struct Rest {
     /// `x`, `y` or `z`.
     pub axis: &'static str,
-    /// How many samples, and over how long.
+    /// How many samples.
     pub samples: usize,
-    /// In s.
+    /// How long they last without the gaps between them, in s.
     pub duration_s: f64,
+    /// How many gaps are between them: missing samples, and such without a number. No difference is taken across one.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub gaps: usize,
     /// The mean in rad/s.
     pub bias: f64,
     /// The interval that holds it 95 times in 100, by the spread of the means of eight pieces: right for noise that is
@@ -39,11 +42,27 @@ pub struct Rest {
     pub floor_is_seen: bool,
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// The runs of finite numbers.
+pub(super) fn finite_runs(values: &[f64]) -> impl Iterator<Item = &[f64]> {
+    values.split(|value| !value.is_finite()).filter(|run| !run.is_empty())
+}
+
 impl Rest {
-    /// From equidistant samples; those that are not finite end it. `None` of fewer than 64.
+    /// From equidistant samples; those that are not finite are gaps. `None` of fewer than 64.
     pub fn of(axis: &'static str, values: &[f64], interval_s: f64) -> Option<Self> {
-        let values: Vec<f64> = values.iter().copied().take_while(|v| v.is_finite()).collect();
+        Self::of_stretches(axis, &finite_runs(values).collect::<Vec<_>>(), interval_s)
+    }
+
+    /// From stretches of equidistant finite samples with gaps between them. `None` of fewer than 64.
+    pub fn of_stretches(axis: &'static str, stretches: &[&[f64]], interval_s: f64) -> Option<Self> {
+        let values: Vec<f64> = stretches.concat();
         let samples = values.len();
+        let longest = stretches.iter().map(|stretch| stretch.len()).max().unwrap_or(0);
         if samples < 64 || interval_s.is_nan() || interval_s <= 0.0 {
             return None;
         }
@@ -56,7 +75,12 @@ impl Rest {
         let spread = means.iter().map(|m| (m - middle).powi(2)).sum::<f64>() / freedom;
         let half =
             StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(0.975) * (spread / PIECES as f64).sqrt();
-        let deviations = Deviation::Overlapping.with_confidence(&values, interval_s, &octaves(samples), 0.95);
+        let deviations = Deviation::Overlapping.of_stretches_with_confidence(
+            stretches,
+            interval_s,
+            &octaves(longest),
+            0.95,
+        );
         // The longest times have so few differences that their smallest value would be chance.
         let known: Vec<&Confident> = deviations.iter().filter(|d| d.freedom >= 5.0).collect();
         let lowest = known.iter().min_by(|a, b| a.averaged.deviation.total_cmp(&b.averaged.deviation));
@@ -69,6 +93,7 @@ impl Rest {
             axis,
             samples,
             duration_s: samples as f64 * interval_s,
+            gaps: stretches.len() - 1,
             bias,
             bias_interval: [bias - half, bias + half],
             noise: (square / (samples - 1) as f64).sqrt(),

@@ -5,9 +5,10 @@ use super::scan::{Counts, Scan, ScanAxis};
 use super::search::{FoundPhase, SearchError, search_phases};
 use super::sharpness::Sharpness;
 use super::track::{Track, TrackError};
+use crate::applications::files::{NamedFileError, NamedFiles};
 use crate::config::{ConfigError, Fault, Image, Key, Quantity};
 use crate::estimate::Progress;
-use crate::recording::{Finding, Instant, Layout, ReadError, Recording, Source};
+use crate::recording::{Finding, Instant, Layout, ReadError, Source};
 use crate::units::{Kind, kind};
 use std::path::Path;
 
@@ -91,15 +92,15 @@ impl ImageError {
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files = Files { image, progress, origin: None, sources: Vec::new(), findings: Vec::new() };
-    let (file, column) = (&image.intensity.file, &image.intensity.column);
+    let mut files = Files { image, origin: None, files: NamedFiles::new("image file", progress) };
+    let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
     let mut axes = Vec::new();
     for (name, axis) in image.axes() {
         let key = Key::from(name);
         let layout = axis.layout();
-        let (time_s, angle) = files.read(key, &axis.file, &layout, &axis.column, Some(&kind::ANGLE))?;
+        let (time_s, angle) = files.read(key, &axis.file, &layout, axis.column.name(), Some(&kind::ANGLE))?;
         let track = Track::new(time_s, angle).map_err(|fault| ImageError::Track {
             place: format!("{}, column `{}`", image.resolve(&axis.file).display(), axis.column),
             fault,
@@ -107,7 +108,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
         let half_field_rad = axis.half_field.as_ref().map_or(track.largest_rad(), Quantity::si);
         axes.push(ScanAxis { track, half_field_rad, pixels: axis.pixels as usize });
     }
-    let Files { sources, findings, .. } = files;
+    let NamedFiles { sources, findings, .. } = files.files;
     let mut axes = axes.into_iter();
     let Some(x) = axes.next() else { return Err(ImageError::Nothing(Counts::default())) };
     let scan = Scan { time_s, intensity, x, y: axes.next() };
@@ -153,11 +154,9 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
 
 struct Files<'a> {
     image: &'a Image,
-    progress: &'a dyn Progress,
     /// Where the times of all files count from: the first says it.
     origin: Option<Instant>,
-    sources: Vec<Source>,
-    findings: Vec<(String, Finding)>,
+    files: NamedFiles<'a>,
 }
 
 impl Files<'_> {
@@ -170,22 +169,11 @@ impl Files<'_> {
         column: &str,
         kind: Option<&Kind>,
     ) -> Result<(Vec<f64>, Vec<f64>), ImageError> {
-        let path = self.image.resolve(file);
-        if !path.is_file() {
-            let why = format!(
-                "there is no file `{}`; give its path from the folder of the image file, or put it there",
-                path.display()
-            );
-            return Err(self.image.error(key.child("file"), Fault::Value { why }).into());
-        }
-        let mut started = false;
         let layout = Layout { origin: self.origin, ..layout.clone() };
-        let recording = Recording::read_with(&path, &layout, &mut |done, total| {
-            if !started {
-                self.progress.begin("reading", total);
-                started = true;
-            }
-            self.progress.reached(done)
+        let read = self.files.read(&self.image.resolve(file), &layout);
+        let recording = read.map_err(|error| match error {
+            NamedFileError::Missing(why) => self.image.error(key.child("file"), Fault::Value { why }).into(),
+            NamedFileError::Read(error) => ImageError::Read(error),
         })?;
         self.origin = Some(recording.origin());
         let values = match kind {
@@ -193,12 +181,6 @@ impl Files<'_> {
             None => recording.column(column)?,
         };
         let time = recording.segments().first().map(|segment| segment.time.to_vec()).unwrap_or_default();
-        let values = values.values.clone();
-        let source = recording.source().clone();
-        self.findings.extend(recording.diagnosis().iter().map(|f| (source.file.clone(), f.clone())));
-        if !self.sources.contains(&source) {
-            self.sources.push(source);
-        }
-        Ok((time, values))
+        Ok((time, values.values.clone()))
     }
 }

@@ -12,6 +12,7 @@ use super::resample::ResampleError;
 use super::scans::{Detector, ScanCounts};
 use super::track::PositionTrackError;
 use super::transform::TransformError;
+use crate::applications::files::NamedFiles;
 use crate::config::{
     Band, ConfigError, Device, Experiment, Fault, PathDifference, Quantity, SpectrumFile, SpectrumLine,
     SpectrumReference,
@@ -170,7 +171,7 @@ impl SpectrumError {
 
 /// Reads, or simulates, all interferograms of a spectrum file and computes the spectrum.
 pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input = Input { file, progress, origin: None, sources: Vec::new(), findings: Vec::new() };
+    let mut input = Input { file, origin: None, files: NamedFiles::new("spectrum file", progress) };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,
@@ -206,7 +207,7 @@ pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumO
     let scale_sd = errors.and_then(|e| e.scale_sd.as_ref()).map_or(0.0, Quantity::si);
     let skew = errors.and_then(|e| e.clock_skew.as_ref()).map_or(0.0, Quantity::si);
     let known = file.lines.iter().zip(&lines).filter_map(|(asked, found)| known(asked, found.as_ref()?));
-    let Input { sources, findings, .. } = input;
+    let NamedFiles { sources, findings, .. } = input.files;
     let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle, scale_sd.hypot(skew));
     let correction = match recalibration {
         Some(recalibration) => correction(file, recalibration)?,
@@ -302,7 +303,7 @@ fn compare(
     let (wavenumber_per_m, theirs, free_scale, lines) = match (&reference.trajectory, &reference.spectrum) {
         (Some(trajectory), _) => {
             let track = input.track("reference.trajectory", trajectory)?;
-            let ideal = along(detectors, &track, trajectory, &file.transform, input.progress)?;
+            let ideal = along(detectors, &track, trajectory, &file.transform, input.files.progress)?;
             (ideal.scans.grid.wavenumbers(), ideal.scans.mean(), false, measured(file, &ideal))
         }
         (None, Some(spectrum)) => {

@@ -6,8 +6,8 @@ mod observability;
 
 use super::regulation::expected_drive;
 use super::settings::Hardware;
-use crate::config::{Clock, Experiment};
-use crate::outlook::{Information, Outlook, Topic};
+use crate::config::Experiment;
+use crate::outlook::{Information, Outlook, Recorded, Topic};
 use crate::simulate::{Drive, SimulateError};
 use driven::Driven;
 pub use observability::CycleBound;
@@ -16,19 +16,37 @@ use std::f64::consts::TAU;
 /// Device, drive and what the signal will tell.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let hardware = Hardware::of(experiment)?;
-    let drive =
+    let stated =
         experiment.simulate.as_ref().map(|simulate| expected_drive(experiment, simulate)).transpose()?;
+    // What the simulation says counts; a recording shows its own.
+    let recorded = experiment.simulate.is_none().then(|| Recorded::of(experiment)).unwrap_or_default();
+    let simulated_hz = experiment.simulate.as_ref().map(|simulate| simulate.sampling_rate.si());
+    let drive = stated.or(recorded.drive);
     let mut topics = vec![device(&hardware)];
+    if let Some(Drive::Sine { offset, amplitude, frequency_hz, .. }) = &drive
+        && experiment.simulate.is_none()
+    {
+        topics.push(Topic::new("Recorded drive").with(
+            "recorded_drive_v_v_hz",
+            [*offset, *amplitude, *frequency_hz],
+            format!(
+                "The beginning of `{}` shows a drive of {offset:.4} V with a sine of {amplitude:.4} V at {:.4} kHz.",
+                recorded.file,
+                frequency_hz / 1e3
+            ),
+        ));
+    }
     let driven = drive.as_ref().map(|drive| Driven::of(&hardware, drive));
     match &driven {
         Some(driven) => topics.extend(driven.topics.iter().cloned()),
         None => topics.push(Topic::new("Drive").with(
             "drive",
             [],
-            "The experiment names no drive: add the table `[simulate]` with one, such as `[simulate.drive.sine]`.",
+            "Neither the experiment nor the beginning of a recording shows a steady drive: add the table `[simulate]` with one, \
+             such as `[simulate.drive.sine]`.",
         )),
     }
-    let (rate, is_given) = sampling_rate(experiment).map_or((1e6, false), |rate| (rate, true));
+    let (rate, is_given) = simulated_hz.or(recorded.rate_hz).map_or((1e6, false), |rate| (rate, true));
     let own = driven.as_ref().and_then(|driven| driven.amplitude);
     topics.push(signal(&hardware, own, drive.as_ref(), rate, is_given));
     topics.extend(model::of_the_circuit(experiment, &hardware, drive.as_ref())?);
@@ -48,17 +66,6 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             .collect(),
         response: driven.as_ref().and_then(|driven| driven.response.clone()),
         start: driven.and_then(|driven| driven.start),
-    })
-}
-
-/// That of the simulation, or of the first recording whose rate the file says.
-fn sampling_rate(experiment: &Experiment) -> Option<f64> {
-    let simulated = experiment.simulate.as_ref().map(|simulate| simulate.sampling_rate.si());
-    simulated.or_else(|| {
-        experiment.recordings.iter().find_map(|recording| match &recording.clock {
-            Clock::Rate { rate, .. } => Some(rate.si()),
-            Clock::Column { .. } => None,
-        })
     })
 }
 
@@ -107,7 +114,7 @@ fn signal(hardware: &Hardware, own: Option<f64>, drive: Option<&Drive>, rate: f6
         let ratio = (2.0 * resonance * period).round().max(1.0);
         0.5 * ratio / period
     });
-    let of = if is_given { "" } else { " (taken for this; the file says no rate)" };
+    let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
     let mut topic = Topic::new("What the signal tells").with(
         "sign",
         [],

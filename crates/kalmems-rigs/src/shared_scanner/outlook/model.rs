@@ -19,7 +19,7 @@ pub fn of_the_circuit(
     }
     let topic = Topic::new("What a filter has to know of the circuit");
     let (Some(simulate), Some(drive)) = (&experiment.simulate, drive) else {
-        let why = "the file names no drive; add the table `[simulate]`";
+        let why = "that is computed for the drive and the start of a simulation; add the table `[simulate]`";
         return Ok(Some(topic.with("circuit", [], sentence(&not_reduced(&why)))));
     };
     let start = state_at(experiment, "simulate.start", &simulate.start)?;

@@ -16,7 +16,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         None => Topic::new("Drive").with(
             "drive",
             [],
-            "The experiment names no drive of two sines: add the table `[simulate.drive.tones]`.",
+            "The experiment states no drive of two sines, and a recorded one is not taken apart here: add the table `[simulate.drive.tones]`.",
         ),
     };
     let sign = "The sign of each motion is not observable: with θ of either axis also −θ moves the device and reads \

@@ -1,0 +1,340 @@
+//! Columns under a laboratory's own names: with unit, factor and offset, in every format, for every command.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_kalmems")).current_dir(root()).args(arguments).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn done(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The message of a command that refuses, without the folder.
+fn refused(arguments: &[&str], folder: &Path) -> String {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    said(&output).replace(folder.to_str().unwrap(), "FOLDER")
+}
+
+/// As many rows as the fixtures have.
+const ROWS: usize = 1200;
+
+/// The scanner's example, shortened to the rows of the fixtures: its text and its recording.
+fn example() -> (String, String) {
+    let folder = root().join("examples/shared_scanner");
+    let text = std::fs::read_to_string(folder.join("experiment.toml")).unwrap();
+    let end = text.find("# Read by the evaluation").unwrap();
+    let estimate = text.find("[estimate]").unwrap();
+    let text = format!("{}{}", &text[..end], &text[estimate..]).replace("\"8 ms\"", "\"0.4 ms\"");
+    let rows = std::fs::read_to_string(folder.join("recording.csv")).unwrap();
+    let rows: Vec<&str> = rows.lines().take(ROWS + 1).collect();
+    (text, rows.join("\n") + "\n")
+}
+
+const PLAIN: &str = "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = \"cap_V\" }";
+const OWN: &str = "clock = { column = \"t\", unit = \"s\" }\nchannels = { drive = { column = \"Vdrive\", unit = \"V\" }, \
+                   signal = { column = \"Ucap\", unit = \"V\" } }";
+
+/// Estimates a recording by an experiment whose channels are those, and gives the trajectory of the EKF.
+fn trajectory(folder: &TempDir, file: &str, channels: &str) -> String {
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (text, _) = example();
+    let text = text.replace("recording.csv", file).replace(PLAIN, channels);
+    assert!(text.contains(channels));
+    std::fs::write(path("experiment.toml"), text).unwrap();
+    let out = path(&format!("out-{file}"));
+    // Of other settings.
+    let _ = std::fs::remove_dir_all(&out);
+    done(&["estimate", &path("experiment.toml"), "--out", &out]);
+    std::fs::read_to_string(Path::new(&out).join("trajectory_ekf.csv")).unwrap()
+}
+
+fn fixture(name: &str) -> PathBuf {
+    root().join("crates/kalmems-cli/tests/own_names").join(name)
+}
+
+#[test]
+fn files_of_every_format_with_names_of_their_own_give_the_example_s_trajectory_to_the_last_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    std::fs::write(folder.path().join("recording.csv"), &rows).unwrap();
+    let expected = trajectory(&folder, "recording.csv", PLAIN);
+    assert_eq!(expected.lines().count(), ROWS + 1);
+    std::fs::write(folder.path().join("own.csv"), rows.replace("time_s,drive_V,cap_V", "t,Vdrive,Ucap"))
+        .unwrap();
+    let files = ["own.mat", "own.npz", "own.h5", "own.parquet", "own.tdms"];
+    for file in files {
+        std::fs::copy(fixture(file), folder.path().join(file)).unwrap();
+    }
+    for file in files.into_iter().chain(["own.csv"]) {
+        assert!(trajectory(&folder, file, OWN) == expected, "{file} differs");
+    }
+    let run = std::fs::read_to_string(folder.path().join("out-own.mat/run.toml")).unwrap();
+    assert!(run.contains("column = \"Ucap\"") && run.contains("unit = \"V\""), "{run}");
+    let metrics = std::fs::read_to_string(folder.path().join("out-own.mat/metrics.json")).unwrap();
+    assert!(metrics.contains("column `Ucap`: its numbers are in `V`; the settings say so"), "{metrics}");
+}
+
+#[test]
+fn scale_and_offset_are_those_of_a_copy_scaled_by_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    // The drive through a divider by 4, in mV; the signal with 0.25 V taken off and turned over.
+    let mut scaled = "t_us,probe,amp\n".to_owned();
+    let mut by_hand = "time_s,drive_V,cap_V\n".to_owned();
+    for (k, row) in rows.lines().skip(1).enumerate() {
+        let cells: Vec<f64> = row.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let (probe, amp) = (cells[1] / 4.0 * 1e3, 0.25 - cells[2]);
+        writeln!(scaled, "{k},{probe},{amp}").unwrap();
+        let probe: f64 = probe.to_string().parse().unwrap();
+        writeln!(by_hand, "{},{},{}", cells[0], probe * 4e-3, -amp + 0.25).unwrap();
+    }
+    std::fs::write(folder.path().join("scaled.csv"), scaled).unwrap();
+    std::fs::write(folder.path().join("recording.csv"), by_hand).unwrap();
+    let expected = trajectory(&folder, "recording.csv", PLAIN);
+    let channels = "clock = { column = \"t_us\" }\nchannels = { drive = { column = \"probe\", unit = \"mV\", scale = 4 }, \
+                    signal = { column = \"amp\", unit = \"V\", scale = -1, offset = \"0.25 V\" } }";
+    assert!(trajectory(&folder, "scaled.csv", channels) == expected);
+    // A sensitivity with a unit is the same factor.
+    let channels = channels.replace("unit = \"mV\", scale = 4", "unit = \"V\", scale = \"4 mV/V\"");
+    assert!(trajectory(&folder, "scaled.csv", &channels) == expected);
+}
+
+#[test]
+fn a_column_without_unit_is_refused_with_what_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (text, rows) = example();
+    std::fs::write(path("own.csv"), rows.replace("time_s,drive_V,cap_V", "t,Vdrive,Ucap")).unwrap();
+    let plain = PLAIN.replace("time_s", "t").replace("drive_V", "Vdrive").replace("cap_V", "Ucap");
+    let text = text.replace("recording.csv", "own.csv").replace(PLAIN, &plain);
+    std::fs::write(path("experiment.toml"), &text).unwrap();
+    let estimate = ["estimate", &path("experiment.toml"), "--out", &path("out")];
+    insta::assert_snapshot!(refused(&estimate, folder.path()));
+    // What it says is what helps.
+    std::fs::write(path("experiment.toml"), text.replace(&plain, OWN)).unwrap();
+    done(&estimate);
+}
+
+#[test]
+fn what_the_settings_say_of_a_column_has_to_fit_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (text, rows) = example();
+    std::fs::write(path("recording.csv"), rows).unwrap();
+    let mut all = String::new();
+    for signal in [
+        "{ column = \"cap_V\", unit = \"Volt\" }",
+        "{ column = \"cap_V\", unit = \"mV\" , scale = \"2 V/gn\" }",
+        "{ column = \"cap_V\", offset = \"1 s\" }",
+        "{ column = \"cap_V\", scale = 0 }",
+        "{ column = \"cap_V\", gain = 2 }",
+        "{ unit = \"V\" }",
+        "{ column = \"drive_V\", unit = \"mV\" }",
+        "3",
+        "[\"cap_V\"]",
+    ] {
+        let text = text.replace("signal = \"cap_V\"", &format!("signal = {signal}"));
+        std::fs::write(path("experiment.toml"), text).unwrap();
+        let why = refused(&["estimate", &path("experiment.toml"), "--out", &path("out")], folder.path());
+        writeln!(all, "{signal}\n  {}", why.trim_end()).unwrap();
+    }
+    insta::assert_snapshot!(all);
+}
+
+#[test]
+fn another_unit_than_that_of_the_file_counts_and_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    std::fs::write(folder.path().join("recording.csv"), &rows).unwrap();
+    let expected = trajectory(&folder, "recording.csv", PLAIN);
+    std::fs::write(folder.path().join("wrong.csv"), rows.replace("cap_V", "cap_mV")).unwrap();
+    let channels = "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = { column = \"cap\", unit = \"V\" } }";
+    assert!(trajectory(&folder, "wrong.csv", channels) == expected);
+    let metrics = std::fs::read_to_string(folder.path().join("out-wrong.csv/metrics.json")).unwrap();
+    assert!(metrics.contains("the file says `mV` and the settings say `V`"), "{metrics}");
+}
+
+#[test]
+fn inspect_reads_what_estimate_reads_where_a_column_is_text() {
+    for name in ["text.parquet", "text.h5", "text.tdms"] {
+        let text = done(&["inspect", fixture(name).to_str().unwrap()]);
+        assert!(text.contains("Vdrive") && text.contains("operator"), "{name}: {text}");
+    }
+}
+
+/// A file that was not meant shows nothing of itself.
+#[test]
+fn a_file_of_another_kind_is_not_quoted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let secret = "root:$6$swordfish$abcdef:19000:0:99999:7:::\ndaemon:*:19000:0:99999:7:::\n";
+    std::fs::write(path("shadow"), secret).unwrap();
+    std::fs::write(path("secret.env"), "# keys\nTOKEN=swordfish\n").unwrap();
+    std::fs::write(path("other.npz"), secret).unwrap();
+    let (text, _) = example();
+    for file in ["shadow", "secret.env", "other.npz"] {
+        std::fs::write(path("experiment.toml"), text.replace("recording.csv", file)).unwrap();
+        for command in ["estimate", "identify", "simulate", "image", "spectrum", "study"] {
+            let why = run(&[command, &path(file), "--out", &path("out")]);
+            assert_ne!(why.status.code(), Some(0), "{command} {file}");
+            assert!(!said(&why).contains("swordfish"), "{command} {file}: {}", said(&why));
+        }
+        let why = refused(&["estimate", &path("experiment.toml"), "--out", &path("out")], folder.path());
+        assert!(!why.contains("swordfish"), "{file}: {why}");
+    }
+}
+
+#[test]
+fn no_estimate_and_no_usable_recording_are_no_success() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("twice.csv"), "time_s,cap_V\n0,1\n1,2\n1,3\n").unwrap();
+    let output = run(&["inspect", &path("twice.csv")]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("cannot be used as a recording"));
+    assert!(said(&output).contains("cannot be used as a recording"), "{}", said(&output));
+    // A readout with the wrong sign: nothing can follow it.
+    let (text, rows) = example();
+    std::fs::write(path("recording.csv"), rows).unwrap();
+    let model = text.find("[[estimate.filter]]").unwrap();
+    let second = text.find("[[estimate.filter]]\nname = \"EKF\"").unwrap();
+    let text = format!("{}{}", &text[..model], &text[second..]).replace("-0.3574 V/pF", "0.3574 V/pF");
+    std::fs::write(path("experiment.toml"), text).unwrap();
+    let why = refused(&["estimate", &path("experiment.toml"), "--out", &path("out")], folder.path());
+    assert!(why.contains("no filter gave an estimate"), "{why}");
+    assert!(folder.path().join("out/metrics.json").is_file());
+}
+
+/// An array of rows without names, as `numpy.save` writes it.
+fn npy(rows: &[Vec<f64>]) -> Vec<u8> {
+    let shape = (rows.len(), rows[0].len());
+    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape:?}, }}");
+    while (header.len() + 11) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(u16::try_from(header.len()).unwrap().to_le_bytes());
+    bytes.extend(header.bytes());
+    bytes.extend(rows.iter().flatten().flat_map(|number| number.to_le_bytes()));
+    bytes
+}
+
+/// The numbers of a CSV as an array without names.
+fn as_npy(csv: &Path) -> Vec<u8> {
+    let text = std::fs::read_to_string(csv).unwrap();
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+    npy(&text.lines().skip(1).map(row).collect::<Vec<Vec<f64>>>())
+}
+
+#[test]
+fn calibrate_takes_formats_and_columns_as_estimate_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let example = root().join("examples/gyroscope");
+    let text = std::fs::read_to_string(example.join("calibration.toml")).unwrap();
+    for file in ["gyro.csv", "vibrometer.csv", "rest.csv"] {
+        std::fs::copy(example.join(file), folder.path().join(file)).unwrap();
+    }
+    std::fs::write(path("rest.npy"), as_npy(&example.join("rest.csv"))).unwrap();
+    let vibrometer = std::fs::read_to_string(example.join("vibrometer.csv")).unwrap();
+    std::fs::write(path("own.csv"), vibrometer.replacen("ldv_V", "ldv", 1)).unwrap();
+    std::fs::write(path("calibration.toml"), &text).unwrap();
+    let own = text
+        .replace("file = \"rest.csv\"", "file = \"rest.npy\"\nformat = { kind = \"npy\", columns = [\"w\"] }")
+        .replace("\"gyro_y_rad_per_s\"", "{ column = \"w\", unit = \"rad/s\" }")
+        .replace("\"vibrometer.csv\"", "\"own.csv\"")
+        .replace("\"ldv_V\"", "{ column = \"ldv\", unit = \"mV\", scale = 1000 }");
+    std::fs::write(path("own.toml"), own).unwrap();
+    let [plain, own] = ["calibration", "own"].map(|name| -> serde_json::Value {
+        let file = path(&format!("{name}.toml"));
+        serde_json::from_str(&done(&["calibrate", "gyro", &file, "--out", &path(name), "--json"])).unwrap()
+    });
+    assert!(plain["results"].is_array() && plain["rest"].is_array(), "{plain}");
+    assert_eq!((&plain["results"], &plain["rest"]), (&own["results"], &own["rest"]));
+    assert!(own["findings"].to_string().contains("its numbers are in `mV`, times `1000`"), "{own}");
+}
+
+#[test]
+fn image_takes_formats_and_columns_as_estimate_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let example = root().join("examples/shared_scanner");
+    let text = std::fs::read_to_string(example.join("image.toml")).unwrap();
+    // A search would take its time.
+    let text = text.replace("search = ", "# search = ");
+    for file in ["image_intensity.csv", "image_trajectory.csv"] {
+        std::fs::copy(example.join(file), folder.path().join(file)).unwrap();
+    }
+    std::fs::write(path("i.npy"), as_npy(&example.join("image_intensity.csv"))).unwrap();
+    let trajectory = std::fs::read_to_string(example.join("image_trajectory.csv")).unwrap();
+    std::fs::write(path("own.csv"), trajectory.replacen("time_us,x_mrad,y_mrad", "t,x,y", 1)).unwrap();
+    let own = text
+        .replace(
+            "file = \"image_intensity.csv\"",
+            "file = \"i.npy\"\nformat = { kind = \"npy\", columns = [\"i\"] }",
+        )
+        .replace("\"intensity_1\"", "{ column = \"i\", unit = \"1\" }")
+        .replace("image_trajectory.csv", "own.csv")
+        .replace("{ column = \"time_us\" }", "{ column = \"t\", unit = \"us\" }")
+        .replace("\"x_mrad\"", "{ column = \"x\", unit = \"mrad\" }")
+        .replace("\"y_mrad\"", "{ column = \"y\", unit = \"rad\", scale = 0.001 }");
+    for (name, text) in [("image", &text), ("own", &own)] {
+        std::fs::write(path(&format!("{name}.toml")), text).unwrap();
+        done(&["image", &path(&format!("{name}.toml")), "--out", &path(name)]);
+    }
+    let [plain, own] =
+        ["image", "own"].map(|name| std::fs::read(Path::new(&path(name)).join("image.png")).unwrap());
+    assert!(plain == own && !plain.is_empty());
+}
+
+#[test]
+fn spectrum_takes_formats_and_columns_as_estimate_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let rows: Vec<Vec<f64>> = (-512..512)
+        .map(|k| {
+            let x = f64::from(k) * 0.5e-6;
+            vec![(std::f64::consts::TAU * 2e5 * x).cos() * (-(x / 1e-4).powi(2)).exp()]
+        })
+        .collect();
+    std::fs::write(path("i.npy"), npy(&rows)).unwrap();
+    let csv: Vec<String> = rows.iter().map(|row| format!("{}\n", row[0])).collect();
+    std::fs::write(path("i.csv"), format!("detector_1\n{}", csv.concat())).unwrap();
+    let known: Vec<String> =
+        (1000..3000).map(|nu| format!("{nu},{}\n", f64::from((nu - 2000_i32).pow(2)))).collect();
+    std::fs::write(path("known.csv"), format!("wavenumber_per_cm,height\n{}", known.concat())).unwrap();
+    std::fs::write(path("nu.csv"), format!("nu,height\n{}", known.concat())).unwrap();
+    let text = "name = \"s\"\n[interferogram]\nfile = \"i.csv\"\ncolumns = [\"detector_1\"]\n[path]\nstep = \"0.5 um\"\n[transform]\n\
+                apodisation = \"boxcar\"\nphase = \"power\"\n[reference]\nband = { from = \"1500 1/cm\", to = \"2500 1/cm\" }\n\
+                [reference.spectrum]\nfile = \"known.csv\"\nwavenumber = \"wavenumber_per_cm\"\ncolumn = \"height\"\n";
+    let own = text
+        .replace("file = \"i.csv\"", "file = \"i.npy\"\nformat = { kind = \"npy\", columns = [\"d\"] }")
+        .replace("[\"detector_1\"]", "[{ column = \"d\", unit = \"1\" }]")
+        .replace("known.csv", "nu.csv")
+        .replace("\"wavenumber_per_cm\"", "{ column = \"nu\", unit = \"1/cm\" }");
+    let [plain, own] = [("s", text), ("own", &own)].map(|(name, text)| -> serde_json::Value {
+        std::fs::write(path(&format!("{name}.toml")), text).unwrap();
+        let file = path(&format!("{name}.toml"));
+        serde_json::from_str(&done(&["spectrum", &file, "--out", &path(name), "--json"])).unwrap()
+    });
+    assert!(plain["reference"]["rms_over_peak"].is_number(), "{plain}");
+    assert_eq!(plain["reference"], own["reference"]);
+    // The schema asks for this name, so that nothing is found about its unit.
+    assert!(!plain["findings"].to_string().contains("wavenumber_per_cm"), "{plain}");
+}
