@@ -89,7 +89,7 @@ mod tests {
             let y: Vec<f64> = time.iter().map(|t| (TAU * 10.0 * (t % 1.0)).cos()).collect();
             let cycles = fit_cycles(&time, &y, 10.0, 0.0);
             // Beyond 1e15 s no two samples are apart.
-            assert_eq!(cycles.len(), if end < 1e10 { 18 } else { 9 }, "{end}");
+            assert_eq!(cycles.len(), if end < 1e10 { 19 } else { 10 }, "{end}");
         }
     }
 }
