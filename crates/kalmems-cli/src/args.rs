@@ -138,6 +138,9 @@ pub struct StreamArguments {
     /// Write estimates as frames in binary to this file; `-` for standard output.
     #[arg(long, value_name = "FILE")]
     pub frames: Option<PathBuf>,
+    /// Put aside, as FILE.previous, also files that no stream wrote; what one wrote is always kept so.
+    #[arg(long)]
+    pub force: bool,
     /// Keep in this file what is needed to go on, and go on from it where it is there: samples up to the time of the last line
     /// `acknowledged` need not be sent again.
     #[arg(long, value_name = "FILE")]

@@ -5,7 +5,10 @@ use crate::args::StreamArguments;
 use crate::interrupt;
 use kalmems::config::Experiment;
 use kalmems::recording::ReadError;
-use kalmems::stream::{AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, stream};
+use kalmems::results::create_file;
+use kalmems::stream::{
+    AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
+};
 use serial2::SerialPort;
 use socket2::{SockRef, TcpKeepalive};
 use std::fs::File;
@@ -31,8 +34,8 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
         return Err(Ending::Wrong(why.to_owned()));
     }
     let outputs = Outputs {
-        lines: lines.map(output).transpose()?,
-        frames: frames.map(output).transpose()?,
+        lines: lines.map(|to| output(to, is_lines, arguments.force)).transpose()?,
+        frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
         notices: Some(Box::new(io::stderr())),
     };
     let state = arguments.state.as_deref();
@@ -205,12 +208,12 @@ impl Read for Device {
     }
 }
 
-/// Opens what estimates go to.
-fn output(to: &Path) -> Result<Box<dyn Write>, Ending> {
+/// Opens what estimates go to; what another stream wrote there is kept beside it.
+fn output(to: &Path, is_own: fn(&[u8]) -> bool, force: bool) -> Result<Box<dyn Write>, Ending> {
     if to == Path::new("-") {
         return Ok(Box::new(BufWriter::new(io::stdout())));
     }
-    let file = File::create(to).map_err(|e| Ending::Wrong(format!("cannot write {}: {e}", to.display())))?;
+    let file = create_file(to, is_own, force).map_err(|e| Ending::Wrong(e.to_string()))?;
     Ok(Box::new(BufWriter::new(file)))
 }
 

@@ -23,7 +23,7 @@ pub use events::{Event, Watch};
 pub use latency::Histogram;
 pub use noise_only::{CYCLES, Content, FOUND_BY_CHANCE, NoiseWatch};
 pub use order::{Order, OrderCounts, OrderSettings, Ordered};
-pub use output::{Outputs, SYNC, SYNC_AHEAD};
+pub use output::{Outputs, SYNC, SYNC_AHEAD, is_frames, is_lines};
 pub use shared::{Break, WayCounts};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 

@@ -11,6 +11,16 @@ pub const SYNC: [u8; 4] = *b"kmEs";
 /// What each frame begins with that tells of a zero phase before it happens.
 pub const SYNC_AHEAD: [u8; 4] = *b"kmZp";
 
+/// Whether a file that begins with these bytes was written as the lines of a stream.
+pub fn is_lines(beginning: &[u8]) -> bool {
+    [b"# ".as_slice(), b"event,", b"health,"].iter().any(|own| beginning.starts_with(own))
+}
+
+/// Whether a file that begins with these bytes was written as the frames of a stream.
+pub fn is_frames(beginning: &[u8]) -> bool {
+    [SYNC, SYNC_AHEAD].iter().any(|own| beginning.starts_with(own))
+}
+
 /// Where estimates and events go.
 #[derive(Default)]
 pub struct Outputs {

@@ -71,6 +71,10 @@ impl State {
     /// Reads what an earlier run of the same experiment left; `None` where there is none.
     pub(super) fn read(path: &Path, experiment: &str) -> Result<Option<Self>, StreamError> {
         let wrong = |why: String| StreamError::State { path: path.display().to_string(), why };
+        // A pipe would be waited for, and a link would be replaced.
+        if fs::symlink_metadata(path).is_ok_and(|there| !there.is_file()) {
+            return Err(wrong("it is no regular file".to_owned()));
+        }
         let text = match fs::read_to_string(path) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|e| wrong(e.to_string()))?,
