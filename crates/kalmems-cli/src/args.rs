@@ -89,7 +89,7 @@ pub struct GyroArguments {
     /// The folder for the results [default: out/calibrated/<name of the calibration>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a result of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// Print the figures as JSON instead of tables.
@@ -105,7 +105,7 @@ pub struct EstimateArguments {
     /// The folder for the results [default: out/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a result of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// Print the figures as JSON instead of a table.
@@ -167,7 +167,7 @@ pub struct ExportArguments {
     /// The folder for the source [default: out/exported/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace an export of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
 }
@@ -188,7 +188,7 @@ pub struct IdentifyArguments {
     /// The folder for the results [default: out/identified/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a result of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// Print the figures as JSON instead of a table.
@@ -203,7 +203,7 @@ pub struct ImageArguments {
     /// The folder for the results [default: out/image/<name of the image>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace an image of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// How far x is ahead of its trajectory, such as `0.7deg`, instead of what the file says.
@@ -231,8 +231,9 @@ pub struct InspectArguments {
     /// Of an experiment file: write text, data and all pictures to this folder as well.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a result of another input.
-    #[arg(long, requires = "out")]
+    /// Put aside what the results would replace: the result of another experiment, files that were changed since, a
+    /// file where the picture is to be.
+    #[arg(long)]
     pub force: bool,
     /// Print JSON instead of text.
     #[arg(long)]
@@ -252,7 +253,7 @@ pub struct ReproduceArguments {
     /// The folder for the results [default: out/reproduce/<rig>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a result of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// The first seed of the noise.
@@ -273,7 +274,7 @@ pub struct SimulateArguments {
     /// The folder for the recording [default: out/simulated/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a simulation of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// Which noise, instead of the one that the file says.
@@ -291,7 +292,7 @@ pub struct SpectrumArguments {
     /// The folder for the results [default: out/spectrum/<name of the spectrum>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Replace a spectrum of another input.
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
     /// Print the figures as JSON instead of text.

@@ -7,6 +7,7 @@ mod args;
 mod commands;
 mod interrupt;
 mod progress;
+mod target;
 
 use args::{Arguments, Command};
 use clap::Parser;

@@ -13,7 +13,6 @@ pub mod fit;
 pub mod identify;
 pub mod inspect;
 pub mod outlook;
-pub mod output;
 pub mod pace;
 pub mod recording;
 pub mod report;

@@ -5,7 +5,9 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
 use kalmems::report::{Axis, Figure, Panel, Role, Series};
-use kalmems::results::{Metrics, RunInfo, WriteOptions, outlook_figures, summary_table, write_estimate};
+use kalmems::results::{
+    Metrics, Output, RunInfo, Work, WriteOptions, outlook_figures, summary_table, write_estimate,
+};
 use kalmems::rigs;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Euler, Nodes, NoiseDensity, Process, Rk4};
@@ -35,7 +37,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let staged = tempfile::tempdir()?;
         let results = staged.path().join("results");
         let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-        write_estimate(&outcome, &metrics, &results, WriteOptions::default(), info, &|| false)?;
+        let output =
+            Output::begin(&results, &Work::of_file("estimate", experiment.path(), experiment.files()))?;
+        write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info, &|| false)?;
+        output.commit()?;
         for (name, ending) in figures {
             let to = folder.join(format!("shared_scanner_{name}.{ending}"));
             std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;

@@ -5,7 +5,7 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
 use kalmems::report::{Axis, Figure, Panel, Role, Series};
-use kalmems::results::{Metrics, RunInfo, summary_table, write_simulation};
+use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
 use kalmems::rigs::Rig;
 use kalmems::rigs::shared_scanner::two_axes::{BandPlan, Hardware, PlannedDrive, TwoAxesRig};
 use kalmems::signal::fit_sine_at;
@@ -38,7 +38,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let staged = tempfile::tempdir()?;
     let simulated = staged.path().join("simulated");
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    write_simulation(&experiment, simulation.as_ref(), &simulated, false, info, &Silent)?;
+    let output =
+        Output::begin(&simulated, &Work::of_file("simulate", experiment.path(), experiment.files()))?;
+    write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent)?;
+    output.commit()?;
     let outcome = workflow::estimate(&Experiment::load(&simulated.join("experiment.toml"))?, &Silent)?;
     let table = summary_table(&Metrics::of(&outcome), false).to_text();
     std::fs::write(folder.join("two_axes_errors.txt"), table.as_bytes())?;

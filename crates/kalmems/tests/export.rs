@@ -8,6 +8,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{SegmentEstimate, Silent};
 use kalmems::export::{self, ExportError, Exported, Request, Target, write_export};
 use kalmems::recording::Recording;
+use kalmems::results::{Output, OutputError, Work};
 use kalmems::rigs;
 use kalmems::signal::cubic_between;
 use kalmems_core::{Covariance, Ekf, Filter, Nodes};
@@ -213,14 +214,17 @@ fn an_export_is_whole_and_replaces_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("filter");
     let write = |filter: &str, force: bool| {
-        write_export(&export(&experiment, &request(Target::C, filter)).unwrap(), &target, force)
+        let exported = export(&experiment, &request(Target::C, filter)).unwrap();
+        let output = Output::begin(&target, &Work::named("export", filter).forced(force))?;
+        write_export(&exported, &output).unwrap();
+        output.commit()
     };
     write("EKF", false).unwrap();
     let read = |name: &str| fs::read(target.join(name)).unwrap();
     let first = ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read);
     write("EKF", false).unwrap();
     assert!(first == ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read));
-    assert!(matches!(write("Euler EKF", false), Err(ExportError::Output(_))));
+    assert!(matches!(write("Euler EKF", false), Err(OutputError::OtherWork { .. })));
     write("Euler EKF", true).unwrap();
     assert!(first[0] != read("scanner_filter.c"));
     let source = String::from_utf8(read("scanner_filter.c")).unwrap();

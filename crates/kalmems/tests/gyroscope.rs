@@ -10,7 +10,7 @@ use kalmems::applications::calibration::{
 };
 use kalmems::config::GyroscopeCalibration;
 use kalmems::estimate::Silent;
-use kalmems::results::{RunInfo, write_calibration};
+use kalmems::results::{Output, RunInfo, Work, write_calibration};
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};
 use realfft::num_complex::Complex64;
@@ -475,7 +475,9 @@ fn two_temperatures_and_every_kind_of_reference() {
     let out = bench.folder.path().join("out");
     let read = || -> Vec<(PathBuf, Vec<u8>)> {
         let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-        write_calibration(&bench.calibrate().unwrap(), &out, false, info).unwrap();
+        let output = Output::begin(&out, &Work::named("calibrate gyro", "bench")).unwrap();
+        write_calibration(&bench.calibrate().unwrap(), &output, info).unwrap();
+        output.commit().unwrap();
         let mut files: Vec<PathBuf> = ["", "figures"]
             .iter()
             .flat_map(|folder| fs::read_dir(out.join(folder)).unwrap().map(|e| e.unwrap().path()))

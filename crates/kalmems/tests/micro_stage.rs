@@ -10,7 +10,7 @@ use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::recording::Recording;
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
-use kalmems::results::{CalibrationSummary, Metrics, RunInfo, WriteOptions, write_estimate};
+use kalmems::results::{CalibrationSummary, Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
@@ -179,10 +179,9 @@ fn the_gyroscope_is_calibrated_by_the_stage_and_by_the_vibrometer() {
     let found = identify(&stage::reference("stage-room", &(TRAINING.to_owned() + ESTIMATE))).unwrap();
     let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
-    write_estimate(&outcome, &metrics, &here.path().join("stage"), WriteOptions::default(), info(), &|| {
-        false
-    })
-    .unwrap();
+    let output = Output::begin(&here.path().join("stage"), &Work::named("estimate", "stage")).unwrap();
+    write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info(), &|| false).unwrap();
+    output.commit().unwrap();
     let toml = format!(
         "name = \"stage-room\"\n[gyroscope]\nrate = \"8 kHz\"\nclock_tolerance = \"1 %\"\n\
          channels = {{ y = \"gyro_rad_per_s\" }}\n\n\
@@ -229,7 +228,10 @@ fn the_examples_calibrate_the_gyroscope_by_the_stage() {
     let experiment = Experiment::load(&examples.join("micro_stage/experiment.toml")).unwrap();
     let outcome = workflow::estimate(&identify(&experiment).unwrap().experiment, &Silent).unwrap();
     let to = out.path().join("micro_stage");
-    write_estimate(&outcome, &Metrics::of(&outcome), &to, WriteOptions::default(), info, &|| false).unwrap();
+    let output = Output::begin(&to, &Work::named("estimate", "micro_stage")).unwrap();
+    write_estimate(&outcome, &Metrics::of(&outcome), &output, WriteOptions::default(), info, &|| false)
+        .unwrap();
+    output.commit().unwrap();
     let path = examples.join("gyroscope/by_stage.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("\"../../out/"));

@@ -7,7 +7,7 @@ use kalmems::reproduce::{
     Check, Effort, Head, Item, Kind, Origin, Paper, Part, Place, Program, ReproduceError, Reproduction,
     Settings, Spread, Verdict, Work, reproduce, write_reproduction,
 };
-use kalmems::results::RunInfo;
+use kalmems::results::{self, Output, RunInfo};
 use kalmems::rigs::{Rig, piston_mirror::PistonMirrorRig, shared_scanner::SharedScannerRig};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -62,7 +62,9 @@ fn settings(only: Option<&str>, threads: usize) -> Settings {
 
 fn write(reproduction: &Reproduction, target: &Path) {
     let info = RunInfo { started: SystemTime::now(), took: Duration::from_millis(7) };
-    write_reproduction(reproduction, target, false, info, &|| false).unwrap();
+    let output = Output::begin(target, &results::Work::named("reproduce", reproduction.rig)).unwrap();
+    write_reproduction(reproduction, &output, info, &|| false).unwrap();
+    output.commit().unwrap();
 }
 
 /// All files below a folder but the record of the run, which has the time in it.
@@ -158,8 +160,10 @@ fn an_interruption_writes_nothing() {
     let reproduction = reproduce("made_up", &MADE_UP, settings(None, 1), &Silent).unwrap();
     let info = RunInfo { started: SystemTime::now(), took: Duration::ZERO };
     let target = folder.path().join("out");
-    let result = write_reproduction(&reproduction, &target, false, info, &|| true);
+    let output = Output::begin(&target, &results::Work::named("reproduce", "made_up")).unwrap();
+    let result = write_reproduction(&reproduction, &output, info, &|| true);
     assert!(matches!(result, Err(ReproduceError::Interrupted)));
+    drop(output);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 

@@ -7,7 +7,8 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Silent};
 use kalmems::report::{Figure, Series, Shape};
 use kalmems::results::{
-    Metrics, RunInfo, Verdict, WriteError, WriteOptions, estimate_figures, notices, write_estimate,
+    Metrics, Output, RunInfo, Verdict, Work, WriteError, WriteOptions, estimate_figures, notices,
+    write_estimate,
 };
 use kalmems::workflow::{self, Outcome};
 use std::path::PathBuf;
@@ -380,8 +381,10 @@ fn writing_that_is_stopped_leaves_nothing() {
             looks.set(looks.get() + 1);
             looks.get() > places
         };
-        match write_estimate(&outcome, &metrics, &target, WriteOptions::default(), info, &stop) {
+        let output = Output::begin(&target, &Work::named("estimate", "scanner")).unwrap();
+        match write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info, &stop) {
             Err(WriteError::Interrupted) => {
+                drop(output);
                 assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "stopped at look {places}");
             }
             written => {

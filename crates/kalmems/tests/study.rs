@@ -3,10 +3,10 @@
 use kalmems::config::Experiment;
 use kalmems::estimate::{Progress, Silent};
 use kalmems::recording::{Clock, Hints, Layout, Recording};
-use kalmems::results::{RunInfo, write_simulation};
+use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;
-use kalmems::study::{Options, Plan, Shard, StudyError};
+use kalmems::study::{Options, Plan, Shard, StudyError, Summary};
 use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZero;
@@ -61,6 +61,14 @@ against = "stiffness"
 
 struct Folder(TempDir);
 
+/// The results of a study in a folder.
+fn write(plan: &Plan, journals: &[PathBuf], out: &Path) -> Result<Summary, StudyError> {
+    let output = Output::begin(out, &plan.work())?;
+    let summary = plan.write_results(journals, &output)?;
+    output.commit()?;
+    Ok(summary)
+}
+
 impl Folder {
     fn with(study: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
@@ -97,7 +105,7 @@ impl Folder {
 
     fn written(&self, out: &str, journals: &[PathBuf]) -> BTreeMap<String, Vec<u8>> {
         let plan = Plan::from_journal(&journals[0]).unwrap();
-        plan.write_results(journals, &self.path(out), false).unwrap();
+        write(&plan, journals, &self.path(out)).unwrap();
         files(&self.path(out))
     }
 
@@ -174,7 +182,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     assert_eq!(folder.written("parts", &shards), one);
     let join = |journals: &[PathBuf]| {
         let plan = Plan::from_journal(&journals[0]).unwrap();
-        plan.write_results(journals, &folder.path("refused"), false).unwrap_err()
+        write(&plan, journals, &folder.path("refused")).unwrap_err()
     };
     let gap = join(&shards[..3]);
     assert!(matches!(gap, StudyError::Gap { missing: 2, total: 6, first: 1, .. }), "{gap}");
@@ -248,7 +256,7 @@ fn a_run_that_fails_is_a_row_and_the_study_goes_on() {
     let folder = Folder::with(&format!("name = \"fails\"\nexperiment = \"experiment.toml\"\n{vary}"));
     let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
     let plan = folder.plan().unwrap();
-    let summary = plan.write_results(&[journal], &folder.path("out"), false).unwrap();
+    let summary = write(&plan, &[journal], &folder.path("out")).unwrap();
     assert_eq!((summary.runs, summary.failed(), summary.rows), (3, 1, 3));
     let rows = table(&files(&folder.path("out")));
     assert!(
@@ -271,7 +279,9 @@ fn what_is_not_written_is_read_as_if_it_were() {
     let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let out = folder.path("simulated");
-    write_simulation(&experiment, &*simulation, &out, false, info, &Silent).unwrap();
+    let output = Output::begin(&out, &Work::named("simulate", "simulated")).unwrap();
+    write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+    output.commit().unwrap();
     let unwritten = Unwritten::of(&*simulation, &Silent).unwrap();
     let layout = |columns: &[&str]| Layout {
         clock: Clock::Column("time_s".to_owned()),
@@ -364,7 +374,7 @@ fn what_is_wrong_is_named_with_its_line() {
 fn an_unknown_metric_is_a_note() {
     let folder = Folder::with(&STUDY.replace("errors.angle.rmse_deg", "errors.angle.rms_deg"));
     let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
-    let summary = folder.plan().unwrap().write_results(&[journal], &folder.path("out"), false).unwrap();
+    let summary = write(&folder.plan().unwrap(), &[journal], &folder.path("out")).unwrap();
     assert!(summary.notes[0].contains("did you mean `errors.angle.rmse_deg`?"), "{:?}", summary.notes);
     assert!(!folder.path("out/figures").exists());
 }
@@ -393,7 +403,7 @@ fn two_keys_make_a_map() {
         fs::write(folder.path("study.toml"), study.replace("level = 1.0", &format!("level = {level:?}")))
             .unwrap();
         let out = folder.path("level");
-        folder.plan().unwrap().write_results(std::slice::from_ref(&journal), &out, true).unwrap();
+        write(&folder.plan().unwrap(), std::slice::from_ref(&journal), &out).unwrap();
         fs::read_to_string(out.join("figures/1_errors_angle_rmse_deg.svg")).unwrap()
     };
     let pieces = |svg: &str| svg.matches("stroke-linejoin").count();
@@ -413,7 +423,7 @@ fn two_keys_make_a_map() {
         assert!(study.contains(was));
         let folder = Folder::with(&study.replace(was, is));
         let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
-        let summary = folder.plan().unwrap().write_results(&[journal], &folder.path("out"), false).unwrap();
+        let summary = write(&folder.plan().unwrap(), &[journal], &folder.path("out")).unwrap();
         assert!(summary.notes[0].contains(note), "{:?}", summary.notes);
     }
 }
@@ -428,7 +438,9 @@ fn a_recording_can_be_studied() {
     let experiment = Experiment::load(&folder.path("experiment.toml")).unwrap();
     let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    write_simulation(&experiment, &*simulation, &folder.path("written"), false, info, &Silent).unwrap();
+    let output = Output::begin(&folder.path("written"), &Work::named("simulate", "written")).unwrap();
+    write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+    output.commit().unwrap();
     let rows = table(&folder.results("out", 2));
     let nis = |i: usize| rows[i]["consistency.mean_nis"].parse::<f64>().unwrap();
     assert!(rows.len() == 2 && nis(1) > 1.5 * nis(0), "{} {}", nis(0), nis(1));

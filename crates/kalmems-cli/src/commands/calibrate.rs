@@ -2,11 +2,10 @@
 
 use crate::args::{CalibrateArguments, Calibrated};
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::applications::calibration::calibrate;
 use kalmems::config::GyroscopeCalibration;
-use kalmems::results::{CalibrationSummary, RunInfo, write_calibration};
-use std::path::PathBuf;
+use kalmems::results::{CalibrationSummary, RunInfo, Work, write_calibration};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
@@ -14,16 +13,15 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let file = GyroscopeCalibration::load(&arguments.file).map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("calibrated").join(file.name.to_string()),
-    };
+    let work = Work::of_file("calibrate gyro", &arguments.file, file.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["calibrated", &file.name.to_string()], &work)?;
     let bar = Bar::default();
     let found = calibrate(&file, &bar)
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
-    write_calibration(&found, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    write_calibration(&found, &output, info).map_err(|e| wrong(&e))?;
+    let out = target::finish(output)?;
     let summary = CalibrationSummary::of(&found);
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;

@@ -2,28 +2,27 @@
 
 use crate::args::EstimateArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::config::Experiment;
 use kalmems::results::{
-    LongEstimate, Metrics, RunInfo, WriteError, WriteOptions, notices, summary_table, write_estimate,
+    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, summary_table,
+    write_estimate,
 };
 use kalmems::workflow::{self, PartsError, WorkflowError};
-use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join(experiment.name.to_string()),
-    };
+    let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
     let metrics = if workflow::is_long(&experiment).map_err(|e| wrong(&e))? {
-        in_parts(&experiment, arguments, &out, (started, clock))?
+        in_parts(&experiment, arguments, &output, (started, clock))?
     } else {
-        at_once(&experiment, arguments, &out, (started, clock))?
+        at_once(&experiment, arguments, &output, (started, clock))?
     };
+    let out = target::finish(output)?;
 
     if arguments.json {
         let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
@@ -50,7 +49,7 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
 fn at_once(
     experiment: &Experiment,
     arguments: &EstimateArguments,
-    out: &Path,
+    output: &Output,
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
@@ -58,8 +57,8 @@ fn at_once(
     drop(bar);
     let metrics = Metrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };
-    let wanted = WriteOptions { force: arguments.force, trajectories: !arguments.no_trajectories };
-    write_estimate(&outcome, &metrics, out, wanted, info, &crate::interrupt::requested)
+    let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
+    write_estimate(&outcome, &metrics, output, wanted, info, &crate::interrupt::requested)
         .map_err(of_writing)?;
     Ok(metrics)
 }
@@ -68,12 +67,11 @@ fn at_once(
 fn in_parts(
     experiment: &Experiment,
     arguments: &EstimateArguments,
-    out: &Path,
+    output: &Output,
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
-    let wanted = WriteOptions { force: arguments.force, trajectories: !arguments.no_trajectories };
-    let begun = LongEstimate::begin(experiment, out, wanted, &crate::interrupt::requested);
-    let mut results = begun.map_err(of_writing)?;
+    let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
+    let mut results = LongEstimate::begin(experiment, output, wanted, &crate::interrupt::requested);
     let bar = Bar::default();
     let whole = workflow::estimate_in_parts(experiment, &bar, &mut |part| results.part(&part));
     let whole = whole.map_err(|e| match e {

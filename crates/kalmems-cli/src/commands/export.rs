@@ -1,12 +1,12 @@
 //! `kalmems export`.
 
 use crate::args::{ExportArguments, Language};
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::config::Experiment;
 use kalmems::export::{Request, Target, export, write_export};
+use kalmems::results::Work;
 use kalmems::rigs;
 use kalmems::units::{Value, kind};
-use std::path::PathBuf;
 
 pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
@@ -24,11 +24,10 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
     };
     let exported = export(rigs::of(&experiment).map_err(|e| wrong(&e))?, &experiment, &request)
         .map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("exported").join(experiment.name.to_string()),
-    };
-    write_export(&exported, &out, arguments.force).map_err(|e| wrong(&e))?;
+    let work = Work::of_file("export", &arguments.experiment, experiment.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["exported", &experiment.name.to_string()], &work)?;
+    write_export(&exported, &output).map_err(|e| wrong(&e))?;
+    let out = target::finish(output)?;
     for (name, _) in &exported.files {
         print(&format!("{}\n", out.join(name).display()))?;
     }

@@ -2,11 +2,10 @@
 
 use crate::args::IdentifyArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::config::Experiment;
-use kalmems::results::{IdentificationSummary, RunInfo, WriteError, write_identification};
+use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
 use kalmems::rigs;
-use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
@@ -14,10 +13,8 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("identified").join(experiment.name.to_string()),
-    };
+    let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
     let bar = Bar::default();
     let found = rig
         .identify(&experiment, &bar)
@@ -25,10 +22,11 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
     let stop = &crate::interrupt::requested;
-    write_identification(&found, &out, arguments.force, info, stop).map_err(|e| match e {
+    write_identification(&found, &output, info, stop).map_err(|e| match e {
         WriteError::Interrupted => Ending::Interrupted,
         e => wrong(&e),
     })?;
+    let out = target::finish(output)?;
 
     let summary = IdentificationSummary::of(&found);
     if arguments.json {

@@ -2,11 +2,10 @@
 
 use crate::args::ImageArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::applications::image::reconstruct;
 use kalmems::config::Image;
-use kalmems::results::{Developed, ImageMetrics, RunInfo, read_grey, write_image};
-use std::path::PathBuf;
+use kalmems::results::{Developed, ImageMetrics, RunInfo, Work, read_grey, write_image};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
@@ -22,10 +21,8 @@ pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
         Some(path) => Some((path.as_path(), read_grey(path).map_err(|e| wrong(&e))?)),
         None => None,
     };
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("image").join(image.name.to_string()),
-    };
+    let work = Work::of_file("image", &arguments.image, image.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["image", &image.name.to_string()], &work)?;
     let bar = Bar::default();
     let outcome = reconstruct(&image, &bar)
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
@@ -34,7 +31,8 @@ pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
     let reference = reference.as_ref().map(|(path, picture)| (*path, picture));
     let metrics = ImageMetrics::of(&outcome, &developed, reference).map_err(|e| wrong(&e))?;
     let info = RunInfo { started, took: clock.elapsed() };
-    write_image(&outcome, &developed, &metrics, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    write_image(&outcome, &developed, &metrics, &output, info).map_err(|e| wrong(&e))?;
+    let out = target::finish(output)?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
         print(&(json + "\n"))?;

@@ -2,12 +2,12 @@
 
 use crate::args::InspectArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::config::Experiment;
 use kalmems::estimate::Progress;
 use kalmems::inspect::inspect_with;
 use kalmems::recording::ReadError;
-use kalmems::results::{RunInfo, draw_outlook, write_outlook};
+use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
 use kalmems::rigs;
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
@@ -31,11 +31,14 @@ fn device(arguments: &InspectArguments) -> Result<(), Ending> {
     let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
     let outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
     if let Some(path) = &arguments.png {
-        draw_outlook(&outlook, path).map_err(|e| wrong(&e))?;
+        draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;
     }
     if let Some(out) = &arguments.out {
         let info = RunInfo { started, took: clock.elapsed() };
-        write_outlook(&outlook, &experiment, out, arguments.force, info).map_err(|e| wrong(&e))?;
+        let work = Work::of_file("inspect", &arguments.input, experiment.files()).forced(arguments.force);
+        let output = target::begin(Some(out), &[], &work)?;
+        write_outlook(&outlook, &experiment, &output, info).map_err(|e| wrong(&e))?;
+        target::finish(output)?;
         eprintln!("text, data and pictures in {}", out.display());
     }
     if arguments.json {
@@ -67,7 +70,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     })?;
     drop(bar);
     if let Some(path) = &arguments.png {
-        kalmems::results::draw_inspection(&inspection, path).map_err(|e| wrong(&e))?;
+        kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|e| wrong(&e))?;

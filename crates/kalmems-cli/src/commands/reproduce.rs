@@ -2,13 +2,12 @@
 
 use crate::args::ReproduceArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::reproduce::{
     Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
 };
-use kalmems::results::RunInfo;
+use kalmems::results::{RunInfo, Work};
 use kalmems::rigs;
-use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
@@ -34,16 +33,14 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
             .threads
             .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into)),
     };
+    let work = Work::named("reproduce", name).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["reproduce", name], &work)?;
     let bar = Bar::default();
     let reproduction = reproduce(name, program, settings, &bar).map_err(ending)?;
     drop(bar);
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("reproduce").join(name),
-    };
     let info = RunInfo { started, took: clock.elapsed() };
-    write_reproduction(&reproduction, &out, arguments.force, info, &crate::interrupt::requested)
-        .map_err(ending)?;
+    write_reproduction(&reproduction, &output, info, &crate::interrupt::requested).map_err(ending)?;
+    let out = target::finish(output)?;
 
     if arguments.json {
         let json = serde_json::to_string_pretty(&reproduction).map_err(|e| Ending::Wrong(e.to_string()))?;

@@ -2,12 +2,11 @@
 
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::config::{Experiment, Role};
-use kalmems::results::{RunInfo, SimulationWriteError, write_simulation};
+use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
 use kalmems::rigs;
 use kalmems::simulate::SimulateError;
-use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
@@ -19,19 +18,16 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
     }
     let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
     let simulation = rig.simulate(&experiment).map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("simulated").join(experiment.name.to_string()),
-    };
+    let work = Work::of_file("simulate", &arguments.experiment, experiment.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["simulated", &experiment.name.to_string()], &work)?;
     let bar = Bar::default();
     let info = || RunInfo { started, took: clock.elapsed() };
-    let summary = write_simulation(&experiment, &*simulation, &out, arguments.force, info, &bar).map_err(
-        |e| match e {
-            SimulationWriteError::Simulate(SimulateError::Interrupted) => Ending::Interrupted,
-            e => wrong(&e),
-        },
-    )?;
+    let summary = write_simulation(&experiment, &*simulation, &output, info, &bar).map_err(|e| match e {
+        SimulationWriteError::Simulate(SimulateError::Interrupted) => Ending::Interrupted,
+        e => wrong(&e),
+    })?;
     drop(bar);
+    let out = target::finish(output)?;
 
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;

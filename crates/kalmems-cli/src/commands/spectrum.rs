@@ -2,28 +2,26 @@
 
 use crate::args::SpectrumArguments;
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
 use kalmems::applications::spectrum::measure;
 use kalmems::config::SpectrumFile;
-use kalmems::results::{RunInfo, SpectrumMetrics, write_spectrum};
-use std::path::PathBuf;
+use kalmems::results::{RunInfo, SpectrumMetrics, Work, write_spectrum};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let file = SpectrumFile::load(&arguments.spectrum).map_err(|e| wrong(&e))?;
-    let out = match &arguments.out {
-        Some(out) => out.clone(),
-        None => PathBuf::from("out").join("spectrum").join(file.name.to_string()),
-    };
+    let work = Work::of_file("spectrum", &arguments.spectrum, file.files()).forced(arguments.force);
+    let output = target::begin(arguments.out.as_ref(), &["spectrum", &file.name.to_string()], &work)?;
     let bar = Bar::default();
     let outcome = measure(&file, &bar)
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let metrics = SpectrumMetrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };
-    write_spectrum(&outcome, &metrics, &out, arguments.force, info).map_err(|e| wrong(&e))?;
+    write_spectrum(&outcome, &metrics, &output, info).map_err(|e| wrong(&e))?;
+    let out = target::finish(output)?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
         print(&(json + "\n"))?;

@@ -2,13 +2,18 @@
 
 use crate::args::{MergeArguments, StudyArguments};
 use crate::progress::Bar;
-use crate::{Ending, print};
+use crate::{Ending, print, target};
+use kalmems::results::Output;
 use kalmems::study::{Options, Plan, StudyError};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub fn run(arguments: &StudyArguments) -> Result<(), Ending> {
     let plan = Plan::load(&arguments.study).map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
+    let work = plan.work().forced(arguments.force);
+    // The journal of a shard stands beside the folder, which no shard writes.
+    let whole = arguments.shard.is_whole();
+    let output = whole.then(|| target::begin(Some(&out), &[], &work)).transpose()?;
     let options = Options { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
     let bar = Bar::of_large_units();
     let progressed = plan.run_all(&out, options, &bar).map_err(ending)?;
@@ -20,18 +25,19 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Ending> {
     if progressed.before > 0 {
         eprintln!("note: {} of {} runs were in {journal} already", progressed.before, progressed.runs);
     }
-    if !arguments.shard.is_whole() {
+    let Some(output) = output else {
         eprintln!("shard {} is in {journal}; join all with: kalmems merge", arguments.shard);
         return Ok(());
-    }
-    report(&plan, &[progressed.journal], &out, arguments.force, arguments.json)
+    };
+    report(&plan, &[progressed.journal], output, arguments.json)
 }
 
 pub fn merge(arguments: &MergeArguments) -> Result<(), Ending> {
     let Some(first) = arguments.journals.first() else { return Ok(()) };
     let plan = Plan::from_journal(first).map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
-    report(&plan, &arguments.journals, &out, arguments.force, arguments.json)
+    let work = plan.work().forced(arguments.force);
+    report(&plan, &arguments.journals, target::begin(Some(&out), &[], &work)?, arguments.json)
 }
 
 fn folder(plan: &Plan, out: Option<&PathBuf>) -> PathBuf {
@@ -46,8 +52,9 @@ fn ending(error: StudyError) -> Ending {
     }
 }
 
-fn report(plan: &Plan, journals: &[PathBuf], out: &Path, force: bool, json: bool) -> Result<(), Ending> {
-    let summary = plan.write_results(journals, out, force).map_err(ending)?;
+fn report(plan: &Plan, journals: &[PathBuf], output: Output, json: bool) -> Result<(), Ending> {
+    let summary = plan.write_results(journals, &output).map_err(ending)?;
+    let out = target::finish(output)?;
     if json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| Ending::Wrong(e.to_string()))?;
         print(&(json + "\n"))?;

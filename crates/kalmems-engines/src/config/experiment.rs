@@ -197,6 +197,11 @@ impl Experiment {
         self.source.path.parent().unwrap_or(Path::new("")).join(file)
     }
 
+    /// The files that a run reads because of it, itself among them; see [`Source::files`].
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.source.files()
+    }
+
     /// The same experiment with every file that it names put elsewhere: for a copy in another folder.
     #[must_use]
     pub fn with_files(&self, place: &dyn Fn(&Path) -> PathBuf) -> Self {

@@ -232,6 +232,19 @@ impl GyroscopeCalibration {
         self.source.path.parent().unwrap_or(Path::new("")).join(named)
     }
 
+    /// The files that a run reads because of it, itself among them; see [`Source::files`].
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = self.conditions.iter().flat_map(|condition| {
+            let files = condition.references.iter().map(|reference| &reference.file);
+            let records = condition.records.iter().flatten().map(String::as_str);
+            let of_record =
+                move |record| std::iter::once(&condition.file).chain(files.clone()).map(move |f| (f, record));
+            records.flat_map(of_record)
+        });
+        let named = named.map(|(file, record)| self.resolve(file, record));
+        self.source.files().into_iter().chain(named).collect()
+    }
+
     /// An error at a key, with its line.
     pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
         self.source.error_at(key.into(), fault)

@@ -156,6 +156,11 @@ impl Image {
         self.source.path.parent().unwrap_or(Path::new("")).join(file)
     }
 
+    /// The files that a run reads because of it, itself among them; see [`Source::files`].
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.source.files()
+    }
+
     /// Takes a phase by hand instead of what the file says of an axis, `x` or `y`, and searches none for it.
     pub fn set_phase(&mut self, axis: &str, phase: &str) -> Result<(), String> {
         let found = match axis {

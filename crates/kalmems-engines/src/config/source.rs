@@ -27,6 +27,9 @@ impl PartialEq for Source {
     }
 }
 
+/// How far from one file to the next a description is followed: a spectrum names an experiment, and that its recordings.
+const DEEPEST_DESCRIPTION: u32 = 2;
+
 impl Source {
     /// Reads a file that is not too large and is UTF-8.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
@@ -78,6 +81,38 @@ impl Source {
             Fault::Syntax { column, why: e.message().trim().replace('\n', "; ") }
         };
         Err(self.error(Key::default(), Some(span.start), fault))
+    }
+
+    /// The file itself and the files that are there and that a string in it leads to, and so on from those of them that
+    /// describe something themselves: whatever a run may read because of it.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files = vec![self.path.clone()];
+        self.add_files(&mut files, DEEPEST_DESCRIPTION);
+        files
+    }
+
+    fn add_files(&self, files: &mut Vec<PathBuf>, deepest: u32) {
+        let table: toml::Table = self.text.parse().unwrap_or_default();
+        let mut values: Vec<toml::Value> = table.into_iter().map(|(_, value)| value).collect();
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        while let Some(value) = values.pop() {
+            match value {
+                toml::Value::Array(items) => values.extend(items),
+                toml::Value::Table(table) => values.extend(table.into_iter().map(|(_, value)| value)),
+                toml::Value::String(text) => {
+                    let file = folder.join(text);
+                    if files.contains(&file) || !file.is_file() {
+                        continue;
+                    }
+                    let describes = deepest > 0 && file.extension().is_some_and(|ending| ending == "toml");
+                    files.push(file.clone());
+                    if let Some(source) = describes.then(|| Self::load(&file).ok()).flatten() {
+                        source.add_files(files, deepest - 1);
+                    }
+                }
+                _ => {}
+            }
+        }
     }
 
     /// An error at a place in the text.

@@ -447,6 +447,11 @@ impl SpectrumFile {
         self.source.path.parent().unwrap_or(Path::new("")).join(file)
     }
 
+    /// The files that a run reads because of it, itself among them; see [`Source::files`].
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.source.files()
+    }
+
     /// An error at a key, with its line.
     pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
         self.source.error_at(key.into(), fault)

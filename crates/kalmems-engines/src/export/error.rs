@@ -1,9 +1,9 @@
 //! Why a filter cannot be exported.
 
 use crate::config::ConfigError;
-use crate::output::OutputError;
 use crate::recording::ReadError;
 use kalmems_core::detect::DetectError;
+use kalmems_store::OutputError;
 
 /// Why a filter cannot be exported.
 #[derive(Debug, thiserror::Error)]

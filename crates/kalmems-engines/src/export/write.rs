@@ -3,16 +3,15 @@
 use super::samples::Samples;
 use super::{ExportError, Filter, Request, Target, c, rust};
 use crate::config::{Experiment, Fault};
-use crate::output::{Output, RUN_FILE};
 use crate::recording::{ReadError, Recording};
 use crate::rig::Rig;
 use crate::signal::cubic_between;
 use crate::units::kind;
+use kalmems_store::{Output, RUN_FILE};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io;
-use std::path::Path;
 
 /// The files of an export, and what they say of themselves.
 #[derive(Clone, Debug)]
@@ -91,9 +90,8 @@ pub fn export(rig: &dyn Rig, experiment: &Experiment, request: &Request) -> Resu
     Ok(Exported { filter: name, interval_s, files, input_id })
 }
 
-/// Writes an export to a folder, whole or not at all.
-pub fn write_export(exported: &Exported, target: &Path, force: bool) -> Result<(), ExportError> {
-    let output = Output::prepare(target, &exported.input_id, force)?;
+/// Writes the files of an export into a result.
+pub fn write_export(exported: &Exported, output: &Output) -> Result<(), ExportError> {
     for (name, content) in &exported.files {
         output.write(name, |w| w.write_all(content.as_bytes()))?;
     }
@@ -105,8 +103,7 @@ pub fn write_export(exported: &Exported, target: &Path, force: bool) -> Result<(
         interval_s: exported.interval_s,
     };
     let run = toml::to_string(&run).map_err(io::Error::other);
-    output.write(RUN_FILE, |w| w.write_all(run?.as_bytes()))?;
-    Ok(output.commit()?)
+    Ok(output.write(RUN_FILE, |w| w.write_all(run?.as_bytes()))?)
 }
 
 /// What the folder says of itself: nothing that changes from run to run.

@@ -1,7 +1,7 @@
 //! Why there is no reproduction.
 
-use crate::output::OutputError;
 use crate::report::ReportError;
+use kalmems_store::OutputError;
 
 /// Why there is no reproduction.
 #[derive(Debug, thiserror::Error)]

@@ -2,27 +2,24 @@
 
 use super::page::page;
 use super::{Check, Effort, Head, Paper, ReproduceError, Reproduction, Verdict};
-use crate::output::{Output, RUN_FILE, RunInfo};
-use crate::report::Table;
+use crate::report::{Table, write_figure};
 use crate::simulate::WhiteNoise;
+use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-/// Writes report, pictures, tables and record of the run to a folder.
+/// Writes report, pictures, tables and record of the run into a result.
 ///
 /// `report.html`; `figures/` as SVG and PNG; `tables/<item>.csv` with the paper's values beside ours and
 /// `tables/<item>_<n>.csv` with the others; `reproduction.json`; `run.toml`. Where `stop` says so in between, the work
-/// ends and nothing is left of it.
+/// ends.
 pub fn write_reproduction(
     reproduction: &Reproduction,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), ReproduceError> {
-    let output = Output::prepare(target, &input_id(reproduction), force)?;
     let html = page(reproduction)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for item in &reproduction.items {
@@ -32,10 +29,7 @@ pub fn write_reproduction(
             output.write(&format!("tables/{key}_{n}.csv"), |w| write_table(table, w))?;
         }
         for figure in &item.figures {
-            let svg = figure.to_svg();
-            output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(svg.as_bytes()))?;
-            let png = figure.to_png()?;
-            output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+            write_figure::<ReproduceError>(output, figure)?;
         }
         if stop() {
             return Err(ReproduceError::Interrupted);
@@ -45,8 +39,7 @@ pub fn write_reproduction(
         serde_json::to_writer_pretty(&mut *w, &Json::from(reproduction))?;
         writeln!(w)
     })?;
-    output.write(RUN_FILE, |w| w.write_all(run_file(reproduction, info)?.as_bytes()))?;
-    Ok(output.commit()?)
+    Ok(output.write(RUN_FILE, |w| w.write_all(run_file(reproduction, info)?.as_bytes()))?)
 }
 
 impl Serialize for Reproduction {

@@ -7,25 +7,22 @@ use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::pace::Pace;
 use crate::recording::Source;
-use crate::report::ReportError;
+use crate::report::{ReportError, write_figure};
 use crate::workflow::Outcome;
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 /// How results are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Whether a result of another input is replaced.
-    pub force: bool,
     /// Whether trajectories are written. Those of a long recording take several times its room.
     pub trajectories: bool,
 }
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self { force: false, trajectories: true }
+        Self { trajectories: true }
     }
 }
 
@@ -46,21 +43,20 @@ pub enum WriteError {
     Interrupted,
 }
 
-/// Writes trajectories, figures, record of the run and report to a folder.
+/// Writes trajectories, figures, record of the run and report into a result.
 ///
 /// `trajectory_<filter>.csv`, with the recording's and the segment's name in front where there are several, and `stretch_2` and
 /// so on for the later stretches of a record;
 /// `metrics.json`; `run.toml`; `report.html`, and its pictures in `figures/`. Where `stop` says so in between, the
-/// work ends and nothing is left of it.
+/// work ends.
 pub fn write_estimate(
     outcome: &Outcome,
     metrics: &Metrics,
-    target: &Path,
+    output: &Output,
     options: WriteOptions,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), WriteError> {
-    let output = Output::prepare(target, &input_id(outcome), options.force)?;
     for recording in outcome.recordings.iter().filter(|_| options.trajectories) {
         let column = recording.segments.first().map_or("", |s| s.estimate.signal_column.as_str());
         let unit = recording.recording.column(column).ok().and_then(|c| c.header.unit);
@@ -87,15 +83,12 @@ pub fn write_estimate(
     let (html, figures) = page(outcome, metrics)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in figures {
-        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-        let png = figure.to_png()?;
-        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        write_figure::<WriteError>(output, &figure)?;
         if stop() {
             return Err(WriteError::Interrupted);
         }
     }
-    output.write(RUN_FILE, |w| w.write_all(run_file(outcome, metrics, info)?.as_bytes()))?;
-    Ok(output.commit()?)
+    Ok(output.write(RUN_FILE, |w| w.write_all(run_file(outcome, metrics, info)?.as_bytes()))?)
 }
 
 /// What tells one input from another: the experiment's name and the bytes of its recordings.

@@ -5,10 +5,11 @@ use super::{Output, RUN_FILE, WriteError};
 use crate::applications::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
 use crate::config::GyroscopeCalibration;
 use crate::recording::Source;
-use crate::report::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use crate::report::{
+    Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table, write_figure,
+};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 /// What was found, as `calibration.json` has it.
@@ -358,16 +359,10 @@ fn of_rest(rests: &[Rest]) -> Figure {
     })
 }
 
-/// Writes a calibration to a folder: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
+/// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
 /// `records.csv`, `allan.csv` where there is a record at rest, `report.html`, its pictures in `figures/`, `run.toml`.
-pub fn write_calibration(
-    found: &Calibration,
-    target: &Path,
-    force: bool,
-    info: RunInfo,
-) -> Result<(), WriteError> {
+pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
-    let output = Output::prepare(target, &input_id, force)?;
     let summary = CalibrationSummary::of(found);
     output.write("calibration.json", |w| {
         serde_json::to_writer_pretty(&mut *w, &summary)?;
@@ -384,9 +379,7 @@ pub fn write_calibration(
     let html = page(found, &figures).to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &figures {
-        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-        let png = figure.to_png()?;
-        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        write_figure::<WriteError>(output, figure)?;
     }
     output.write(RUN_FILE, |w| {
         let run = Run {
@@ -402,7 +395,7 @@ pub fn write_calibration(
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
-    Ok(output.commit()?)
+    Ok(())
 }
 
 fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {

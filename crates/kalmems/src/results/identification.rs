@@ -1,13 +1,12 @@
 //! The files of an identification.
 
 use super::RunInfo;
-use super::{Output, RUN_FILE, WriteError};
+use super::{Output, RUN_FILE, WriteError, way_from};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::recording::Source;
-use crate::report::{Column, Table};
+use crate::report::{Column, Table, write_figure};
 use serde::Serialize;
 use std::io;
-use std::path::{Component, Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 /// What was identified, as `identification.json` has it.
@@ -86,32 +85,27 @@ fn decimals(value: f64, error: f64) -> usize {
     digits
 }
 
-/// Writes an identification to a folder: `identification.json`; `experiment.toml`, the experiment with the values that
-/// were found in their places; the pictures in `figures/`; `run.toml`. Where `stop` says so in between, the work ends
-/// and nothing is left of it.
+/// Writes an identification into a result: `identification.json`; `experiment.toml`, the experiment with the values that
+/// were found in their places; the pictures in `figures/`; `run.toml`. Where `stop` says so in between, the work ends.
 pub fn write_identification(
     found: &Identification,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), WriteError> {
     let input_id = input_id(found);
-    let output = Output::prepare(target, &input_id, force)?;
     output.write("identification.json", |w| {
         serde_json::to_writer_pretty(&mut *w, &IdentificationSummary::of(found))?;
         writeln!(w)
     })?;
     let experiment = found.experiment.with_files(&|file| {
         let there = found.experiment.resolve(file);
-        seen_from(target, &there).unwrap_or(there)
+        way_from(output.target(), &there).unwrap_or(there)
     });
     let toml = experiment.to_toml().map_err(io::Error::other);
     output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
     for figure in &found.figures {
-        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-        let png = figure.to_png()?;
-        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        write_figure::<WriteError>(output, figure)?;
         if stop() {
             return Err(WriteError::Interrupted);
         }
@@ -130,27 +124,7 @@ pub fn write_identification(
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
-    Ok(output.commit()?)
-}
-
-/// The way from a folder, which need not be there yet, to a file that is.
-fn seen_from(folder: &Path, file: &Path) -> Option<PathBuf> {
-    let file = std::fs::canonicalize(file).ok()?;
-    // What of the folder is there already may contain links.
-    let mut rest = PathBuf::new();
-    let mut there = std::path::absolute(folder).ok()?;
-    let folder = loop {
-        if let Ok(real) = std::fs::canonicalize(&there) {
-            break real.join(rest);
-        }
-        rest = Path::new(there.file_name()?).join(rest);
-        there = there.parent()?.to_owned();
-    };
-    let steps = |path: &Path| path.components().map(|c| c.as_os_str().to_owned()).collect::<Vec<_>>();
-    let (from, to) = (steps(&folder), steps(&file));
-    let same = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
-    let up = std::iter::repeat_n(Component::ParentDir.as_os_str().to_owned(), from.len() - same);
-    Some(up.chain(to.into_iter().skip(same)).collect())
+    Ok(())
 }
 
 /// What tells one input from another: the experiment's name and the bytes of its recordings.
@@ -178,8 +152,7 @@ struct Timing {
 
 #[cfg(test)]
 mod tests {
-    use super::{decimals, seen_from};
-    use std::path::Path;
+    use super::decimals;
 
     #[test]
     fn digits_follow_the_error() {
@@ -187,18 +160,5 @@ mod tests {
         assert_eq!(decimals(0.2, 0.01), 3);
         assert_eq!(decimals(1.0, f64::INFINITY), 3);
         assert_eq!(decimals(1.0, 0.0), 3);
-    }
-
-    #[test]
-    fn a_file_is_found_from_a_folder_that_is_not_there_yet() {
-        let folder = tempfile::tempdir().unwrap();
-        let root = folder.path();
-        std::fs::create_dir_all(root.join("a/b")).unwrap();
-        std::fs::write(root.join("a/r.csv"), "").unwrap();
-        let seen = |from: &str| seen_from(&root.join(from), &root.join("a/r.csv")).unwrap();
-        assert_eq!(seen("out/identified"), Path::new("../../a/r.csv"));
-        assert_eq!(seen("a/b/c"), Path::new("../../r.csv"));
-        assert_eq!(seen("a"), Path::new("r.csv"));
-        assert!(seen_from(&root.join("a"), &root.join("none.csv")).is_none());
     }
 }

@@ -225,7 +225,7 @@ fn for_the_eye(outcome: &ImageOutcome, developed: &Developed) -> Option<(Picture
     outcome.image.fill.map(|Fill::Neighbours| developed.picture.filled_from_neighbours())
 }
 
-/// Writes an image to a folder.
+/// Writes an image into a result.
 ///
 /// `image.png`, `forward.png` and `backward.png`, grey with 16 bits and transparent where there is no sample;
 /// `counts.png`, the number of samples as grey value; `picture.png`, filled, where the image file says how;
@@ -234,12 +234,10 @@ pub fn write_image(
     outcome: &ImageOutcome,
     developed: &Developed,
     metrics: &ImageMetrics,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: RunInfo,
 ) -> Result<(), OutputError> {
     let input_id = input_id(outcome);
-    let output = Output::prepare(target, &input_id, force)?;
     let pictures = [
         ("image.png", &developed.picture),
         ("forward.png", &developed.forward),
@@ -270,8 +268,7 @@ pub fn write_image(
             image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
-    })?;
-    output.commit()
+    })
 }
 
 /// What tells one input from another: the image's name and the bytes of its files. Phases are none of it, so that an

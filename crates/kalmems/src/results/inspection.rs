@@ -1,6 +1,6 @@
 //! The picture of an inspection.
 
-use super::OutputError;
+use super::{OutputError, write_file};
 use crate::inspect::{self, Channel, Inspection};
 use crate::report::{Axis, Figure, Panel, ReportError, Role, Series};
 use std::path::Path;
@@ -54,17 +54,20 @@ fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) 
         .with(Series::line(label, Role::Measured, points))
 }
 
-/// Draws every channel of the longest segment to a PNG file.
-pub fn draw_inspection(inspection: &Inspection, path: &Path) -> Result<(), DrawError> {
-    write_png(&inspection_figure(inspection), path)
+/// Draws every channel of the longest segment to a PNG file; see [`write_file`].
+pub fn draw_inspection(inspection: &Inspection, path: &Path, force: bool) -> Result<(), DrawError> {
+    write_png(inspection_figure(inspection), path, force)
 }
 
-/// Writes one picture to a file, whole or not at all.
-pub(super) fn write_png(figure: &Figure, path: &Path) -> Result<(), DrawError> {
-    let png = figure.to_png()?;
-    let error = |source| OutputError::Io { path: path.to_owned(), source };
-    // Beside its place first, so that there is never half a picture.
-    let staged = path.with_extension("png.part");
-    std::fs::write(&staged, png).and_then(|()| std::fs::rename(&staged, path)).map_err(error)?;
+/// Writes a figure to a file; its other sheets, where there are several, to files with `_2`, `_3` and so on in their names.
+pub(super) fn write_png(figure: Figure, path: &Path, force: bool) -> Result<(), DrawError> {
+    for (page, number) in figure.pages().into_iter().zip(1..) {
+        let mut name = path.file_stem().unwrap_or_default().to_owned();
+        let ending = path.extension().map_or_else(|| "png".into(), std::ffi::OsStr::to_owned);
+        name.push(format!("_{number}."));
+        name.push(ending);
+        let path = if number == 1 { path.to_owned() } else { path.with_file_name(name) };
+        write_file(&path, &page.to_png()?, force)?;
+    }
     Ok(())
 }

@@ -5,17 +5,18 @@ use super::files::{record_of_run, write_header, write_rows};
 use super::metrics::{segment, texts};
 use super::names::of_parts;
 use super::page::page_with;
-use super::{Metrics, Output, RUN_FILE, RecordingMetrics, RunInfo, SegmentMetrics, WriteError, WriteOptions};
+use super::{
+    Metrics, Output, RUN_FILE, RecordingMetrics, ResultFile, RunInfo, SegmentMetrics, WriteError,
+    WriteOptions,
+};
 use crate::config::Experiment;
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
-use crate::report::Figure;
+use crate::report::{Figure, write_figure};
 use crate::rigs;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::fs;
 use std::time::UNIX_EPOCH;
 
 /// Segments of a long recording, and stretches of a record, of which there are pictures.
@@ -26,13 +27,13 @@ pub(super) const PICTURED: usize = 16;
 /// They are those of [`write_estimate`](super::write_estimate), but that the pictures show the last part of each segment, and
 /// how the filters fared from part to part.
 pub struct LongEstimate<'a> {
-    output: Output,
+    output: &'a Output,
     experiment: &'a Experiment,
     input_id: String,
     recordings: Vec<RecordingMetrics>,
     drawn: Vec<Vec<Vec<Figure>>>,
     /// The files of trajectories.
-    files: BTreeMap<String, BufWriter<File>>,
+    files: BTreeMap<String, ResultFile>,
     /// Figures of the parts of the present segment.
     parts: Vec<PartFigures>,
     began_s: f64,
@@ -53,18 +54,17 @@ pub(super) struct PartFigures {
 pub(super) type FilterFigures = (String, Option<f64>, Option<f64>);
 
 impl<'a> LongEstimate<'a> {
-    /// Begins a result at `target`; where `stop` says so, the work ends and nothing is left of it.
+    /// Begins to write into a result; where `stop` says so, the work ends.
     pub fn begin(
         experiment: &'a Experiment,
-        target: &Path,
+        output: &'a Output,
         options: WriteOptions,
         stop: &'a dyn Fn() -> bool,
-    ) -> Result<Self, WriteError> {
-        let input_id = input_id(experiment);
-        Ok(Self {
-            output: Output::prepare(target, &input_id, options.force)?,
+    ) -> Self {
+        Self {
+            output,
             experiment,
-            input_id,
+            input_id: input_id(experiment),
             recordings: Vec::new(),
             drawn: Vec::new(),
             files: BTreeMap::new(),
@@ -72,7 +72,7 @@ impl<'a> LongEstimate<'a> {
             began_s: f64::NAN,
             options,
             stop,
-        })
+        }
     }
 
     /// Takes what came of the next part.
@@ -115,8 +115,8 @@ impl<'a> LongEstimate<'a> {
         }
         if part.ends {
             self.draw(part, outcome)?;
-            for (name, mut file) in std::mem::take(&mut self.files) {
-                file.flush().map_err(|e| self.output.error(&name, e))?;
+            for file in std::mem::take(&mut self.files).into_values() {
+                self.output.seal(file)?;
             }
         }
         Ok(())
@@ -163,16 +163,13 @@ impl<'a> LongEstimate<'a> {
         }
         all.extend(figures(&part.outcome, outcome, &prefix));
         for figure in &all {
-            self.output
-                .write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-            let png = figure.to_png()?;
-            self.output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+            write_figure::<WriteError>(self.output, figure)?;
         }
         self.drawn[part.index].push(all);
         Ok(())
     }
 
-    /// Writes what belongs to the whole and puts the result in its place; the figures.
+    /// Writes what belongs to the whole; the figures.
     pub fn finish(mut self, whole: &[WholeRecording], info: RunInfo) -> Result<Metrics, WriteError> {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
             own.diagnosis = texts(&whole.diagnosis);
@@ -200,7 +197,6 @@ impl<'a> LongEstimate<'a> {
         self.output.write(RUN_FILE, |w| {
             w.write_all(record_of_run(self.experiment, &metrics, input, info)?.as_bytes())
         })?;
-        self.output.commit()?;
         Ok(metrics)
     }
 }

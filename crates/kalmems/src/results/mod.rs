@@ -23,7 +23,10 @@ pub use gyroscope::{CalibrationSummary, RestSummary, calibration_figures, write_
 pub use identification::{IdentificationSummary, write_identification};
 pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
-pub use kalmems_engines::output::{Output, OutputError, RUN_FILE, RunInfo};
+pub use kalmems_store::{
+    Committed, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
+    way_from, write_file,
+};
 pub use long::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,

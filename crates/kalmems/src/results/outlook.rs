@@ -4,7 +4,7 @@ use super::inspection::write_png;
 use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
 use crate::config::Experiment;
 use crate::outlook::{AtFrequency, Information, Outlook, Response, Start};
-use crate::report::{Axis, Figure, Grid, Panel, Role, Series};
+use crate::report::{Axis, Figure, Grid, Panel, Role, Series, write_figure};
 use crate::simulate::{SteadyMotion, SweepPoint};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use sha2::{Digest, Sha256};
@@ -173,37 +173,33 @@ fn information_panel(information: &[Information]) -> Panel {
         .with(Series::line("amplitude, gain and offset free", Role::Model, line(|at| at.amplitude_sd_free)))
 }
 
-/// Draws all pictures, one below the other, to a PNG file.
-pub fn draw_outlook(outlook: &Outlook, path: &Path) -> Result<(), DrawError> {
+/// Draws all pictures, one below the other, to a PNG file; see [`write_file`](super::write_file).
+pub fn draw_outlook(outlook: &Outlook, path: &Path, force: bool) -> Result<(), DrawError> {
     let panels = outlook_figures(outlook).into_iter().flat_map(|figure| figure.panels);
     let figure = panels.fold(Figure::new("outlook", outlook.experiment.clone(), ""), Figure::with);
-    write_png(&figure, path)
+    write_png(figure, path, force)
 }
 
-/// Writes what is said, its numbers and its pictures to a folder: `outlook.txt`, `outlook.json`, `figures/`, `run.toml`.
+/// Writes what is said, its numbers and its pictures into a result: `outlook.txt`, `outlook.json`, `figures/`, `run.toml`.
 pub fn write_outlook(
     outlook: &Outlook,
     experiment: &Experiment,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: RunInfo,
 ) -> Result<(), WriteError> {
-    let text = experiment.to_toml().map_err(|e| failed(target, io::Error::other(e)))?;
+    let text = experiment.to_toml().map_err(|e| failed(output.target(), io::Error::other(e)))?;
     let mut digest = String::new();
     for byte in Sha256::digest(&text).iter().take(6) {
         let _ = write!(digest, "{byte:02x}");
     }
     let input_id = format!("{}: outlook {digest}", experiment.name);
-    let output = Output::prepare(target, &input_id, force)?;
     output.write("outlook.txt", |w| w.write_all(outlook.to_text().as_bytes()))?;
     output.write("outlook.json", |w| {
         serde_json::to_writer_pretty(&mut *w, outlook)?;
         writeln!(w)
     })?;
     for figure in outlook_figures(outlook) {
-        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-        let png = figure.to_png()?;
-        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        write_figure::<WriteError>(output, &figure)?;
     }
     let mut run = toml::Table::new();
     run.insert("version".to_owned(), env!("CARGO_PKG_VERSION").into());
@@ -214,10 +210,10 @@ pub fn write_outlook(
     timing.insert("started_unix_s".to_owned(), i64::try_from(started).unwrap_or(i64::MAX).into());
     timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
     run.insert("timing".to_owned(), timing.into());
-    let described = toml::Value::try_from(experiment).map_err(|e| failed(target, io::Error::other(e)))?;
+    let described =
+        toml::Value::try_from(experiment).map_err(|e| failed(output.target(), io::Error::other(e)))?;
     run.insert("experiment".to_owned(), described);
-    output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?;
-    Ok(output.commit()?)
+    Ok(output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?)
 }
 
 fn failed(path: &Path, source: io::Error) -> super::OutputError {

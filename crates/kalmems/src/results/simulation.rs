@@ -12,7 +12,6 @@ use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 /// What was simulated.
@@ -42,7 +41,7 @@ pub enum SimulationWriteError {
     Output(#[from] OutputError),
 }
 
-/// Runs a simulation and writes it to a folder.
+/// Runs a simulation and writes it into a result.
 ///
 /// `recording.csv` has what a laboratory would have recorded and `reference.csv` the true motion; `experiment.toml`
 /// is the experiment with this recording in the place of its own, ready to be estimated; `run.toml` says what it was
@@ -50,13 +49,11 @@ pub enum SimulationWriteError {
 pub fn write_simulation(
     experiment: &Experiment,
     simulation: &dyn Simulation,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: impl FnOnce() -> RunInfo,
     progress: &dyn Progress,
 ) -> Result<SimulationSummary, SimulationWriteError> {
     let input_id = input_id(experiment, simulation);
-    let output = Output::prepare(target, &input_id, force)?;
     progress.begin("simulating", simulation.samples());
     let mut largest = 0.0_f64;
     let mut ended = Ok(());
@@ -103,7 +100,6 @@ pub fn write_simulation(
     for paper in &papers.files {
         output.write(paper.name, |w| w.write_all(&paper.content))?;
     }
-    output.commit()?;
     let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
     Ok(SimulationSummary { samples, largest, outlook, told, seed })
 }

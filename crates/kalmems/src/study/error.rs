@@ -56,8 +56,8 @@ pub enum StudyError {
     },
     /// The journal is that of another study.
     #[error(
-        "{} belongs to another study: {why}; give another folder with --out, or --force to begin anew and lose \
-         its points",
+        "{} belongs to another study: {why}; give another folder with --out, or --force to begin anew and \
+         keep it beside the new one",
         path.display()
     )]
     OtherStudy {

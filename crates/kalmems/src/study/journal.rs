@@ -82,8 +82,12 @@ impl Journal {
     /// Goes on with a journal, or begins one; what is finished already, and whether a half-written line was dropped.
     pub(super) fn open(path: &Path, header: &Header, anew: bool) -> Result<(Self, Runs, bool), StudyError> {
         let failed = |source| StudyError::Io { path: path.to_owned(), source };
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(failed)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        // A pipe would be waited for, and a link would hide whose file it is.
+        if std::fs::symlink_metadata(path).is_ok_and(|there| !there.is_file()) {
+            let why = "it is no regular file".to_owned();
+            return Err(StudyError::NoJournal { path: path.to_owned(), why });
         }
         let mut options = OpenOptions::new();
         let mut file =
@@ -99,7 +103,10 @@ impl Journal {
             // What is no journal is never overwritten; a damaged one only if it shall be made anew.
             Err(e @ StudyError::NoJournal { .. }) => return Err(e),
             Err(e) if !anew => return Err(e),
-            Err(_) => Content::default(),
+            Err(_) => {
+                kalmems_store::keep_aside(path).map_err(failed)?;
+                return Self::open(path, header, anew);
+            }
         };
         let mut journal = Self { file, path: path.to_owned() };
         let differs = match &read.header {
@@ -113,8 +120,16 @@ impl Journal {
             if read.header.is_some() && !anew {
                 return Err(StudyError::OtherStudy { path: path.to_owned(), why });
             }
+            if read.header.is_some() {
+                // Finished runs are never lost: the journal of the other study is kept beside this one.
+                kalmems_store::keep_aside(path).map_err(failed)?;
+                let mut options = OpenOptions::new();
+                journal.file = options.read(true).write(true).create_new(true).open(path).map_err(failed)?;
+                journal.file.try_lock().map_err(|_| StudyError::Busy { path: path.to_owned() })?;
+            }
             journal.cut(0).map_err(failed)?;
             journal.write(header).map_err(failed)?;
+            kalmems_store::sync_folder(folder).map_err(failed)?;
             return Ok((journal, Runs::new(), false));
         }
         let torn = read.whole < text.len();
@@ -134,7 +149,9 @@ impl Journal {
     }
 
     fn write<T: Serialize>(&mut self, content: &T) -> io::Result<()> {
-        self.file.write_all(line(content)?.as_bytes())
+        self.file.write_all(line(content)?.as_bytes())?;
+        // A run counts as finished when its line is on the disk.
+        self.file.sync_data()
     }
 }
 

@@ -9,6 +9,7 @@
 //!
 //! ```
 //! use kalmems::estimate::Silent;
+//! use kalmems::results::Output;
 //! use kalmems::study::{Options, Plan, Shard};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 //! # let folder = tempfile::tempdir()?;
@@ -28,7 +29,9 @@
 //! let plan = Plan::load(&file)?;
 //! let all = Options { shard: Shard::WHOLE, threads: None, force: false };
 //! let progressed = plan.run_all(&out, all, &Silent)?;
-//! let summary = plan.write_results(&[progressed.journal], &out, false)?;
+//! let output = Output::begin(&out, &plan.work())?;
+//! let summary = plan.write_results(&[progressed.journal], &output)?;
+//! output.commit()?;
 //! assert_eq!((summary.runs, summary.failed()), (2, 0));
 //! assert!(std::fs::read_to_string(out.join("results.csv"))?.starts_with("point,repeat,seed,angle_rad,error,"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -7,6 +7,7 @@ use super::error::RunError;
 use super::patch::{absent, put};
 use super::seed::{self, Draw};
 use crate::config::{ConfigError, Experiment, Fault, Key, Source, read_source};
+use crate::results::Work;
 use crate::rigs;
 use crate::simulate::{Simulation, described};
 use sha2::{Digest, Sha256};
@@ -163,6 +164,12 @@ impl Plan {
     pub(super) fn ready(&self, run: &Run) -> Result<Ready, RunError> {
         let settings: Vec<Option<&Setting>> = run.settings.iter().map(Some).collect();
         self.ready_with(&settings, run.seed)
+    }
+
+    /// What its results are of: studies of one name, since a journal does not know from which file it came.
+    pub fn work(&self) -> Work {
+        let inputs = [&self.source, &self.experiment].into_iter().flat_map(Source::files).collect();
+        Work { inputs, ..Work::named("study", self.name()) }
     }
 
     /// What all runs have in common must be right before any begins; a digest of the files that they read.

@@ -4,7 +4,7 @@ use super::journal::{self, Header, Runs};
 use super::pictures::pictures;
 use super::table::Table;
 use super::{Plan, Shard, StudyError, spread};
-use crate::report::{Figure, Page, Section, Severity};
+use crate::report::{Figure, Page, Section, Severity, write_figure};
 use crate::results::{Notice, Output, RUN_FILE};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -75,20 +75,14 @@ impl Plan {
         format!("{}: study {}", self.name(), digest.get(..12).unwrap_or(digest))
     }
 
-    /// Writes the results of a study whose journals are whole: `results.csv` with all figures of all runs,
+    /// Writes into a result what came of a study whose journals are whole: `results.csv` with all figures of all runs,
     /// `summary.csv` with median and range of those that are drawn, `report.html` with its `figures/`, the study and its experiment, and
     /// `run.toml`. The same runs give the same bytes, in whatever order and on whatever machines they were made.
     ///
     /// With the feature `parquet-results` also `results.parquet`.
-    pub fn write_results(
-        &self,
-        journals: &[PathBuf],
-        out: &Path,
-        force: bool,
-    ) -> Result<Summary, StudyError> {
+    pub fn write_results(&self, journals: &[PathBuf], output: &Output) -> Result<Summary, StudyError> {
         let (header, runs) = joined(journals)?;
         let input_id = self.input_id(&header.digest);
-        let output = Output::prepare(out, &input_id, force)?;
         let table = Table::of(self, &runs);
         output.write("results.csv", |w| table.write_csv(w))?;
         #[cfg(feature = "parquet-results")]
@@ -100,10 +94,7 @@ impl Plan {
         }
         let (figures, notes) = pictures(self, &table);
         for figure in &figures {
-            output
-                .write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-            let png = figure.to_png()?;
-            output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+            write_figure::<StudyError>(output, figure)?;
         }
         output.write("study.toml", |w| w.write_all(self.source.text.as_bytes()))?;
         output.write("experiment.toml", |w| w.write_all(self.experiment.text.as_bytes()))?;
@@ -137,7 +128,6 @@ impl Plan {
             };
             w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
         })?;
-        output.commit()?;
         Ok(summary)
     }
 

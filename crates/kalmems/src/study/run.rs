@@ -6,7 +6,7 @@ use super::plan::Ready;
 use super::rows::rows;
 use super::{Plan, Shard, StudyError};
 use crate::estimate::Progress;
-use crate::results::{Metrics, Output};
+use crate::results::Metrics;
 use crate::simulate::Unwritten;
 use crate::workflow;
 use std::num::NonZero;
@@ -71,10 +71,6 @@ impl Plan {
         let inputs = self.check()?;
         let path = self.journal(out, options.shard);
         let header = Header::of(self, self.digest(&inputs), options.shard);
-        if options.shard.is_whole() {
-            // A folder that cannot take the results is refused before any time is spent.
-            drop(Output::prepare(out, &self.input_id(&header.digest), options.force)?);
-        }
         let (mut journal, finished, torn) = Journal::open(&path, &header, options.force)?;
         let runs = options.shard.share(self.runs());
         let before = finished.len() as u64;

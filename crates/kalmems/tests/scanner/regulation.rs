@@ -3,7 +3,7 @@
 use super::example;
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
-use kalmems::results::{RunInfo, write_simulation};
+use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs;
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport};
 use kalmems::simulate::Simulation;
@@ -119,7 +119,9 @@ fn a_run_is_written_whole_and_the_same_again() {
         let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
         let target = folder.path().join(name);
         let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-        let summary = write_simulation(&experiment, &*simulation, &target, false, info, &Silent).unwrap();
+        let output = Output::begin(&target, &Work::named("simulate", name)).unwrap();
+        let summary = write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+        output.commit().unwrap();
         assert!(summary.told[0].starts_with("regulated from"), "{:?}", summary.told);
         assert!(summary.outlook.unwrap().contains("phase margin"));
         let read = |file: &str| std::fs::read(target.join(file)).unwrap();

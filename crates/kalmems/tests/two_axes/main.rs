@@ -7,7 +7,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Past, Silent, Trajectory, judge_lock};
 use kalmems::results::{
-    Metrics, RunInfo, Verdict, estimate_figures, notices, summary_table, write_simulation,
+    Metrics, Output, RunInfo, Verdict, Work, estimate_figures, notices, summary_table, write_simulation,
 };
 use kalmems::rigs::shared_scanner::two_axes::{
     Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
@@ -459,7 +459,9 @@ fn the_example_from_end_to_end() {
     let target = folder.path().join("simulated");
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let simulation = TwoAxesRig.simulate(&experiment).unwrap();
-    let summary = write_simulation(&experiment, simulation.as_ref(), &target, false, info, &Silent).unwrap();
+    let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
+    let summary = write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
+    output.commit().unwrap();
     assert!(summary.outlook.unwrap().contains("band plan: clear"));
     let simulated = Experiment::load(&target.join("experiment.toml")).unwrap();
     let outcome = workflow::estimate(&simulated, &Silent).unwrap();
@@ -565,7 +567,9 @@ fn a_lost_axis_is_named() {
     let target = folder.path().join("simulated");
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let simulation = TwoAxesRig.simulate(&experiment).unwrap();
-    write_simulation(&experiment, simulation.as_ref(), &target, false, info, &Silent).unwrap();
+    let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
+    write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
+    output.commit().unwrap();
     let simulated = Experiment::load(&target.join("experiment.toml")).unwrap();
     let mut outcome = workflow::estimate(&simulated, &Silent).unwrap();
     let estimate = &mut outcome.recordings[0].segments[0].estimate;

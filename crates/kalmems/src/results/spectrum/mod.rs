@@ -13,26 +13,24 @@ pub use metrics::{
 use super::{DrawError, Output, RUN_FILE, RunInfo};
 use crate::applications::spectrum::SpectrumOutcome;
 use crate::recording::Source;
+use crate::report::write_figure;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-/// Writes a spectrum to a folder.
+/// Writes a spectrum into a result.
 ///
 /// `spectrum.csv` with its standard error, `scans.csv`, `spectrum.jdx` (JCAMP-DX), `metrics.json`, pictures in `figures/`,
 /// `run.toml`; `interferogram.csv` of a simulated detector.
 pub fn write_spectrum(
     outcome: &SpectrumOutcome,
     metrics: &SpectrumMetrics,
-    target: &Path,
-    force: bool,
+    output: &Output,
     info: RunInfo,
 ) -> Result<(), DrawError> {
     let input_id = input_id(outcome);
-    let output = Output::prepare(target, &input_id, force)?;
     output.write("spectrum.csv", |w| spectrum_csv(outcome, w))?;
     output.write("scans.csv", |w| scans_csv(outcome, w))?;
     let grid = outcome.processed.scans.grid;
@@ -49,9 +47,7 @@ pub fn write_spectrum(
         writeln!(w)
     })?;
     for figure in spectrum_figures(outcome) {
-        output.write(&format!("figures/{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
-        let png = figure.to_png()?;
-        output.write(&format!("figures/{}.png", figure.id), |w| w.write_all(&png))?;
+        write_figure::<DrawError>(output, &figure)?;
     }
     if let Some(detector) = &outcome.simulated {
         output.write("interferogram.csv", |w| {
@@ -76,7 +72,7 @@ pub fn write_spectrum(
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
-    Ok(output.commit()?)
+    Ok(())
 }
 
 fn spectrum_csv(outcome: &SpectrumOutcome, w: &mut dyn Write) -> io::Result<()> {

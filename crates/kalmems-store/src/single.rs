@@ -1,0 +1,184 @@
+//! Single files: pictures, and what a stream writes.
+
+use crate::OutputError;
+use crate::exchange::sync_folder;
+use crate::sealed::checksum_of;
+use crate::staging::{free, previous};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// The keyword of the text in a picture that says that the program made it, with the checksum of all before it.
+const KEYWORD: &[u8] = b"kalmems\0";
+/// Hexadecimal digits of a checksum.
+const DIGITS: usize = 64;
+/// A chunk of PNG has its length before, and its kind and a checksum around it.
+const AROUND: usize = 12;
+const MARK: usize = AROUND + KEYWORD.len() + DIGITS;
+/// The end of every PNG file.
+const END: usize = AROUND;
+
+/// Writes a picture as PNG, whole or not at all.
+///
+/// Only a picture that the program made and nobody changed since is replaced; another regular file is put aside as
+/// `PATH.previous` with `force`. Anything else, such as a device, a pipe or a link, is refused.
+pub fn write_file(path: &Path, png: &[u8], force: bool) -> Result<(), OutputError> {
+    let error = |source| OutputError::Io { path: path.to_owned(), source };
+    let replaces = match standing(path)? {
+        Some(there) if fs::read(&there).is_ok_and(|png| is_marked(&png)) => true,
+        Some(_) => put_aside(path, force, "there and is no picture that kalmems made and nobody changed")?,
+        None => false,
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // Beside its place first, so that there is never half a picture.
+    let staged = tempfile::Builder::new().prefix(".kalmems-").suffix(".png").tempfile_in(folder);
+    let mut staged = staged.map_err(error)?;
+    staged.write_all(&marked(png)).and_then(|()| staged.as_file().sync_all()).map_err(error)?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // A temporary file is its owner's alone, a picture is not.
+        staged.as_file().set_permissions(fs::Permissions::from_mode(0o644)).map_err(error)?;
+    }
+    let placed = if replaces { staged.persist(path) } else { staged.persist_noclobber(path) };
+    placed.map_err(|e| error(e.error))?;
+    sync_folder(folder).map_err(error)
+}
+
+/// Begins a file that is written as samples come. What the program wrote there before, by `is_own` of its first bytes, is
+/// kept as `PATH.previous`, and so is another regular file with `force`; anything else is refused.
+pub fn create_file(path: &Path, is_own: impl Fn(&[u8]) -> bool, force: bool) -> Result<File, OutputError> {
+    const BEGINNING: u64 = 4096;
+    let error = |source| OutputError::Io { path: path.to_owned(), source };
+    if let Some(there) = standing(path)? {
+        let mut beginning = Vec::new();
+        File::open(&there)
+            .and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning))
+            .map_err(error)?;
+        let own = beginning.is_empty() || is_own(&beginning);
+        put_aside(path, own || force, "there and was not written by kalmems")?;
+    }
+    OpenOptions::new().write(true).create_new(true).open(path).map_err(error)
+}
+
+/// The regular file that stands at a path; `None` where nothing does.
+fn standing(path: &Path) -> Result<Option<PathBuf>, OutputError> {
+    let refuse = |what| {
+        let remedy = "give the path of a regular file, or of none";
+        Err(OutputError::File { path: path.to_owned(), what, remedy })
+    };
+    match fs::symlink_metadata(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(OutputError::Io { path: path.to_owned(), source }),
+        Ok(there) if there.is_file() => Ok(Some(path.to_owned())),
+        Ok(there) if there.is_symlink() => refuse("a link"),
+        Ok(there) if there.is_dir() => refuse("a folder"),
+        Ok(_) => refuse("a device, a pipe or a socket"),
+    }
+}
+
+/// Puts a regular file aside, if that is wanted; it is not replaced then.
+fn put_aside(path: &Path, wanted: bool, what: &'static str) -> Result<bool, OutputError> {
+    if !wanted {
+        let remedy = "give another path, or --force to keep the file beside it, as PATH.previous";
+        return Err(OutputError::File { path: path.to_owned(), what, remedy });
+    }
+    keep_aside(path).map_err(|source| OutputError::Io { path: path.to_owned(), source })?;
+    Ok(false)
+}
+
+/// Gives a file the name `PATH.previous`, or that with the next number, where it is not replaced; the name.
+pub fn keep_aside(path: &Path) -> io::Result<PathBuf> {
+    let kept = previous(path);
+    let kept = if fs::symlink_metadata(&kept).is_ok() { free(&kept, "-") } else { kept };
+    fs::rename(path, &kept)?;
+    Ok(kept)
+}
+
+/// A picture that says that the program made it.
+fn marked(png: &[u8]) -> Vec<u8> {
+    let Some((image, end)) = png.len().checked_sub(END).map(|at| png.split_at(at)) else {
+        return png.to_vec();
+    };
+    [image, &mark(image), end].concat()
+}
+
+/// Whether a picture says that the program made it, and is as it was then.
+fn is_marked(png: &[u8]) -> bool {
+    let Some(at) = png.len().checked_sub(MARK + END) else { return false };
+    png.get(at..at + MARK).is_some_and(|found| found == mark(&png[..at]))
+}
+
+/// The chunk of text (PNG specification, tEXt) that goes behind an image.
+fn mark(image: &[u8]) -> Vec<u8> {
+    let text = [b"tEXt", KEYWORD, checksum_of(image).as_bytes()].concat();
+    let length = u32::try_from(KEYWORD.len() + DIGITS).unwrap_or(u32::MAX);
+    let check = crc32fast::hash(&text);
+    [&length.to_be_bytes()[..], &text, &check.to_be_bytes()].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(shade: u8) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.write_header().unwrap().write_image_data(&[shade, 7]).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn a_picture_stays_one_with_its_mark_and_replaces_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        write_file(&path, &picture(1), false).unwrap();
+        let mut reader =
+            png::Decoder::new(io::BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
+        let mut pixels = [0; 2];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, [1, 7]);
+        // One's own, untouched: replaced. Touched, or somebody's: refused, and kept with force.
+        write_file(&path, &picture(2), false).unwrap();
+        for theirs in [marked(&picture(3)).split_last().unwrap().1.to_vec(), picture(4), b"thesis".to_vec()] {
+            fs::write(&path, &theirs).unwrap();
+            assert!(matches!(write_file(&path, &picture(5), false), Err(OutputError::File { .. })));
+            assert_eq!(fs::read(&path).unwrap(), theirs);
+        }
+        write_file(&path, &picture(5), true).unwrap();
+        assert_eq!(fs::read(folder.path().join("a.png.previous")).unwrap(), b"thesis");
+        fs::write(&path, "second thesis").unwrap();
+        write_file(&path, &picture(6), true).unwrap();
+        assert_eq!(fs::read(folder.path().join("a.png.previous-2")).unwrap(), b"second thesis");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_regular_file_is_refused_even_with_force() {
+        let folder = tempfile::tempdir().unwrap();
+        let (link, there) = (folder.path().join("link"), folder.path().join("there"));
+        fs::write(&there, "").unwrap();
+        std::os::unix::fs::symlink(&there, &link).unwrap();
+        for path in [&link, Path::new("/dev/null"), folder.path()] {
+            for force in [false, true] {
+                assert!(matches!(write_file(path, &picture(1), force), Err(OutputError::File { .. })));
+                assert!(matches!(create_file(path, |_| true, force), Err(OutputError::File { .. })));
+            }
+        }
+        assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn what_a_stream_wrote_before_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lines");
+        let own = |beginning: &[u8]| beginning.starts_with(b"# ours");
+        create_file(&path, own, false).unwrap().write_all(b"# ours, first").unwrap();
+        create_file(&path, own, false).unwrap().write_all(b"theirs").unwrap();
+        assert_eq!(fs::read(folder.path().join("lines.previous")).unwrap(), b"# ours, first");
+        assert!(create_file(&path, own, false).is_err());
+        create_file(&path, own, true).unwrap();
+        assert_eq!(fs::read(folder.path().join("lines.previous-2")).unwrap(), b"theirs");
+    }
+}
