@@ -78,6 +78,12 @@ impl Altered {
     }
 }
 
+/// Whether a run took no longer than another one but for what other work on the machine costs: what steps over the gap would
+/// take is far more.
+fn as_fast(took: Duration, usual: Duration) -> bool {
+    took < usual * 4 + Duration::from_secs(20)
+}
+
 const NOTHING: [&str; 2] = ["", ""];
 
 /// The root mean square errors of the filters in a segment, in the unit of the metrics.
@@ -109,7 +115,7 @@ fn a_gap_of_whatever_length_begins_a_stretch_that_is_as_right_as_the_whole_and_t
             NOTHING,
         );
         let (recording, _, took) = altered.estimate();
-        assert!(took < usual * 2 + Duration::from_secs(1), "{gap_s}: {took:?} for {usual:?}");
+        assert!(as_fast(took, usual), "{gap_s}: {took:?} for {usual:?}");
         assert_eq!(recording["stretches"]["restarts"], 1);
         assert_eq!(recording["stretches"]["left_out"], 0);
         let segments = recording["segments"].as_array().unwrap();
@@ -134,7 +140,7 @@ fn a_single_row_at_a_time_of_1e300_is_a_stretch_that_is_left_out() {
     let altered =
         Altered::of("shared_scanner", |row, t| Some(if row == 24_000 { 1e300 } else { t }), NOTHING);
     let (recording, _, took) = altered.estimate();
-    assert!(took < usual * 2 + Duration::from_secs(1), "{took:?} for {usual:?}");
+    assert!(as_fast(took, usual), "{took:?} for {usual:?}");
     assert_eq!(recording["stretches"]["restarts"], 1);
     assert_eq!(recording["stretches"]["left_out"], 1);
     assert_eq!(recording["stretches"]["first_left_out"][0]["stretch"], 2);
@@ -227,19 +233,17 @@ fn a_gap_of_an_hour_while_samples_arrive_begins_a_stretch_and_takes_no_time() {
         std::fs::write(folder.path().join("samples.csv"), csv).unwrap();
         let started = Instant::now();
         let mut command = Command::new(env!("CARGO_BIN_EXE_kalmems"));
-        let arguments = ["stream", "stream.toml", "--from", "samples.csv", "--lines", "lines.jsonl"];
+        let arguments = ["stream", "stream.toml", "--from", "samples.csv", "--lines", "lines.csv"];
         let output = command.current_dir(folder.path()).args(arguments).output().unwrap();
         took.push(started.elapsed());
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{gap_s}: {said}");
-        assert!(took[took.len() - 1] < took[0] * 2 + Duration::from_secs(1), "{gap_s}: {took:?}");
+        assert!(as_fast(took[took.len() - 1], took[0]), "{gap_s}: {took:?}");
         if gap_s > 0.0 && gap_s < 1e300 {
             assert!(said.contains("a new stretch begins"), "{gap_s}: {said}");
-            let lines = std::fs::read_to_string(folder.path().join("lines.jsonl")).unwrap();
-            let times = lines.lines().filter_map(|line| {
-                let line: Value = serde_json::from_str(line).ok()?;
-                line["time_s"].as_f64().filter(|_| line.get("event").is_none())
-            });
+            let lines = std::fs::read_to_string(folder.path().join("lines.csv")).unwrap();
+            let estimates = lines.lines().filter_map(|line| line.strip_prefix("ekf,"));
+            let times = estimates.filter_map(|line| line.split(',').next()?.parse::<f64>().ok());
             let after = times.filter(|time| *time > gap_s).count();
             assert!(after > 1000, "{gap_s}: {after} estimates after the gap");
         }

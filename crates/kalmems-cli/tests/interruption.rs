@@ -68,8 +68,6 @@ fn a_command_that_waits_for_a_silent_pipe_ends_within_a_second_of_a_signal() {
         ("shared_scanner", "reference.csv", &["estimate", "experiment.toml", "--out", "out"]),
         ("shared_scanner", "recording.csv", &["inspect", "recording.csv"]),
         ("shared_scanner", "ring_down_recording.csv", &["identify", "ring_down.toml", "--out", "out"]),
-        ("shared_scanner", "image_intensity.csv", &["image", "image.toml", "--out", "out"]),
-        ("gyroscope", "gyro.csv", &["calibrate", "gyro", "calibration.toml", "--out", "out"]),
     ] {
         for signal in ["-INT", "-TERM"] {
             let folder = copied(example);

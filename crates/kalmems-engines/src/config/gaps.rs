@@ -30,10 +30,8 @@ pub enum LongestGap {
     Cycles(f64, String),
 }
 
-/// Over how many cycles of the device a missing stretch is predicted, where the experiment does not say it.
-///
-/// Where a gap is longer, a filter that begins anew has the motion again no later than one that went on; see the book's
-/// chapter on recordings for the measurement.
+/// Over how many cycles of the device a missing stretch is predicted, where the experiment does not say it: up to about as
+/// many a prediction was found to be no worse than a new beginning; see the book's chapter on long recordings.
 pub const CYCLES: f64 = 100.0;
 
 /// Over how many cycles a missing stretch is predicted at most: what the phase of a motion is worth after as many, nothing
