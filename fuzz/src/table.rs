@@ -1,6 +1,6 @@
 //! Bytes as a file of a format.
 
-use kalmems_formats::{Block, Format, Hints, Table, Wanted, open_reader};
+use kalmems_formats::{Block, Format, Hints, Table, TimeUnit, Wanted, open_reader};
 use std::io::Cursor;
 
 /// Opens and reads the bytes, as they are and with the hints that a format without names needs.
@@ -22,7 +22,11 @@ fn drain(mut table: Box<dyn Table>) {
     let count = table.description().columns.len().min(16);
     let mut wanted = Vec::new();
     for column in 0..count {
-        let number = Wanted::Number { column, power: if column % 2 == 0 { 0 } else { -3 } };
+        // The first is the time, as in most files.
+        let number = match column {
+            0 => Wanted::Time { column, unit: TimeUnit::decimal(-9), origin: None },
+            _ => Wanted::Number { column, power: if column % 2 == 0 { 0 } else { -3 } },
+        };
         if table.want(&[number]).is_ok() {
             wanted.push(number);
         }

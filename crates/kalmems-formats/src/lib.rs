@@ -37,6 +37,7 @@ mod panics;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod records;
+mod scaling;
 mod source;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;

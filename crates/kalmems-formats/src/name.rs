@@ -7,6 +7,9 @@ use crate::unit_words::unit_ending;
 /// so that a message can name it; a text of several words, such as `From Custom Scale`, is none.
 pub(crate) fn with_unit(name: &str, unit: &str) -> String {
     let unit = unit.trim();
+    // An attribute may hold `[V]`.
+    let unit =
+        in_brackets(unit).filter(|(before, _)| before.is_empty()).map_or(unit, |(_, inside)| inside.trim());
     match unit_ending(unit) {
         Some(ending) => join(name, &ending),
         None if unit.is_empty() || !unit.chars().all(char::is_alphabetic) => one_line(name),

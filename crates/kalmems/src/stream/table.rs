@@ -135,7 +135,7 @@ impl LiveTable {
             description: Description {
                 format: "stream",
                 recognised: format!("{what}, as the experiment says"),
-                columns: names.iter().map(|name| Column { name: name.clone(), place: None }).collect(),
+                columns: names.iter().map(|name| Column::new(name)).collect(),
                 rows: None,
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),

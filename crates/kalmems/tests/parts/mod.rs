@@ -185,6 +185,8 @@ pub struct Streamed {
     pub events: Vec<serde_json::Value>,
     /// The last time until which nothing need be sent again, in s.
     pub acknowledged_s: Option<f64>,
+    /// Where the times count from, where that is said.
+    pub origin: Option<String>,
     pub ended: Result<StreamSummary, StreamError>,
 }
 
@@ -214,11 +216,13 @@ pub fn connected(
     let outputs = Outputs { lines: Some(Box::new(lines.clone())), ..Outputs::default() };
     let ended = stream(experiment, connection, outputs, state, &|| false);
     let text = String::from_utf8(lines.bytes.borrow().clone()).unwrap();
-    let (mut answers, mut events, mut acknowledged_s) = (BTreeMap::<_, Vec<_>>::new(), Vec::new(), None);
+    let (mut answers, mut events) = (BTreeMap::<_, Vec<_>>::new(), Vec::new());
+    let (mut acknowledged_s, mut origin) = (None, None);
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         let (key, rest) = line.split_once(',').unwrap();
         match key {
             "event" => events.push(serde_json::from_str(rest).unwrap()),
+            "origin" => origin = Some(rest.to_owned()),
             "acknowledged" => acknowledged_s = Some(rest.parse().unwrap()),
             _ => {
                 let numbers = rest.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
@@ -226,7 +230,7 @@ pub fn connected(
             }
         }
     }
-    Streamed { answers, events, acknowledged_s, ended }
+    Streamed { answers, events, acknowledged_s, origin, ended }
 }
 
 /// Finds every bit of the estimate of a recording in a stream of its bytes; what the stream says besides.
@@ -237,9 +241,11 @@ pub fn same_bits_in_a_stream(
 ) -> (Vec<serde_json::Value>, StreamSummary) {
     let rig = rigs::of(experiment).unwrap();
     let whole = &rig.estimate(experiment, 0, recording, &Silent).unwrap()[0].trajectories;
-    let Streamed { answers, events, ended, .. } =
+    let Streamed { answers, events, origin, ended, .. } =
         streamed(experiment, Pieces::of(bytes.to_vec(), longest), None);
     let summary = ended.unwrap_or_else(|e| panic!("{e}"));
+    let said = summary.origin.as_ref().map(|origin| origin.seconds.as_str());
+    assert_eq!(origin.as_deref().and_then(|origin| origin.split(',').next()), said);
     assert_eq!(answers.len(), whole.len());
     for trajectory in whole {
         let lines = &answers[&trajectory.key];

@@ -250,7 +250,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     }
     let times = times(head, &found);
     let column = |((name, origin), time): ((String, Origin), Option<TimeKind>)| DialectColumn {
-        column: Column { name, place: None },
+        column: Column::new(&name),
         origin,
         time,
     };
