@@ -234,7 +234,7 @@ mod tests {
         (-2.0 * uniform().ln()).sqrt() * (TAU * uniform()).cos()
     }
 
-    fn watch() -> NoiseWatch {
+    fn watching() -> NoiseWatch {
         let mut watch = NoiseWatch::default();
         watch.begin(std::iter::once(MOTION_HZ), 0.0, INTERVAL_S);
         watch
@@ -242,7 +242,7 @@ mod tests {
 
     /// The ratios of each window of a signal, whose samples are told by their time.
     fn windows(count: usize, mut signal: impl FnMut(f64) -> f64) -> Vec<([f64; HARMONICS], bool)> {
-        let mut watch = watch();
+        let mut watch = watching();
         let axis = &mut watch.axes[0];
         let mut windows = Vec::new();
         let mut k = 0;
@@ -308,7 +308,7 @@ mod tests {
     #[test]
     fn noise_only_is_said_within_100_cycles_and_taken_back_within_100() {
         let mut chance = Pcg64::new(7, 8);
-        let mut watch = watch();
+        let mut watch = watching();
         let time: Vec<f64> = (0..60_000).map(|k| f64::from(k) * INTERVAL_S).collect();
         // A motion up to 60 ms, nothing up to 120 ms, in it rows without a signal, and the motion again.
         let signal: Vec<f64> = (time.iter())
@@ -327,7 +327,7 @@ mod tests {
         assert!(only.noise_only && (0.0..100.0).contains(&cycles(only.time_s - 0.06)), "{only:?}");
         assert!(!over.noise_only && (0.0..100.0).contains(&cycles(over.time_s - 0.12)), "{over:?}");
         // A signal that does not move at all is no motion either.
-        let mut watch = tests::watch();
+        let mut watch = watching();
         assert!(!watch.take(&time, &vec![1.25; time.len()]).is_empty() && watch.is_noise_only());
     }
 }

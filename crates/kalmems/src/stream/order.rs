@@ -378,7 +378,7 @@ mod tests {
         Sample { sequence: Some(number & 0xff), numbers: vec![number as f64 * 1e-6] }
     }
 
-    fn order(wait: usize, bits: Option<u32>) -> Order {
+    fn ordering(wait: usize, bits: Option<u32>) -> Order {
         Order::new(OrderSettings { wait, bits, time: Some((0, 1e-6)), longest_gap: 1000 })
     }
 
@@ -414,7 +414,7 @@ mod tests {
             ..OrderCounts::default()
         };
         for bits in [Some(8), None] {
-            let mut order = order(4, bits);
+            let mut order = ordering(4, bits);
             assert_eq!(run(&mut order, &sent), [expected.as_slice()]);
             assert_eq!(order.counts(), counts);
         }
@@ -423,7 +423,7 @@ mod tests {
     #[test]
     fn a_clock_that_goes_back_begins_anew_as_soon_as_it_is_known() {
         let sent: Vec<u64> = (5000..9000).chain(2000..4000).collect();
-        let mut order = order(4, None);
+        let mut order = ordering(4, None);
         let mut begun = 0;
         for (count, number) in sent.iter().enumerate() {
             order.take(sample(*number), &mut |next| {
@@ -434,7 +434,7 @@ mod tests {
             });
         }
         assert_eq!(begun, 4000 + LEAST_BACK);
-        let mut order = tests::order(4, None);
+        let mut order = ordering(4, None);
         let beginnings = run(&mut order, &sent);
         assert_eq!(beginnings, [&sent[..4000], &sent[4000..]]);
         let counts = order.counts();
@@ -444,7 +444,7 @@ mod tests {
     #[test]
     fn samples_that_are_sent_again_are_no_clock_that_goes_back() {
         let sent: Vec<u64> = (0..5000).chain(3000..6000).collect();
-        let mut order = order(32, None);
+        let mut order = ordering(32, None);
         assert_eq!(run(&mut order, &sent), [(0..6000).collect::<Vec<_>>()]);
         assert_eq!(order.counts(), OrderCounts { passed: 6000, duplicated: 2000, ..OrderCounts::default() });
     }
@@ -454,7 +454,7 @@ mod tests {
         let absurd = |place: usize, number: u64| {
             let mut sent: Vec<u64> = (0..1000).collect();
             sent.insert(place, number);
-            let mut order = order(4, None);
+            let mut order = ordering(4, None);
             assert_eq!(run(&mut order, &sent), [(0..1000).collect::<Vec<_>>()], "{place} {number}");
             let counts = order.counts();
             assert_eq!((counts.misplaced, counts.dropped, counts.late), (1, 0, 0), "{place} {number}");
@@ -463,7 +463,7 @@ mod tests {
             absurd(place, 86_400_000_000);
             absurd(place, 1200);
         }
-        let mut order = order(4, None);
+        let mut order = ordering(4, None);
         let mut each = |_: Ordered| {};
         for number in 0..100 {
             order.take(sample(number), &mut each);
@@ -481,7 +481,7 @@ mod tests {
         let mut sent: Vec<u64> = (0..100).chain(10_000..10_100).collect();
         sent.swap(102, 103);
         let expected: Vec<u64> = (0..100).chain(10_000..10_100).collect();
-        let mut order = order(8, None);
+        let mut order = ordering(8, None);
         assert_eq!(run(&mut order, &sent), [expected]);
         let counts = order.counts();
         assert_eq!((counts.dropped, counts.late, counts.misplaced), (9900, 1, 0));
@@ -514,7 +514,7 @@ mod tests {
         /// twice, and each sample is counted once.
         #[test]
         fn what_is_passed_on_increases(sent in prop::collection::vec(0_u64..200, 0..300), wait in 0_usize..20) {
-            let mut order = order(wait, None);
+            let mut order = ordering(wait, None);
             let out = run(&mut order, &sent);
             prop_assert!(out.iter().flat_map(|out| out.windows(2)).all(|pair| pair[0] < pair[1]));
             let counts = order.counts();
