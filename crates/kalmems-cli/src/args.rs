@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 /// What stands below the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; \
-    3 under --strict, a filter failed its consistency test; 130 interrupted.";
+    3 under --strict, a filter failed its consistency test; 4 the connection that samples came over broke; \
+    130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
@@ -123,8 +124,9 @@ pub struct EstimateArguments {
 pub struct StreamArguments {
     /// The experiment file, such as `examples/shared_scanner/stream.toml`.
     pub experiment: PathBuf,
-    /// Where samples come from: `-` for standard input, `tcp://HOST:PORT` to connect to, `listen://HOST:PORT` to wait for one
-    /// connection at, or a file, a named pipe or a serial device.
+    /// Where samples come from: `-` for standard input, `tcp://HOST:PORT` to connect to, `listen://HOST:PORT` to wait for a
+    /// connection at, or a file, a named pipe or a serial device. A connection or a serial device that breaks ends the command
+    /// with 4, unless `reconnect` in `[stream]` lets it go on.
     #[arg(long, value_name = "SOURCE", default_value = "-")]
     pub from: String,
     /// The rate of a serial device in bits per second; the device is then opened as one.

@@ -1,7 +1,7 @@
 //! The `kalmems` command: arguments, progress and exit codes. What it does is in the library `kalmems`.
 //!
 //! Exit codes: 0 success; 1 the data or the configuration is wrong; 2 usage; 3 under `--strict`, an estimate
-//! failed its consistency test; 130 interrupted.
+//! failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
 
 mod args;
 mod commands;
@@ -24,6 +24,8 @@ enum Ending {
     Paused(String),
     /// An estimate failed its consistency test, and the user wanted to know.
     NotConsistent(String),
+    /// With this exit code, for a reason that was told.
+    Told(u8),
 }
 
 fn main() -> ExitCode {
@@ -47,10 +49,11 @@ fn main() -> ExitCode {
     };
     let (message, code) = match ending {
         Ok(()) => return ExitCode::SUCCESS,
+        Err(Ending::Told(code)) => return ExitCode::from(code),
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
-        Err(Ending::Paused(message)) => (message, 130),
-        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), 130),
+        Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
+        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
     eprintln!("error: {message}");
     ExitCode::from(code)

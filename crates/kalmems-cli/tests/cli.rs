@@ -223,7 +223,11 @@ fn bad_input_is_named_and_leaves_nothing() {
         ("a rate for an angle", |toml, _| *toml = toml.replace("\"angle_rad\"", "\"rate_rad_per_s\"")),
         ("text for a number", |_, csv| cell(csv, 9000, 2, "overload")),
         ("time that stands still", |_, csv| cell(csv, 9000, 0, "0.008998")),
-        ("time that goes back", |_, csv| cell(csv, 9000, 0, "0.001")),
+        ("times in no order", |_, csv| {
+            let mut lines: Vec<&str> = csv.lines().collect();
+            lines[1..].reverse();
+            *csv = lines.join("\n") + "\n";
+        }),
         ("a row without time", |_, csv| cell(csv, 9000, 0, "")),
         ("an unknown unit", |toml, csv| {
             *toml = toml.replace("\"cap_V\"", "\"cap_volt\"");
@@ -256,7 +260,8 @@ fn bad_input_is_named_and_leaves_nothing() {
 #[test]
 fn what_can_be_used_all_the_same_is_noted() {
     type Change = fn(&mut String);
-    let cases: [(&str, Change); 7] = [
+    let cases: [(&str, Change); 8] = [
+        ("time that goes back", |csv| cell(csv, 9000, 0, "0.001")),
         ("a missing cell", |csv| cell(csv, 9000, 2, "")),
         ("not a number", |csv| cell(csv, 9000, 2, "NaN")),
         ("infinite", |csv| cell(csv, 9000, 2, "-inf")),
@@ -939,7 +944,7 @@ fn frames(folder: &Path) -> (PathBuf, Vec<u8>) {
 }
 
 /// A pseudo-terminal is a serial device to whoever opens it: nothing of a byte may be taken for a key such as Ctrl-C or Ctrl-S, a
-/// line's end be changed, or anything echoed, and that the other end is closed is an end of the samples.
+/// line's end be changed, or anything echoed, and that the other end is closed is a connection that broke.
 #[cfg(target_os = "linux")]
 #[test]
 fn samples_come_from_a_serial_device() {
@@ -990,8 +995,8 @@ fn samples_come_from_a_serial_device() {
     let lines = lines.join().unwrap().unwrap();
     let ended = child.wait_with_output().unwrap();
     let said = text(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(0), "{said}");
-    assert!(said.contains("is not connected any more"), "{said}");
+    assert_eq!(ended.status.code(), Some(4), "{said}");
+    assert!(said.contains("broke after 24001 samples, at 0.024 s"), "{said}");
     let summary: serde_json::Value = serde_json::from_str(&said[said.find('{').unwrap()..]).unwrap();
     assert_eq!(summary["estimated"], 24_001);
     for key in ["ekf", "ekf_lagged"] {
@@ -1052,8 +1057,152 @@ fn an_interrupted_stream_gives_what_it_has() {
     let mut rest = String::new();
     std::io::Read::read_to_string(&mut output, &mut rest).unwrap();
     let ended = child.wait_with_output().unwrap();
-    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    assert_eq!(ended.status.code(), Some(130), "{}", text(&ended.stderr));
     // What was smoothed a little later has come to its end as well.
     assert!(estimates(&rest, "ekf_lagged").len() >= 10, "{rest}");
     drop(input);
+}
+
+/// The example with these lines in `[stream]`, in a folder of its own.
+fn streaming(folder: &Path, lines: &str) -> String {
+    let text = std::fs::read_to_string(root().join(STREAM)).unwrap();
+    let experiment = folder.join("stream.toml");
+    std::fs::write(&experiment, text.replace("every = 10", &format!("{lines}\nevery = 10"))).unwrap();
+    experiment.to_str().unwrap().to_owned()
+}
+
+/// Starts a stream from a connection that this test accepts.
+fn from_tcp(experiment: &str) -> (std::process::Child, std::net::TcpListener) {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", listener.local_addr().unwrap());
+    let child = kalmems()
+        .args(["stream", experiment, "--json", "--from", &address])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    (child, listener)
+}
+
+/// Sends bytes, waits until they were taken, and resets the connection.
+fn reset_after(connection: std::net::TcpStream, bytes: &[u8], taken: impl FnOnce()) {
+    use std::io::Write;
+    let mut connection = connection;
+    connection.write_all(bytes).unwrap();
+    taken();
+    socket2::SockRef::from(&connection).set_linger(Some(std::time::Duration::ZERO)).unwrap();
+}
+
+/// Reads lines until so many estimates of a key have come; what was read.
+fn until(output: &mut impl std::io::BufRead, key: &str, count: usize) -> String {
+    let (mut all, mut found) = (String::new(), 0);
+    while found < count {
+        let from = all.len();
+        assert!(output.read_line(&mut all).unwrap() > 0, "{all}");
+        found += usize::from(all[from..].starts_with(key));
+    }
+    all
+}
+
+fn summary(said: &str) -> serde_json::Value {
+    serde_json::from_str(&said[said.find('{').unwrap()..]).unwrap()
+}
+
+#[test]
+fn a_connection_that_is_reset_ends_with_4_and_what_came_is_estimated() {
+    use std::io::{BufReader, Read};
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    // Half the samples, the last in the middle of its line.
+    let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>() + 7;
+    let (mut child, listener) = from_tcp(STREAM);
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let mut lines = String::new();
+    reset_after(listener.accept().unwrap().0, &bytes[..half], || lines = until(&mut output, "ekf,", 1200));
+    output.read_to_string(&mut lines).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(4), "{said}");
+    assert!(said.contains("broke after 12000 samples, at 0.011999 s"), "{said}");
+    let summary = summary(&said);
+    assert_eq!((&summary["estimated"], &summary["received"]["cut_off"]), (&12_000.into(), &1.into()));
+    assert_eq!(summary["broken"]["samples"], 12_000);
+    assert_eq!(estimates(&lines, "ekf_lagged").len(), 1200);
+}
+
+#[test]
+fn a_connection_that_is_there_again_goes_on() {
+    use std::io::{BufReader, Read, Write};
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "reconnect = \"20 s\"");
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let place =
+        |lines: usize| bytes.split(|byte| *byte == b'\n').take(lines).map(|l| l.len() + 1).sum::<usize>();
+    let (mut child, listener) = from_tcp(&experiment);
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let mut lines = String::new();
+    let accept = || listener.accept().unwrap().0;
+    reset_after(accept(), &bytes[..place(12_001) + 7], || lines = until(&mut output, "ekf,", 1200));
+    // A thousand samples are gone; then it ends in order.
+    accept().write_all(&bytes[place(13_001)..]).unwrap();
+    output.read_to_string(&mut lines).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "{said}");
+    let received = &summary(&said)["received"];
+    for (what, count) in
+        [("breaks", 1), ("reconnections", 1), ("cut_off", 1), ("dropped", 1000), ("passed", 23_001)]
+    {
+        assert_eq!(received[what], count, "{what}: {said}");
+    }
+    assert!(lines.contains("event,{\"event\":\"disconnected\",\"why\":"), "{lines}");
+    assert!(lines.contains("event,{\"event\":\"reconnected\",\"attempts\":1"), "{lines}");
+
+    // A file cannot be opened again, which is said.
+    let recording = root().join("examples/shared_scanner/recording.csv");
+    let output = run(&["stream", &experiment, "--from", recording.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(text(&output.stderr).contains("is read once: `reconnect` is for"), "{}", text(&output.stderr));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_silent_stream_tells_its_health_and_ends_at_once_with_130() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "heartbeat = \"0.1 s\"");
+    let pipe = folder.path().join("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", listener.local_addr().unwrap());
+    // Nobody connects, nobody sends, nobody opens the other end.
+    for (from, signal) in [
+        ("listen://127.0.0.1:0", "-INT"),
+        (&address, "-INT"),
+        ("-", "-TERM"),
+        (pipe.to_str().unwrap(), "-INT"),
+    ] {
+        let mut child = kalmems()
+            .args(["stream", &experiment, "--from", from])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let input = child.stdin.take().unwrap();
+        let mut output = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        output.read_line(&mut line).unwrap();
+        assert!(
+            line.starts_with("event,{\"event\":\"health\"") && line.contains("\"silent_s\":null"),
+            "{line}"
+        );
+        let begun = std::time::Instant::now();
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        let code = child.wait().unwrap().code();
+        let took_s = begun.elapsed().as_secs_f64();
+        assert_eq!(code, Some(130), "{from}");
+        // A second, and some for a machine that does other work.
+        assert!(took_s < 3.0, "{from}: {took_s} s");
+        drop(input);
+    }
 }

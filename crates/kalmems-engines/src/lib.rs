@@ -13,6 +13,7 @@ pub mod fit;
 pub mod identify;
 pub mod inspect;
 pub mod outlook;
+pub mod pace;
 pub mod recording;
 pub mod report;
 pub mod reproduce;

@@ -4,7 +4,9 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
 use crate::config::{ConfigError, Device, Experiment, Fault, Key};
-use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate};
+use crate::estimate::{
+    Around, EstimateError, Part, Past, Progress, SegmentEstimate, StretchJudge, StretchSummary,
+};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
@@ -73,10 +75,28 @@ pub trait Rig: Sync {
         recording: &Recording,
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
+        Ok(self.estimate_stretches(experiment, index, recording, progress)?.0)
+    }
+
+    /// The same, and what became of the stretches of records that were cut.
+    fn estimate_stretches(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<SegmentEstimate>, StretchSummary), EstimateError> {
         let mut estimator = self.estimator(experiment, index, progress)?;
         let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
         let wanted: Vec<&Segment> = wanted.collect();
-        wanted.into_iter().map(|segment| estimator.take(&Part::whole(recording, segment))).collect()
+        let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
+        for segment in wanted {
+            let part = Part::whole(recording, segment);
+            if !judge.leaves_out(&part)? {
+                estimates.extend(judge.judge(&part, estimator.take(&part))?);
+            }
+        }
+        Ok((estimates, judge.finish()?))
     }
 
     /// What can be said of the device and its drive before anything is recorded.

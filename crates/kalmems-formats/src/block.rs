@@ -18,6 +18,8 @@ pub struct Block {
     /// Where rows stand in the file, as `(row of this block, line)`: the first, and each that does not follow the one before
     /// by one. Lines count from 1 as an editor does, rows of binary formats from 1 as well.
     pub lines: Vec<(usize, u64)>,
+    /// Rows that do not go on from the row before them although no time tells it, and how many are missing between.
+    pub breaks: Vec<(usize, u64)>,
     /// Where wanted times count from.
     pub origin: Instant,
     /// To how many seconds the times so far were rounded in the file, as binary numbers are far from zero; 0 where they are exact.
@@ -39,6 +41,7 @@ impl Block {
         self.labels.iter_mut().for_each(Vec::clear);
         self.faults.clear();
         self.lines.clear();
+        self.breaks.clear();
     }
 
     /// Takes over what the reader of the times knows.
@@ -100,4 +103,6 @@ pub enum Fault {
         /// As many.
         count: u64,
     },
+    /// The last line of a text has no line end: its last number is short if the text was cut there.
+    NoLineEnd,
 }

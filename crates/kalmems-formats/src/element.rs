@@ -16,6 +16,39 @@ pub(crate) enum Kind {
     PcmByte,
 }
 
+/// A number without a loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Exact {
+    Integer(i128),
+    Float(f64),
+}
+
+impl Exact {
+    /// Whether both are the same number, or none.
+    pub(crate) fn is(self, other: Self) -> bool {
+        #[allow(clippy::cast_possible_truncation)]
+        // a number without a fraction; beyond the range it is none of these
+        let same = |integer: i128, float: f64| {
+            float.fract() == 0.0 && float.abs() < 1e30 && float as i128 == integer
+        };
+        match (self, other) {
+            (Self::Integer(one), Self::Integer(other)) => one == other,
+            (Self::Float(one), Self::Float(other)) => one == other || (one.is_nan() && other.is_nan()),
+            (Self::Integer(integer), Self::Float(float)) | (Self::Float(float), Self::Integer(integer)) => {
+                same(integer, float)
+            }
+        }
+    }
+
+    /// The nearest number of 64 bits.
+    pub(crate) fn rounded(self) -> f64 {
+        match self {
+            Self::Integer(integer) => integer as f64,
+            Self::Float(float) => float,
+        }
+    }
+}
+
 /// A number of 1, 2, 3, 4 or 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Element {
@@ -137,6 +170,27 @@ impl Element {
                 let number = number.first().copied().unwrap_or(f64::NAN);
                 out.extend_from_slice(shortest(number).as_bytes());
             }
+        }
+    }
+
+    /// A number as it stands, without a loss.
+    pub(crate) fn exact(self, raw: &[u8]) -> Exact {
+        match self.kind {
+            Kind::Unsigned | Kind::Signed => Exact::Integer(self.integer(raw)),
+            _ => {
+                let mut number = Vec::with_capacity(1);
+                self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
+                Exact::Float(number.first().copied().unwrap_or(f64::NAN))
+            }
+        }
+    }
+
+    /// A number of another kind as this kind of element has it.
+    pub(crate) fn cast(self, number: Exact) -> Exact {
+        match (self.kind, self.bytes, number) {
+            #[allow(clippy::cast_possible_truncation)] // rounded to what the element holds
+            (Kind::Float, 4, Exact::Float(float)) => Exact::Float(f64::from(float as f32)),
+            _ => number,
         }
     }
 

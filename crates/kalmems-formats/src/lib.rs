@@ -37,6 +37,7 @@ mod panics;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod records;
+mod scaling;
 mod source;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
@@ -44,6 +45,7 @@ mod table;
 #[cfg(feature = "tdms")]
 mod tdms;
 mod time;
+mod unit_words;
 #[cfg(feature = "wav")]
 mod wav;
 
@@ -57,3 +59,4 @@ pub use panics::panic_is_caught;
 pub use source::ReadSeek;
 pub use table::{Column, Description, Digest, Table, Wanted};
 pub use time::{Instant, LABVIEW_ZERO_S, NoInstant, SPREADSHEET_ZERO_S, TimeKind, TimeReader, TimeUnit};
+pub use unit_words::unit_ending;

@@ -1,8 +1,7 @@
 //! A file of whichever format, recognised by what it begins with.
 
 use crate::source::{ReadSeek, Source};
-use crate::{CsvHints, FormatError, Table, csv};
-use std::fs::File;
+use crate::{CsvHints, FormatError, Table, csv, limits};
 use std::path::Path;
 
 /// A format that is read.
@@ -18,7 +17,7 @@ pub enum Format {
     Parquet,
     /// HDF5, and MAT files from version 7.3 on.
     Hdf5,
-    /// MAT files of version 5 to 7.
+    /// MAT files of version 4 to 7.
     Mat,
     /// Technical data management streaming, of LabVIEW.
     Tdms,
@@ -87,7 +86,7 @@ pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     if !std::fs::metadata(path)?.is_file() {
         return csv::open_csv(path, hints);
     }
-    let source = Source::new(Box::new(File::open(path)?))?;
+    let source = Source::open(path)?;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     match recognise(&source, name, hints)? {
         Format::Csv => csv::open_csv(path, hints),
@@ -113,10 +112,14 @@ fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn 
     // Names that a reader had no use for.
     let known = |name: &&String| table.description().columns.iter().any(|column| column.name == **name);
     if let Some(name) = hints.columns.iter().flatten().find(|name| !known(name)) {
+        let names: Vec<String> =
+            table.description().columns.iter().map(|column| format!("`{}`", column.name)).collect();
         return Err(FormatError::Unsupported {
             format: table.description().format,
-            what: format!("a name `{name}` for a file with names of its own"),
-            remedy: "leave `columns` out".to_owned(),
+            what: format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
+            remedy: "name a column as the file does where it is used, with its unit, such as \
+                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have"
+                .to_owned(),
         });
     }
     Ok(table)
@@ -184,7 +187,7 @@ fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, Forma
         }),
         (Content::Other(what), _) => Err(FormatError::NotRecognised {
             found: what,
-            expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 5 to 7.3, TDMS or WAV".to_owned(),
+            expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV".to_owned(),
         }),
     }
 }
@@ -234,6 +237,10 @@ fn of_content(source: &Source, beginning: &[u8]) -> Result<Content, FormatError>
         if version == Some(&[0, 1]) || version == Some(&[1, 0]) {
             return Ok(Content::Known(Format::Mat, "MAT 5"));
         }
+    }
+    #[cfg(feature = "mat")]
+    if !text && crate::mat::begins_as_four(beginning) {
+        return Ok(Content::Known(Format::Mat, "MAT 4"));
     }
     if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| at(0, magic) && (!text || magic.len() > 3)) {
         return Ok(Content::Other((*what).to_owned()));

@@ -2,12 +2,14 @@
 
 use crate::decimal::Shift;
 use crate::element::Element;
-use crate::limits::BLOCK_BYTES;
+use crate::limits::{self, BLOCK_BYTES};
+use crate::scaling::Scaling;
 use crate::time::TimeCode;
 use crate::{
     Block, CellFault, Column, Description, Fault, FormatError, Instant, Labels, Table, TimeKind, TimeReader,
     TimeUnit, Wanted,
 };
+use std::collections::BTreeMap;
 
 /// Records that are read one after the other.
 pub(crate) trait Lane: Send {
@@ -77,6 +79,28 @@ pub(crate) struct Field {
     pub(crate) cells: Cells,
     /// As many; a clock has as many as are needed.
     pub(crate) rows: u64,
+    /// What the file says is to be done to its numbers.
+    pub(crate) scaling: Scaling,
+}
+
+impl Field {
+    fn is_clock(&self) -> bool {
+        matches!(self.cells, Cells::Clock(_))
+    }
+
+    /// A column whose cells are taken as they are.
+    pub(crate) fn new(column: Column, cells: Cells, rows: u64) -> Self {
+        Self { column, cells, rows, scaling: Scaling::default() }
+    }
+}
+
+/// The lengths of the columns, the longest first, and the names of those that have each.
+fn lengths(fields: &[Field]) -> Vec<(u64, Vec<String>)> {
+    let mut lengths = BTreeMap::<u64, Vec<String>>::new();
+    for field in fields.iter().filter(|field| !field.is_clock()) {
+        lengths.entry(field.rows).or_default().push(format!("`{}`", field.column.name));
+    }
+    lengths.into_iter().rev().collect()
 }
 
 /// A table of records.
@@ -94,6 +118,8 @@ pub(crate) struct RecordTable {
     row: u64,
     raw: Vec<Vec<u8>>,
     texts: Vec<Vec<Vec<u8>>>,
+    /// Rows of a column that the file says are none.
+    absent: Vec<usize>,
 }
 
 impl RecordTable {
@@ -105,10 +131,22 @@ impl RecordTable {
         lanes: Vec<Box<dyn Lane>>,
         file_bytes: u64,
     ) -> Self {
-        let mut counts = fields.iter().filter(|f| !matches!(f.cells, Cells::Clock(_))).map(|f| f.rows);
-        let first = counts.next();
-        let rows = first.filter(|first| counts.all(|count| count == *first));
-        let columns = fields.iter().map(|f| f.column.clone()).collect();
+        let lengths = lengths(&fields);
+        let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
+        let is_text = |field: &Field| matches!(field.cells, Cells::Text { .. } | Cells::Texts { .. });
+        let own = |field: &Field| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
+        let columns =
+            fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
+        let mut recognised = recognised;
+        if lengths.len() > 1 {
+            let groups = lengths.iter().map(|(rows, names)| format!("{rows} rows: {}", limits::list(names)));
+            let groups: Vec<String> = groups.take(8).collect();
+            recognised.push_str(&format!(
+                "; columns of {} lengths, of which those of one length belong together ({})",
+                lengths.len(),
+                groups.join("; ")
+            ));
+        }
         let description = Description { format, recognised, columns, rows };
         let count = lanes.len();
         Self {
@@ -124,6 +162,7 @@ impl RecordTable {
             row: 0,
             raw: vec![Vec::new(); count],
             texts: vec![Vec::new(); count],
+            absent: Vec::new(),
         }
     }
 
@@ -219,8 +258,17 @@ impl Table for RecordTable {
         for want in self.wanted.clone() {
             match want {
                 Wanted::Number { column, power } => {
-                    self.numbers(column, power, rows, &mut block.numbers[number]);
+                    let (mut absent, first) = (std::mem::take(&mut self.absent), block.faults.len());
+                    absent.clear();
+                    self.numbers(column, power, rows, &mut block.numbers[number], &mut absent);
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
+                    // They are NaN so far, and were taken for such.
+                    for fault in &mut block.faults[first..] {
+                        if absent.binary_search(&fault.row).is_ok() {
+                            fault.fault = Fault::Missing;
+                        }
+                    }
+                    self.absent = absent;
                     number += 1;
                 }
                 Wanted::Time { column, .. } => {
@@ -258,10 +306,22 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
-    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>) {
+    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>, absent: &mut Vec<usize>) {
+        let scaling = &self.fields[column].scaling;
         match self.fields[column].cells {
-            Cells::Numbers { lane, offset, element } => {
+            Cells::Numbers { lane, offset, element } if scaling.is_none() => {
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
+            }
+            Cells::Numbers { lane, offset, element } => {
+                let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
+                element.numbers(raw, offset, record, rows, 0, out);
+                let cells =
+                    raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
+                scaling.apply(element, cells, out, absent);
+                let mut shift = Shift::new(power);
+                for number in out {
+                    *number = shift.float(*number);
+                }
             }
             Cells::Clock(clock) => {
                 let mut shift = Shift::new(power);
@@ -279,6 +339,13 @@ impl RecordTable {
 
     fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
         match self.fields[column].cells {
+            Cells::Numbers { .. } if !self.fields[column].scaling.is_none() => {
+                let mut absent = Vec::new();
+                self.numbers(column, 0, rows, out, &mut absent);
+                for number in out {
+                    *number = times.float(*number);
+                }
+            }
             Cells::Numbers { lane, offset, element } => {
                 element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
             }
@@ -301,8 +368,19 @@ impl RecordTable {
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
             match self.fields[column].cells {
-                Cells::Numbers { lane, offset, element } => {
+                Cells::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
+                }
+                Cells::Numbers { lane, offset, element } => {
+                    let cell = cell(lane, offset, element.bytes);
+                    let mut number = [element.exact(cell).rounded()];
+                    self.fields[column].scaling.apply(
+                        element,
+                        [cell].into_iter(),
+                        &mut number,
+                        &mut Vec::new(),
+                    );
+                    text = crate::element::shortest(number[0]).into_bytes();
                 }
                 Cells::Times { lane, offset, code } => {
                     let raw = cell(lane, offset, code.bytes());

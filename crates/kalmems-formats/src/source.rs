@@ -1,7 +1,9 @@
 //! The bytes of a file, wherever they are.
 
 use crate::FormatError;
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// What a table can be read from: a file, or bytes in memory.
@@ -13,13 +15,27 @@ impl<T: Read + Seek + Send> ReadSeek for T {}
 pub(crate) struct Source {
     file: Mutex<Box<dyn ReadSeek>>,
     length: u64,
+    /// Where other files are that it refers to.
+    folder: Option<PathBuf>,
 }
 
 impl Source {
     /// Takes a file from its first byte, wherever it stands.
     pub(crate) fn new(mut file: Box<dyn ReadSeek>) -> Result<Self, FormatError> {
         let length = file.seek(SeekFrom::End(0))?;
-        Ok(Self { file: Mutex::new(file), length })
+        Ok(Self { file: Mutex::new(file), length, folder: None })
+    }
+
+    /// A file on a disk.
+    pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
+        let source = Self::new(Box::new(File::open(path)?))?;
+        Ok(Self { folder: path.parent().map(Path::to_owned), ..source })
+    }
+
+    /// The folder of a file on a disk.
+    #[cfg(feature = "hdf5")]
+    pub(crate) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
     }
 
     /// As many bytes as there are.

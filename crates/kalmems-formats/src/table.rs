@@ -17,12 +17,28 @@ pub struct Description {
 }
 
 /// A column of a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Column {
     /// Its name as the program has it: `name_unit`, put together where the format keeps the unit elsewhere.
     pub name: String,
     /// Where it stands in the file, for messages, where that is not its name: `/rig/cap`.
     pub place: Option<String>,
+    /// It holds texts, which can be labels and never numbers. Of text files it is not known before the rows are read.
+    pub text: bool,
+    /// How many rows it has, where the columns of the file differ in that: those of one number belong together.
+    pub rows: Option<u64>,
+}
+
+impl Column {
+    /// One of numbers with a name.
+    pub fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), ..Self::default() }
+    }
+
+    /// The same at a place of the file.
+    pub(crate) fn at(self, place: String) -> Self {
+        Self { place: Some(place), ..self }
+    }
 }
 
 /// A column that is to be read.

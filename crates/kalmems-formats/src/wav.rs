@@ -30,18 +30,11 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
     let clock = Clock::Rate { start: 0.0, rate: f64::from(sound.rate) };
-    let mut fields = vec![Field {
-        column: Column { name: "time_s".to_owned(), place: None },
-        cells: Cells::Clock(clock),
-        rows,
-    }];
+    let mut fields = vec![Field::new(Column::new("time_s"), Cells::Clock(clock), rows)];
     for (channel, name) in names.into_iter().enumerate() {
         let offset = channel * sound.element.bytes;
-        fields.push(Field {
-            column: Column { name, place: Some(format!("channel {}", channel + 1)) },
-            cells: Cells::Numbers { lane: 0, offset, element: sound.element },
-            rows,
-        });
+        let column = Column::new(&name).at(format!("channel {}", channel + 1));
+        fields.push(Field::new(column, Cells::Numbers { lane: 0, offset, element: sound.element }, rows));
     }
     let scale = if sound.element.kind == Kind::Float { "as they are" } else { "in parts of full scale" };
     let recognised = format!(

@@ -5,7 +5,7 @@ mod parts;
 pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in_parts, is_long};
 
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
-use crate::estimate::{EstimateError, Progress, SegmentEstimate};
+use crate::estimate::{EstimateError, Progress, SegmentEstimate, StretchSummary};
 use crate::evaluate::{
     ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, ValueState, evaluate_values,
 };
@@ -38,6 +38,8 @@ pub struct RecordingOutcome {
     pub values: &'static [ValueState],
     /// One per segment.
     pub segments: Vec<SegmentOutcome>,
+    /// What became of the stretches of records that were cut.
+    pub stretches: StretchSummary,
 }
 
 /// What came of a segment.
@@ -103,7 +105,7 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let recording = Recording::read_with(&file, &rig.layout(experiment, index)?, &mut |d, n| {
             reading.hear("reading", d, n)
         })?;
-        let estimates = rig.estimate(experiment, index, &recording, progress)?;
+        let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
 
         let mut reading = Reading { progress, started: false };
         let reference = ReferenceRecording::read(
@@ -137,7 +139,7 @@ pub fn estimate_unwritten(
         return Err(experiment.error("recording", Fault::Value { why }).into());
     };
     let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
-    let estimates = rig.estimate(experiment, index, &recording, progress)?;
+    let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
     let place = (index, recording.origin());
     let reference = ReferenceRecording::read_by(experiment, place, rig.angles(), rig.values(), |layout| {
         simulated.truth(layout)
@@ -152,18 +154,18 @@ fn evaluate(
     rig: &dyn Rig,
     described: &config::Recording,
     recording: Recording,
-    estimates: Vec<SegmentEstimate>,
+    (estimates, stretches): (Vec<SegmentEstimate>, StretchSummary),
     reference: Option<ReferenceRecording>,
 ) -> Result<RecordingOutcome, ReadError> {
     let mut segments = Vec::new();
     for estimate in estimates {
         let found = match &reference {
-            Some(reference) => reference.segment(&estimate.segment.label)?,
+            Some(reference) => reference.angles_of(&estimate.segment)?,
             None => Vec::new(),
         };
         let errors = rig.evaluate(&estimate, &found);
         let known = match &reference {
-            Some(reference) => reference.values(&estimate.segment.label)?,
+            Some(reference) => reference.values_of(&estimate.segment)?,
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
@@ -171,7 +173,7 @@ fn evaluate(
         segments.push(SegmentOutcome { estimate, errors, values });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-    Ok(RecordingOutcome { name, recording, reference, values: rig.values(), segments })
+    Ok(RecordingOutcome { name, recording, reference, values: rig.values(), segments, stretches })
 }
 
 /// Refuses a file that is not there, where the experiment names it.

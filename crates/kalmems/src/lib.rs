@@ -33,7 +33,7 @@ pub mod stream;
 pub mod study;
 
 pub use kalmems_engines::{
-    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, recording,
-    report, reproduce, signal, simulate, units,
+    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace,
+    recording, report, reproduce, signal, simulate, units,
 };
 pub use kalmems_rigs::{self as rigs, workflow};

@@ -1,6 +1,8 @@
 //! The scanner's estimators on recordings that this program did not make, and on those that it made with other
 //! parameters than the filters are told.
 
+#[path = "scanner_estimators/faults.rs"]
+mod faults;
 mod parts;
 mod scanner;
 #[path = "scanner_estimators/stream.rs"]

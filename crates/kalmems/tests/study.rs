@@ -289,6 +289,7 @@ fn what_is_not_written_is_read_as_if_it_were() {
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
         hints: Hints::default(),
         origin: None,
+        restarts: None,
     };
     for (file, layout, ours) in [
         ("recording.csv", layout(&["cap_V", "drive_V"]), Unwritten::recorded as fn(&_, &_) -> _),

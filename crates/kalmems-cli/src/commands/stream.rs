@@ -2,14 +2,23 @@
 
 use crate::Ending;
 use crate::args::StreamArguments;
+use crate::interrupt;
 use kalmems::config::Experiment;
-use kalmems::stream::{AheadSummary, Outputs, StreamError, StreamSummary, stream};
+use kalmems::recording::ReadError;
+use kalmems::stream::{AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, stream};
 use serial2::SerialPort;
+use socket2::{SockRef, TcpKeepalive};
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// The exit code where the connection broke.
+const BROKEN: u8 = 4;
+
+/// The exit code where the user stopped it.
+const INTERRUPTED: u8 = 130;
 
 pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
@@ -21,64 +30,178 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
         let why = "lines and frames cannot both go to standard output; give one of them a file";
         return Err(Ending::Wrong(why.to_owned()));
     }
-    let outputs = Outputs { lines: lines.map(output).transpose()?, frames: frames.map(output).transpose()? };
+    let outputs = Outputs {
+        lines: lines.map(output).transpose()?,
+        frames: frames.map(output).transpose()?,
+        notices: Some(Box::new(io::stderr())),
+    };
     let state = arguments.state.as_deref();
-    let input = input(&arguments.from, arguments.baud)
-        .map_err(|e| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from)))?;
-    let summary = match stream(&experiment, input, outputs, state, &crate::interrupt::requested) {
+    let unreadable =
+        |e: &io::Error| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from));
+    let source = Source::of(&arguments.from, arguments.baud).map_err(|e| unreadable(&e))?;
+    if experiment.stream.as_ref().is_some_and(|stream| stream.reconnect.is_some()) && !source.reopens() {
+        eprintln!(
+            "note: `{}` is read once: `reconnect` is for `tcp://`, `listen://` and serial devices",
+            arguments.from
+        );
+    }
+    let summary = match stream(&experiment, Box::new(source), outputs, state, &interrupt::requested) {
         // A reader that closes the pipe has what it wanted.
-        Err(StreamError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
+        Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
         summary => summary.map_err(|e| wrong(&e))?,
     };
+    if let Some(Break { why, samples, time_s }) = &summary.broken {
+        let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
+        eprintln!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);
+    }
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
         eprintln!("{json}");
     } else {
         eprint!("{}", text(&summary));
     }
-    Ok(())
+    match (summary.interrupted, summary.broken) {
+        (true, _) => Err(Ending::Told(INTERRUPTED)),
+        (false, Some(_)) => Err(Ending::Told(BROKEN)),
+        (false, None) => Ok(()),
+    }
 }
 
-/// Opens what the samples come from.
-fn input(from: &str, baud: Option<u32>) -> io::Result<Box<dyn Read + Send>> {
-    if let Some(baud) = baud {
-        let mut port = SerialPort::open(from, baud)?;
-        // A pause is no end.
-        port.set_read_timeout(Duration::from_secs(u64::from(u32::MAX)))?;
-        return Ok(Box::new(Device { port, from: from.to_owned() }));
-    }
-    if from == "-" {
-        return Ok(Box::new(io::stdin()));
-    }
-    if let Some(address) = from.strip_prefix("tcp://") {
-        return Ok(Box::new(TcpStream::connect(address)?));
-    }
-    if let Some(address) = from.strip_prefix("listen://") {
-        let listener = TcpListener::bind(address)?;
-        eprintln!("waiting for samples at {}", listener.local_addr()?);
-        return Ok(Box::new(listener.accept()?.0));
-    }
-    Ok(Box::new(File::open(from)?))
+/// How long a read or the acceptance of a connection waits at once, so that the stream can be stopped in between.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// How long an address that does not answer is waited for.
+const CONNECTING: Duration = Duration::from_secs(2);
+
+/// A peer that says nothing is asked after so long whether it is there, and then this often; after some five questions without
+/// an answer the connection is broken.
+const ASKED_AFTER: Duration = Duration::from_secs(10);
+const ASKED_EVERY: Duration = Duration::from_secs(2);
+
+/// Where samples come from.
+enum Source {
+    Standard,
+    /// A file or a named pipe.
+    File(String),
+    Connect(String),
+    Listen(TcpListener),
+    Serial {
+        device: String,
+        baud: u32,
+    },
 }
 
-/// A serial device. That it is unplugged is an end of the samples, and said.
-struct Device {
-    port: SerialPort,
-    from: String,
+impl Source {
+    /// As the user names it.
+    fn of(from: &str, baud: Option<u32>) -> io::Result<Self> {
+        if let Some(baud) = baud {
+            return Ok(Self::Serial { device: from.to_owned(), baud });
+        }
+        if from == "-" {
+            return Ok(Self::Standard);
+        }
+        if let Some(address) = from.strip_prefix("tcp://") {
+            return Ok(Self::Connect(address.to_owned()));
+        }
+        if let Some(address) = from.strip_prefix("listen://") {
+            let listener = TcpListener::bind(address)?;
+            listener.set_nonblocking(true)?;
+            eprintln!("waiting for samples at {}", listener.local_addr()?);
+            return Ok(Self::Listen(listener));
+        }
+        Ok(Self::File(from.to_owned()))
+    }
 }
 
-/// What a system says of a device that is not there any more, where it gives no bytes without an error: EIO, ENXIO and ENODEV.
-const GONE: [i32; 3] = [5, 6, 19];
+impl Connection for Source {
+    fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
+        Ok(match self {
+            Self::Standard => Some(Box::new(io::stdin())),
+            Self::File(path) => Some(Box::new(File::open(path)?)),
+            Self::Connect(address) => Some(Box::new(connected(connect(address)?)?)),
+            Self::Listen(listener) => match accept(listener)? {
+                Some(stream) => Some(Box::new(connected(stream)?)),
+                None => None,
+            },
+            Self::Serial { device, baud } => {
+                let mut port = SerialPort::open(device.as_str(), *baud)?;
+                port.set_read_timeout(PATIENCE)?;
+                Some(Box::new(Device(port)))
+            }
+        })
+    }
+
+    fn reopens(&self) -> bool {
+        matches!(self, Self::Connect(_) | Self::Listen(_) | Self::Serial { .. })
+    }
+}
+
+fn connect(address: &str) -> io::Result<TcpStream> {
+    let mut failed = io::Error::new(ErrorKind::NotFound, "the name has no address");
+    for address in address.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, CONNECTING) {
+            Ok(stream) => return Ok(stream),
+            Err(e) => failed = e,
+        }
+    }
+    Err(failed)
+}
+
+/// A connection that somebody made, if that happens soon.
+fn accept(listener: &TcpListener) -> io::Result<Option<TcpStream>> {
+    let begun = Instant::now();
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                // Some systems hand down that the listener does not wait.
+                stream.set_nonblocking(false)?;
+                return Ok(Some(stream));
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+                if begun.elapsed() >= PATIENCE {
+                    return Ok(None);
+                }
+                std::thread::sleep(PATIENCE / 10);
+            }
+            // Who wanted to connect has gone already.
+            Err(e) if e.kind() == ErrorKind::ConnectionAborted => {}
+            Err(e) => return Err(e),
+        }
+    }
+}
+
+/// A connection whose reads return in between, and which notices that its other end has died.
+fn connected(stream: TcpStream) -> io::Result<Peer> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    let asked = TcpKeepalive::new().with_time(ASKED_AFTER).with_interval(ASKED_EVERY);
+    SockRef::from(&stream).set_tcp_keepalive(&asked)?;
+    Ok(Peer(stream))
+}
+
+/// The other end of a connection.
+struct Peer(TcpStream);
+
+impl Read for Peer {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        match self.0.read(bytes) {
+            // On Windows a read that returns in between says so; elsewhere it means that the other end does not answer.
+            Err(e) if cfg!(windows) && e.kind() == ErrorKind::TimedOut => Err(ErrorKind::WouldBlock.into()),
+            read => read,
+        }
+    }
+}
+
+/// A serial device; one that is unplugged is a connection that broke.
+struct Device(SerialPort);
 
 impl Read for Device {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let read = self.port.read(bytes);
-        let gone = |e: &io::Error| cfg!(unix) && e.raw_os_error().is_some_and(|code| GONE.contains(&code));
-        if matches!(&read, Ok(0)) || read.as_ref().is_err_and(gone) {
-            eprintln!("`{}` is not connected any more", self.from);
-            return Ok(0);
+        match self.0.read(bytes) {
+            Ok(0) => Err(io::Error::new(ErrorKind::NotConnected, "the device is not connected any more")),
+            Err(e) if e.kind() == ErrorKind::TimedOut => Err(ErrorKind::WouldBlock.into()),
+            read => read,
         }
-        read
     }
 }
 
@@ -95,15 +218,29 @@ fn output(to: &Path) -> Result<Box<dyn Write>, Ending> {
 fn text(summary: &StreamSummary) -> String {
     let order = &summary.received.order;
     let mut text = format!("{} samples estimated, {} events\n", summary.estimated, summary.events);
+    if summary.interrupted {
+        text += "stopped\n";
+    }
+    let received = &summary.received;
     for (count, what) in [
         (order.dropped, "samples never came"),
         (order.duplicated, "samples came twice"),
         (order.late, "samples came late and were put in their place"),
         (order.too_late, "samples came too late"),
         (order.without_time, "samples had no time"),
-        (summary.received.passed_over, "samples were acknowledged by an earlier run"),
-        (summary.received.damaged_lines, "lines were no samples"),
-        (summary.received.damaged_bytes, "bytes belonged to no frame"),
+        (order.misplaced, "samples had a time far from those around them, and were left out"),
+        (received.same_time, "frames had the time of the one before, and were left out"),
+        (received.passed_over, "samples were acknowledged by an earlier run"),
+        (received.damaged_lines, "lines were no samples"),
+        (received.damaged_bytes, "bytes belonged to no frame"),
+        (received.cut_off, "lines or frames had no end, which may have cut them off, and were left out"),
+        (received.steps_back, "times the clock went back"),
+        (received.breaks, "times the connection broke"),
+        (received.reconnections, "times it was there again"),
+        (summary.stretches.restarts as u64, "times the estimate began anew"),
+        (summary.not_estimated, "samples could not be estimated"),
+        (summary.noise_only, "times the signal was noise only"),
+        (summary.withheld, "zero phases or crossings of noise were not told"),
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");

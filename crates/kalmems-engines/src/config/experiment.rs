@@ -332,5 +332,6 @@ pub(super) fn layout(clock: &Clock, segments: Option<&Segments>, columns: &[&str
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
         hints: Hints::default(),
         origin: None,
+        restarts: None,
     }
 }

@@ -72,6 +72,9 @@ pub enum Separator {
     /// A tab, `"\t"`.
     #[serde(rename = "\t")]
     Tab,
+    /// Blanks and tabs, as many as there are, `" "`.
+    #[serde(rename = " ")]
+    Blanks,
 }
 
 /// The decimal mark of a text.
@@ -107,6 +110,7 @@ impl FileFormat {
                     Separator::Semicolon => ';',
                     Separator::Bar => '|',
                     Separator::Tab => '\t',
+                    Separator::Blanks => ' ',
                 }),
                 decimal: self.decimal.map(|mark| match mark {
                     DecimalMark::Point => '.',

@@ -20,6 +20,7 @@ mod estimate;
 mod experiment;
 mod filter;
 mod format;
+mod gaps;
 mod gyroscope;
 mod hybrid;
 mod identify;
@@ -47,6 +48,7 @@ pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
 pub use format::{DecimalMark, FileFormat, FileKind, Separator};
+pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
 pub(crate) use gyroscope::is_per_record;
 pub use gyroscope::{
     Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,

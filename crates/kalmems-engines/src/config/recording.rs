@@ -1,10 +1,10 @@
 //! What an experiment file says about its recordings.
 
-use super::Name;
 use super::format::FileFormat;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
+use super::{Gaps, Name};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -34,6 +34,9 @@ pub struct Recording {
     pub segments: Option<Segments>,
     /// When the samples were taken.
     pub clock: Clock,
+    /// What is done where samples are missing in time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaps: Option<Gaps>,
     /// The columns by their meaning, such as `{ drive = "drive_V", signal = "cap_V" }`.
     pub channels: Channels,
     /// An independent measurement of the motion. Only the evaluation of an estimate, or an identification,

@@ -86,7 +86,12 @@ fn example(schema: &Value) -> Option<String> {
     if let Some(example) = schema.get("examples").and_then(|examples| examples.get(0)) {
         return toml::Value::try_from(example).ok().map(|example| example.to_string());
     }
-    (schema.get("type")? == "string").then(|| "\"...\"".to_owned())
+    match schema.get("type")?.as_str()? {
+        "string" => Some("\"...\"".to_owned()),
+        // A list of values; one of tables has no example.
+        "array" => example(schema.get("items")?).map(|item| format!("[{item}]")),
+        _ => None,
+    }
 }
 
 /// The header of a table, or those of all tables of which there must be one.

@@ -491,6 +491,7 @@ impl Interferogram {
                 columns: Some(self.columns.clone()),
                 hints: Hints::default(),
                 origin: None,
+                restarts: None,
             },
         }
     }

@@ -28,6 +28,16 @@ pub struct Stream {
     /// One estimate is given of so many samples; each if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub every: Option<NonZeroU32>,
+    /// How long to go on trying to connect again where a connection or a serial device breaks; the first break ends the
+    /// stream if left out. What is missing then is a gap like any other. A file or standard input cannot
+    /// be opened again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"30 s")]
+    pub reconnect: Option<Quantity<Time, Positive>>,
+    /// How often an event `health` is written, whether samples arrive or not; at least 0.1 s, never if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 s")]
+    pub heartbeat: Option<Quantity<Time, Positive>>,
     /// Over how long the mean NIS is watched; 100 samples if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alarm_over: Option<Quantity<Time, Positive>>,
@@ -91,6 +101,7 @@ pub enum StreamFormat {
     /// passed over.
     Text {
         /// The columns by their names with units, such as `["time_s", "drive_V", "cap_V"]`.
+        #[schemars(example = text_columns())]
         columns: Vec<String>,
     },
     /// Frames of numbers in binary, little-endian, one after the other.
@@ -99,8 +110,18 @@ pub enum StreamFormat {
         sync: Sync,
         /// What follows them: types and names, such as `["u16 sequence", "f64 time_s", "f32 drive_V", "f32 cap_V"]`. By a
         /// field with the name `sequence`, which counts the frames, one that is lost is told from a pause.
+        #[schemars(example = frame_fields())]
         fields: Vec<Field>,
     },
+}
+
+/// What is written in the schema as an example.
+const fn text_columns() -> [&'static str; 3] {
+    ["time_s", "drive_V", "cap_V"]
+}
+
+const fn frame_fields() -> [&'static str; 4] {
+    ["u16 sequence", "f64 time_s", "f32 drive_V", "f32 cap_V"]
 }
 
 impl StreamFormat {

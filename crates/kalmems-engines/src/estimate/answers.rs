@@ -70,8 +70,8 @@ where
         let entry = run.followed.entry();
         let (fresh, ends) = (&samples.fresh, samples.ends);
         let part = FilteredPart { entry, fresh, ends, filtered: &trajectories[0] };
-        let answer = smoother.take((&key, &name), course, &part);
-        trajectories.push(answer);
+        let answer = smoother.take((&key, &name), course, &part, progress);
+        trajectories.push(answer.ok_or(EstimateError::Interrupted)?);
     }
     past.left = Some(run.followed.state());
     past.run.put(run);

@@ -2,6 +2,7 @@
 
 use super::smoothing::Linked;
 use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
+use crate::pace::Pace;
 use crate::units::Kind;
 use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Measurement};
 use std::ops::{ControlFlow, Range};
@@ -254,10 +255,14 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
         );
         let n = fresh.len();
         progress.begin(names.1, n as u64);
-        let started = Instant::now();
+        let (started, mut pace) = (Instant::now(), Pace::default());
         trajectory.failure = self.failure;
         for k in 0..n {
-            if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(()) {
+            // A step over a gap counts as the samples that it stands for.
+            let steps = k.saturating_add(trajectory.counts.bridged);
+            if k % CHUNK == 0 && progress.reached(k as u64) == ControlFlow::Break(())
+                || pace.stops(steps, progress, k as u64)
+            {
                 return None;
             }
             if self.failure.is_some() {

@@ -265,3 +265,20 @@ pub enum EstimateError {
     #[error("interrupted; nothing was written")]
     Interrupted,
 }
+
+impl EstimateError {
+    /// Whether other samples of the same recording can be estimated all the same.
+    pub const fn is_of_the_samples(&self) -> bool {
+        matches!(
+            self,
+            Self::TooShort { .. }
+                | Self::NoSignal { .. }
+                | Self::NoSteadyDrive { .. }
+                | Self::NoStart { .. }
+                | Self::NotTwoSines { .. }
+                | Self::NoCrossing { .. }
+                | Self::DriveUnknown { .. }
+                | Self::Trigger { .. }
+        )
+    }
+}

@@ -52,6 +52,19 @@ pub struct ForetoldCounts {
     pub without_drive: u64,
 }
 
+impl ForetoldCounts {
+    /// These and others.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self {
+            told: self.told + other.told,
+            late: self.late + other.late,
+            missed: self.missed + other.missed,
+            without_drive: self.without_drive + other.without_drive,
+        }
+    }
+}
+
 /// Foretells the zero phases of one filter, sample by sample, each once.
 #[derive(Clone, Debug)]
 pub struct Foreteller {

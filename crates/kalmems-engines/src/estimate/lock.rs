@@ -10,6 +10,9 @@ use std::f64::consts::PI;
 pub struct Lock {
     /// What happened after the settling time, in order of time; empty for a filter that held on.
     pub events: Vec<LockEvent>,
+    /// Whether the signal is lost at the end of the samples.
+    #[serde(skip)]
+    pub lost: bool,
 }
 
 /// Something that a good estimate never does.
@@ -132,7 +135,7 @@ impl LockJudge {
             judge.judge(of, trajectory, motion.frequency_hz, start_s, &mut events);
         }
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
-        Lock { events }
+        Lock { events, lost: self.signal.was_lost }
     }
 }
 

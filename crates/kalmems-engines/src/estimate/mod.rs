@@ -4,6 +4,7 @@
 
 mod answers;
 mod any_filter;
+mod bridge;
 mod constant_gain;
 pub mod driven;
 mod engine;
@@ -18,12 +19,14 @@ mod past;
 mod progress;
 mod segments;
 mod smoothing;
+mod stretches;
 mod taken_over;
 mod tracked;
 mod trajectory;
 
 pub use answers::{Samples, answers, follow};
 pub use any_filter::AnyFilter;
+pub use bridge::{Bridge, MOST_STEPS};
 pub use constant_gain::ConstantGain;
 pub use engine::{Compute, Course, Derived, StateName};
 pub use error::EstimateError;
@@ -37,6 +40,7 @@ pub use part::{Around, Part};
 pub use past::{FilterPast, Past, PastState, Slot};
 pub use progress::{Progress, Silent};
 pub use segments::{Axis, Crossing, SegmentEstimate, SignalSegment};
+pub use stretches::{LeftOut, StretchJudge, StretchSummary};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};

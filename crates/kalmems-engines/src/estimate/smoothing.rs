@@ -1,7 +1,8 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
 use super::engine::Derived;
-use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
+use super::{Counts, Course, Failure, Progress, Trajectory, TrajectoryKind};
+use crate::pace::Pace;
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
 use kalmems_core::update::Policy;
 use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Link, Measurement, Process};
@@ -33,13 +34,14 @@ pub(super) struct FilteredPart<'a, F, const N: usize> {
 }
 
 impl<F: Filter<f64, N> + Clone, const N: usize> Smoother<F, N> {
-    /// What is known for good of these samples and those before that it did not give yet.
+    /// What is known for good of these samples and those before that it did not give yet. `None` where the work was stopped.
     pub(super) fn take<C: Course<N>>(
         &mut self,
         (key, name): (&str, &str),
         course: &mut C,
         part: &FilteredPart<F, N>,
-    ) -> Trajectory {
+        progress: &dyn Progress,
+    ) -> Option<Trajectory> {
         let begun = std::time::Instant::now();
         let mut filtered = Trajectory {
             key: key.to_owned(),
@@ -52,16 +54,16 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Smoother<F, N> {
             state.sd.fill(f64::NAN);
         }
         let mut answer = match self {
-            Self::Whole(whole) => whole.take(course, part, filtered),
-            Self::Lagged(lagged) => lagged.take(course, part, filtered),
-        };
+            Self::Whole(whole) => whole.take(course, part, filtered, progress),
+            Self::Lagged(lagged) => lagged.take(course, part, filtered, progress),
+        }?;
         answer.seconds_per_step = begun.elapsed().as_secs_f64() / part.fresh.len().max(1) as f64;
-        answer
+        Some(answer)
     }
 }
 
-/// The sample at which it stopped, and why.
-type Stopped = (usize, FilterError);
+/// The sample at which it stopped, and why; no reason where it was stopped from outside.
+type Stopped = (usize, Option<FilterError>);
 
 /// Enters a smoothed state.
 fn keep<const N: usize>(
@@ -79,8 +81,8 @@ fn keep<const N: usize>(
 }
 
 /// Where an answer stopped.
-fn failed(answer: &Trajectory, (sample, why): Stopped) -> Failure {
-    Failure { time_s: answer.time_s.get(sample).copied().unwrap_or(f64::NAN), why }
+fn failed(answer: &Trajectory, (sample, why): Stopped) -> Option<Failure> {
+    Some(Failure { time_s: answer.time_s.get(sample).copied().unwrap_or(f64::NAN), why: why? })
 }
 
 /// The part before the present one, which waits for what comes after it.
@@ -98,7 +100,8 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Whole<F, N> {
         course: &mut C,
         part: &FilteredPart<F, N>,
         filtered: Trajectory,
-    ) -> Trajectory {
+        progress: &dyn Progress,
+    ) -> Option<Trajectory> {
         let before = self.waiting.take();
         let waited = before.as_ref().map_or(0, |(_, answer)| answer.time_s.len());
         let failure = filtered.failure;
@@ -121,23 +124,23 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Whole<F, N> {
                     keep(&mut answer, derived.as_ref(), k, smoothed);
                 }
             };
-            if let Err(stopped) = whole(&start, course, &window, each) {
-                answer.failure = Some(failed(&answer, stopped));
+            if let Err(stopped) = whole(&start, (course, progress), &window, each) {
+                answer.failure = Some(failed(&answer, stopped)?);
             }
         }
         if part.ends {
-            return answer;
+            return Some(answer);
         }
         let known = answer.take_front(given);
         self.waiting = Some((part.entry.clone(), answer));
-        known
+        Some(known)
     }
 }
 
 /// Every sample of a window given all of it, in memory that grows with the root of their number.
 fn whole<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
     start: &Linked<F, N>,
-    course: &mut C,
+    (course, progress): (&mut C, &dyn Progress),
     window: &Range<usize>,
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), Stopped> {
@@ -148,11 +151,12 @@ fn whole<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
         keep(k, smoothed);
         Ok(())
     };
-    let mut repeated = Repeated { course, window: window.clone() };
+    let mut repeated = Repeated::new(course, window.clone(), progress);
     smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
-        IntervalError::Course { sample, cause } | IntervalError::Step { sample, cause } => (sample, cause),
+        IntervalError::Course { sample, cause } => (sample, cause),
+        IntervalError::Step { sample, cause } => (sample, Some(cause)),
         // There are block² > n places.
-        IntervalError::Storage { samples, .. } => (samples, FilterError::NonFiniteState),
+        IntervalError::Storage { samples, .. } => (samples, Some(FilterError::NonFiniteState)),
     })
 }
 
@@ -174,7 +178,8 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
         course: &mut C,
         part: &FilteredPart<F, N>,
         filtered: Trajectory,
-    ) -> Trajectory {
+        progress: &dyn Progress,
+    ) -> Option<Trajectory> {
         let failure = filtered.failure;
         let (waited, mut answer) = match self.waiting.take() {
             Some(mut answer) => {
@@ -189,21 +194,21 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
         let given = if part.ends { answer.time_s.len() } else { answer.time_s.len().saturating_sub(lag) };
         if failure.is_some() || answer.failure.is_some() {
             answer.failure = answer.failure.or(failure);
-        } else if let Err(stopped) = self.pass(course, part, waited, &mut answer) {
-            answer.failure = Some(failed(&answer, stopped));
+        } else if let Err(stopped) = self.pass((course, progress), part, waited, &mut answer) {
+            answer.failure = Some(failed(&answer, stopped)?);
         }
         if part.ends {
-            return answer;
+            return Some(answer);
         }
         let known = answer.take_front(given);
         self.waiting = Some(answer);
-        known
+        Some(known)
     }
 
     /// Takes the filter through the new samples; `waited` answers of earlier ones are not given yet.
     fn pass<C: Course<N>>(
         &mut self,
-        course: &mut C,
+        (course, progress): (&mut C, &dyn Progress),
         part: &FilteredPart<F, N>,
         waited: usize,
         answer: &mut Trajectory,
@@ -213,19 +218,20 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone());
         let n = part.fresh.len();
-        let mut repeated = Repeated { course, window: part.fresh.clone() };
+        let mut repeated = Repeated::new(course, part.fresh.clone(), progress);
         for k in 0..n {
             let place = waited + k;
             let at = |why| (place, why);
+            let by_filter = |why| (place, Some(why));
             if begun || k > 0 {
                 let before = gaussian(filter);
                 let link = smooth::Course::advance(&mut repeated, filter, k).map_err(at)?;
-                self.window.push(Backward::new(&before, &link, filter.mean()).map_err(at)?);
+                self.window.push(Backward::new(&before, &link, filter.mean()).map_err(by_filter)?);
             }
             smooth::Course::correct(&mut repeated, filter, k).map_err(at)?;
             let last = part.ends && k + 1 == n;
             if place >= self.window.lag || last {
-                let now = Smoothed::newest(&gaussian(filter)).map_err(at)?;
+                let now = Smoothed::newest(&gaussian(filter)).map_err(by_filter)?;
                 if place >= self.window.lag {
                     keep(place - self.window.lag, &self.window.oldest(&now));
                 }
@@ -311,25 +317,43 @@ fn gaussian<F: Filter<f64, N>, const N: usize>(filter: &F) -> Gaussian<f64, N> {
 struct Repeated<'a, C> {
     course: &'a mut C,
     window: Range<usize>,
+    progress: &'a dyn Progress,
+    pace: Pace,
+    /// Steps that were taken.
+    counts: Counts,
+    steps: usize,
+}
+
+impl<'a, C> Repeated<'a, C> {
+    fn new(course: &'a mut C, window: Range<usize>, progress: &'a dyn Progress) -> Self {
+        Self { course, window, progress, pace: Pace::default(), counts: Counts::default(), steps: 0 }
+    }
 }
 
 impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked<F, N>, N>
     for Repeated<'_, C>
 {
-    type Error = FilterError;
+    /// Nothing where the work was stopped from outside.
+    type Error = Option<FilterError>;
 
     fn samples(&self) -> usize {
         self.window.len()
     }
 
-    fn advance(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<Link<f64, N>, FilterError> {
+    fn advance(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<Link<f64, N>, Self::Error> {
+        self.steps += 1;
+        let steps = self.steps.saturating_add(self.counts.bridged);
+        if self.pace.stops(steps, self.progress, self.window.len() as u64) {
+            return Err(None);
+        }
         filter.forget();
-        self.course.advance(filter, self.window.start + sample, &mut Counts::default())?;
-        filter.link.ok_or(FilterError::NonFiniteState)
+        self.course.advance(filter, self.window.start + sample, &mut self.counts)?;
+        filter.link.ok_or(Some(FilterError::NonFiniteState))
     }
 
-    fn correct(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<(), FilterError> {
-        self.course.correct(filter, self.window.start + sample, &mut Counts::default()).map(drop)
+    fn correct(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<(), Self::Error> {
+        self.course.correct(filter, self.window.start + sample, &mut self.counts)?;
+        Ok(())
     }
 }
 

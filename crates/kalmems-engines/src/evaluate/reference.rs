@@ -3,7 +3,7 @@
 use super::{BeamPosition, EdgeVelocity, ValueReference, ValueState};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
-use crate::recording::{Instant, Layout, ReadError, Recording};
+use crate::recording::{Instant, Layout, ReadError, Recording, Restarts, Segment};
 use crate::signal::{GAP, hermite, usual_interval};
 use crate::units::{Kind, kind};
 use std::ops::ControlFlow;
@@ -34,6 +34,8 @@ pub(super) struct ReferenceColumns {
     angles: Vec<AngleColumns>,
     values: Vec<ValueColumn>,
     pub(super) delay_s: f64,
+    /// Whether its rows are the recording's, so that its clock goes back where the recording's does.
+    same_rows: bool,
 }
 
 /// An angle, and the columns that know it.
@@ -170,8 +172,16 @@ impl ReferenceColumns {
         let of_angles = angles.iter().flat_map(|a| [Some(&a.angle), a.rate.as_ref()]).flatten();
         let columns: Vec<&str> =
             of_angles.chain(values.iter().map(|value| &value.column)).map(String::as_str).collect();
-        let layout = described.reference_layout(reference, &columns);
-        Ok(Some((layout, Self { angles, values, delay_s: reference.delay_s() })))
+        let same_rows = reference.is_in_recording() && reference.clock(described) == &described.clock;
+        let restarts = same_rows.then_some(Restarts::WHERE_THE_CLOCK_GOES_BACK);
+        let layout = Layout { restarts, ..described.reference_layout(reference, &columns) };
+        Ok(Some((layout, Self { angles, values, delay_s: reference.delay_s(), same_rows })))
+    }
+
+    /// Whether a segment of the reference goes with one of the recording.
+    pub(super) fn go_together(&self, of: &Segment, segment: &Segment) -> bool {
+        let run = !self.same_rows || segment.stretch.clock_run == of.stretch.clock_run;
+        segment.label == of.label && run
     }
 }
 
@@ -186,9 +196,24 @@ impl ReferenceRecording {
         &self.recording
     }
 
-    /// The angles of the segment with this label, its delay taken off its times. None where there is no such segment.
+    /// The angles of the segment with this label, the first of several, its delay taken off its times. None where there is no
+    /// such segment.
     pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
-        let segment = self.recording.segments().iter().find(|segment| segment.label == label);
+        self.angles(self.recording.segments().iter().find(|segment| segment.label == label))
+    }
+
+    /// The angles that go with a segment of the recording, likewise.
+    pub fn angles_of(&self, segment: &Segment) -> Result<Vec<Reference>, ReadError> {
+        self.angles(self.like(segment))
+    }
+
+    /// The segment that goes with one of the recording: of the same label and, as both go back where their clock does, of
+    /// the same run of the clock.
+    fn like(&self, of: &Segment) -> Option<&Segment> {
+        self.recording.segments().iter().find(|segment| self.columns.go_together(of, segment))
+    }
+
+    fn angles(&self, segment: Option<&Segment>) -> Result<Vec<Reference>, ReadError> {
         let one = |columns: &AngleColumns| {
             let [of_angle, of_rate] = kinds(columns.states);
             let of_angle = if columns.beam.is_some() { &kind::VOLTAGE } else { of_angle };
@@ -210,11 +235,18 @@ impl ReferenceRecording {
 }
 
 impl ReferenceRecording {
-    /// What it knows beside angles of the segment with this label, likewise.
+    /// What it knows beside angles of the segment with this label, the first of several.
     pub fn values(&self, label: &str) -> Result<Vec<ValueReference>, ReadError> {
-        let Some(segment) = self.recording.segments().iter().find(|segment| segment.label == label) else {
-            return Ok(Vec::new());
-        };
+        self.values_in(self.recording.segments().iter().find(|segment| segment.label == label))
+    }
+
+    /// What it knows beside angles that goes with a segment of the recording.
+    pub fn values_of(&self, segment: &Segment) -> Result<Vec<ValueReference>, ReadError> {
+        self.values_in(self.like(segment))
+    }
+
+    fn values_in(&self, segment: Option<&Segment>) -> Result<Vec<ValueReference>, ReadError> {
+        let Some(segment) = segment else { return Ok(Vec::new()) };
         let one = |known: &ValueColumn| {
             let time_s: Vec<f64> = segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect();
             let kind = if known.edge.is_some() { &kind::VOLTAGE } else { known.state.kind };

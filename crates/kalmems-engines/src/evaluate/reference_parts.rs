@@ -3,7 +3,7 @@
 use super::reference::ReferenceColumns;
 use super::{ReferenceError, ReferenceRecording, ValueState};
 use crate::config::Experiment;
-use crate::recording::{Around, Finding, Instant, Layout, ReadError, Recording, Source, Stretches};
+use crate::recording::{Around, Finding, Instant, Layout, ReadError, Recording, Segment, Source, Stretches};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -39,11 +39,11 @@ impl ReferenceParts {
         Ok(Some(Self { stretches, columns, held: None }))
     }
 
-    /// The rows of the segment with this label between two times of the motion in s, and some after. What came before is
+    /// The rows of the segment that goes with one of the recording between two times of the motion in s, and some after. What came before is
     /// let go of.
     pub fn over(
         &mut self,
-        label: &str,
+        of: &Segment,
         from_s: f64,
         to_s: f64,
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
@@ -52,7 +52,7 @@ impl ReferenceParts {
         loop {
             if let Some((held, ended)) = &mut self.held
                 && let Some(segment) = held.segments().first()
-                && segment.label == label
+                && self.columns.go_together(of, segment)
             {
                 let last_s = segment.time.at(segment.time.len().saturating_sub(1));
                 if *ended || last_s - delay_s > to_s {
@@ -65,7 +65,7 @@ impl ReferenceParts {
             match &mut self.held {
                 Some((held, ended)) if !stretch.begins => {
                     // Of a segment that is not asked for nothing is held but its label.
-                    if held.segments().first().is_some_and(|segment| segment.label != label) {
+                    if held.segments().first().is_some_and(|segment| !self.columns.go_together(of, segment)) {
                         held.forget_before(f64::INFINITY);
                     }
                     held.extend(&stretch.recording);

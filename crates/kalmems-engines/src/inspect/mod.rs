@@ -21,7 +21,7 @@ pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 
 use crate::recording::request::{Request, Wanted};
-use crate::recording::{Around, Clock, Finding, Origin, ReadError, Source, Stretch, Stretches};
+use crate::recording::{Around, Clock, Finding, Origin, ReadError, Restarts, Source, Stretch, Stretches};
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
 use longest::Kept;
@@ -70,6 +70,9 @@ pub const CYCLES: f64 = 6.0;
 pub struct SegmentSummary {
     /// Its label; empty where the file is one record.
     pub label: String,
+    /// Which stretch of its record it is, where the clock went back before it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretch: Option<usize>,
     /// The number of its rows.
     pub rows: usize,
     /// Its first time, where there is a time column.
@@ -142,6 +145,7 @@ pub fn inspect_with(
         columns: Wanted::AllBut(&survey.text),
         hints: &hints,
         origin: None,
+        restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };
@@ -197,6 +201,7 @@ impl Draft {
         if stretch.begins {
             self.segments.push(SegmentSummary {
                 label: segment.label.clone(),
+                stretch: Some(segment.stretch.number).filter(|number| *number > 1),
                 rows: 0,
                 start_s: finite(time.at(stretch.fresh.start)),
                 duration_s: None,

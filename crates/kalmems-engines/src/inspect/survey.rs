@@ -6,8 +6,8 @@ use crate::recording::clock_unit::ClockUnit;
 use crate::recording::label::Label;
 use crate::recording::read::Progress;
 use crate::units::Header;
-use kalmems_formats::{Block, Fault, Table, TimeKind, Wanted};
-use std::collections::BTreeSet;
+use kalmems_formats::{Block, Column, Fault, Table, TimeKind, Wanted};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A label stays the same for at least this many rows on average.
@@ -21,7 +21,7 @@ const MOST_RECORDS: usize = 10_000;
 pub(super) struct Survey {
     pub(super) time: Option<String>,
     pub(super) segment: Option<String>,
-    /// Columns that hold text and do not tell records apart.
+    /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
     pub(super) text: Vec<String>,
     pub(super) sentences: Vec<String>,
 }
@@ -32,22 +32,50 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
     if names.is_empty() {
         return Ok(Survey::default());
     }
-    let time = Time::of(&names, |column| table.time_kind(column));
-    let wanted = (0..names.len()).map(|column| match time {
-        Some(Time { column: clock, unit, .. }) if clock == column => {
-            Wanted::Time { column, unit: unit.unit, origin: None }
+    let columns = &table.description().columns;
+    let main = main_length(columns);
+    let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
+        .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
+        .partition(|column| columns[*column].text);
+    let time =
+        Time::of(&names, |column| table.time_kind(column)).filter(|time| numbers.contains(&time.column));
+    let others =
+        names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
+    let others: Vec<(String, Option<u64>)> =
+        others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
+    let wanted = numbers.iter().map(|column| match time {
+        Some(Time { column: clock, unit, .. }) if clock == *column => {
+            Wanted::Time { column: *column, unit: unit.unit, origin: None }
         }
-        _ => Wanted::Number { column, power: 0 },
+        _ => Wanted::Number { column: *column, power: 0 },
     });
-    let wanted: Vec<Wanted> = wanted.collect();
+    let mut wanted: Vec<Wanted> = wanted.collect();
+    wanted.extend(texts.iter().map(|column| Wanted::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
-    let mut scan = Scan::new(names, time);
+    let mut scan = Scan { numbers, texts, ..Scan::new(names, time) };
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
         blocks.report(progress)?;
     }
-    Ok(scan.conclude())
+    let mut survey = scan.conclude();
+    for (name, rows) in others {
+        let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
+        survey
+            .sentences
+            .push(format!("`{name}`{rows} is left out, as most columns have another number of rows."));
+        survey.text.push(name);
+    }
+    Ok(survey)
+}
+
+/// The number of rows that most columns have, the larger where two are as frequent, of a file whose columns differ in it.
+fn main_length(columns: &[Column]) -> Option<u64> {
+    let mut counts = BTreeMap::<u64, usize>::new();
+    for rows in columns.iter().filter_map(|column| column.rows) {
+        *counts.entry(rows).or_default() += 1;
+    }
+    counts.into_iter().max_by_key(|(rows, count)| (*count, *rows)).map(|(rows, _)| rows)
 }
 
 /// What is counted of a column.
@@ -65,8 +93,12 @@ struct Counts {
     returns: bool,
 }
 
+#[derive(Default)]
 struct Scan {
     columns: Vec<Counts>,
+    /// Which columns the numbers of a block are, and which the labels.
+    numbers: Vec<usize>,
+    texts: Vec<usize>,
     time: Option<Time>,
     previous_time: f64,
     restarts: usize,
@@ -84,26 +116,38 @@ impl Scan {
                 .map(|h| Counts { has_unit: h.unit.is_some(), name: h.column, ..Counts::default() })
                 .collect(),
             previous_time: f64::NEG_INFINITY,
-            restarts: 0,
-            rows: 0,
-            restarted: Vec::new(),
+            ..Self::default()
         }
     }
 
     fn take(&mut self, block: &Block) {
         self.restarted.clear();
         self.restarted.resize(block.rows, false);
-        let times = self.time.and_then(|time| block.numbers.get(time.column)).map_or(&[][..], Vec::as_slice);
+        let slot = self.time.and_then(|time| self.numbers.iter().position(|column| *column == time.column));
+        let times = slot.and_then(|slot| block.numbers.get(slot)).map_or(&[][..], Vec::as_slice);
         for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
             self.restarts += usize::from(*restarted);
         }
-        for (index, (column, numbers)) in self.columns.iter_mut().zip(&block.numbers).enumerate() {
-            let mut faults = block.faults.iter().filter(|fault| fault.column == Some(index)).peekable();
+        for (index, numbers) in self.numbers.iter().zip(&block.numbers) {
+            let Some(column) = self.columns.get_mut(*index) else { continue };
+            let mut faults = block.faults.iter().filter(|fault| fault.column == Some(*index)).peekable();
             for (row, (number, restarted)) in numbers.iter().zip(&self.restarted).enumerate() {
                 let fault = faults.next_if(|fault| fault.row == row).map(|fault| &fault.fault);
-                column.take(*number, fault, *restarted);
+                column.take_number(*number, fault, *restarted);
+            }
+        }
+        for (index, labels) in self.texts.iter().zip(&block.labels) {
+            let Some(column) = self.columns.get_mut(*index) else { continue };
+            let mut runs = labels.iter().peekable();
+            let mut label = Label::Text(Vec::new());
+            for (row, restarted) in self.restarted.iter().enumerate() {
+                if let Some((_, text)) = runs.next_if(|(start, _)| *start == row) {
+                    label = Label::Text(text.clone());
+                }
+                column.texts += 1;
+                column.take(&label, *restarted);
             }
         }
         self.rows += block.rows;
@@ -173,7 +217,7 @@ impl Scan {
 }
 
 impl Counts {
-    fn take(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
+    fn take_number(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
         let label = match fault {
             None => {
                 self.numbers += 1;
@@ -189,15 +233,19 @@ impl Counts {
             }
             Some(_) => Label::Text(Vec::new()),
         };
+        self.take(&label, restarted);
+    }
+
+    fn take(&mut self, label: &Label, restarted: bool) {
         let first = self.previous.is_none();
-        let other = self.previous.as_ref() != Some(&label);
+        let other = self.previous.as_ref() != Some(label);
         let changed = !first && other;
         self.changes += usize::from(changed);
         if other {
             if self.changes <= MOST_RECORDS {
                 self.returns |= !self.seen.insert(label.clone());
             }
-            self.previous = Some(label);
+            self.previous = Some(label.clone());
         }
         self.unmatched += usize::from(changed != restarted);
     }

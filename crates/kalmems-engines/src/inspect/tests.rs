@@ -162,3 +162,52 @@ fn reference_recordings_show_their_lines() {
     let drive = strongest(&reference("recordings/shared-scanner/recording.csv"), "drive_V");
     approx::assert_relative_eq!(drive.amplitude, 90.0, max_relative = 1e-3);
 }
+
+/// A file that another program wrote, of the fixtures of the formats.
+fn fixture(name: &str) -> Inspection {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../kalmems-formats/tests/fixtures");
+    inspect(&folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// A text beside numbers tells records apart, or is left out; it is no reason to refuse the file.
+#[test]
+fn a_column_of_text_does_not_make_a_binary_file_unusable() {
+    for name in ["none.parquet", "columns.h5", "segments.tdms", "fields.npy", "variables.mat", "stored.npz"] {
+        let inspection = fixture(name);
+        assert_eq!(inspection.rows, 120, "{name}");
+        assert_eq!(inspection.time.as_deref(), Some("time_s"), "{name}");
+        assert_eq!(inspection.segment_column.as_deref(), Some("phase"), "{name}");
+        assert!(inspection.channels.iter().any(|channel| channel.column == "cap_V"), "{name}");
+    }
+    let inspection = fixture("columns.h5");
+    assert!(
+        inspection.recognised.contains(&"`words` is text and is left out.".to_owned()),
+        "{:?}",
+        inspection.recognised
+    );
+}
+
+#[test]
+fn of_columns_of_several_lengths_those_of_most_are_inspected() {
+    let inspection = fixture("differential/mat5_lengths.mat");
+    assert_eq!(inspection.rows, 200);
+    let columns: Vec<&str> = inspection.channels.iter().map(|channel| channel.column.as_str()).collect();
+    assert_eq!(columns, ["t", "u"]);
+    let sentence = "`slow` has 20 rows and is left out, as most columns have another number of rows.";
+    assert!(inspection.recognised.contains(&sentence.to_owned()), "{:?}", inspection.recognised);
+}
+
+/// Stored scales, soft links, a link to the root and data that grow along both axes.
+#[test]
+fn files_of_laboratories_are_inspected() {
+    let links = fixture("differential/links_latest.h5");
+    assert_eq!(links.rows, 200);
+    assert!(links.channels.iter().any(|channel| channel.column == "out"));
+    let both = fixture("differential/both_v108.h5");
+    assert_eq!((both.rows, both.channels.len()), (450, 3));
+    let scaled = fixture("differential/netcdf_earliest.h5");
+    // A number of 16 bits times 0.00025, and no 8 kV.
+    let packed = scaled.channels.iter().find(|channel| channel.column.starts_with('p')).unwrap();
+    assert!(packed.statistics.maximum.unwrap() < 8.0, "{:?}", packed.statistics);
+    assert_eq!(packed.statistics.missing, 2);
+}

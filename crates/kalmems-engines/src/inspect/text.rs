@@ -39,7 +39,12 @@ fn segments(text: &mut String, inspection: &Inspection) {
     let optional = |value: Option<f64>, unit| value.map_or_else(|| "-".to_owned(), |v| quantity(v, unit));
     for segment in inspection.segments.iter().take(LISTED) {
         rows.push(vec![
-            if segment.label.is_empty() { "-".to_owned() } else { segment.label.clone() },
+            match (segment.label.as_str(), segment.stretch) {
+                ("", None) => "-".to_owned(),
+                ("", Some(stretch)) => format!("stretch {stretch}"),
+                (label, None) => label.to_owned(),
+                (label, Some(stretch)) => format!("{label}, stretch {stretch}"),
+            },
             segment.rows.to_string(),
             optional(segment.start_s, "s"),
             optional(segment.duration_s, "s"),

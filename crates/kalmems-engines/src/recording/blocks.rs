@@ -10,7 +10,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Blocks that wait to be taken.
 const AHEAD: usize = 4;
@@ -19,8 +19,8 @@ const AHEAD: usize = 4;
 const ROWS: usize = 8192;
 const NUMBERS: usize = 1 << 20;
 
-/// How long nothing may come before the caller is asked whether to go on.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// How long the caller is not asked whether to go on, whether blocks come or not.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 type Extent = (u64, u64);
 
@@ -38,6 +38,8 @@ pub(crate) struct Blocks {
     thread: Option<JoinHandle<()>>,
     /// What has been read of how much, when it was last heard.
     extent: Extent,
+    /// When the caller was asked last.
+    asked: Instant,
     digest: Option<Digest>,
 }
 
@@ -67,6 +69,7 @@ impl Blocks {
             emptied,
             thread: Some(thread),
             extent: (0, 0),
+            asked: Instant::now(),
             digest: None,
         })
     }
@@ -75,12 +78,13 @@ impl Blocks {
     pub(crate) fn next(&mut self, progress: Progress) -> Result<Option<Block>, ReadError> {
         loop {
             let Some(filled) = &self.filled else { return Ok(None) };
+            if self.asked.elapsed() >= PATIENCE {
+                self.asked = Instant::now();
+                self.report(progress)?;
+            }
             let message = match filled.recv_timeout(PATIENCE) {
                 Ok(message) => message,
-                Err(RecvTimeoutError::Timeout) => {
-                    self.report(progress)?;
-                    continue;
-                }
+                Err(RecvTimeoutError::Timeout) => continue,
                 // The thread always says how it ended.
                 Err(RecvTimeoutError::Disconnected) => return Ok(None),
             };

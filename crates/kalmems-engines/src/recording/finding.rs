@@ -41,8 +41,10 @@ pub enum FindingKind {
     NoTime,
     /// A time that is the one before.
     RepeatedTime,
-    /// A time before the one before.
+    /// Times before the ones before them, in so many places that the rows are in no order.
     DecreasingTime,
+    /// Gaps that are too long to be predicted over, behind so many rows that the rest is too little.
+    SparseTime,
     /// A row without a segment's label.
     NoLabel,
     /// A segment's label that was there already, with others between.
@@ -51,6 +53,8 @@ pub enum FindingKind {
     NoUnit,
     /// Lines without cells between the rows.
     BlankLine,
+    /// The last line has no line end.
+    NoLineEnd,
     /// An empty cell.
     Missing,
     /// A cell that says it is no number.
@@ -59,6 +63,10 @@ pub enum FindingKind {
     Infinite,
     /// Whole sampling intervals without rows.
     Gap,
+    /// Times without rows that are too long to be predicted over: a new stretch begins.
+    LongGap,
+    /// Times before the ones before them: the clock begins again, and a new stretch with it.
+    ClockBack,
     /// Intervals that differ from the median.
     IrregularTime,
     /// Times that the file keeps in too few digits for their interval.
@@ -88,14 +96,18 @@ impl FindingKind {
             | Self::NoTime
             | Self::RepeatedTime
             | Self::DecreasingTime
+            | Self::SparseTime
             | Self::NoLabel
             | Self::SegmentReturns => Severity::Fatal,
             Self::NoUnit
             | Self::BlankLine
+            | Self::NoLineEnd
             | Self::Missing
             | Self::Nan
             | Self::Infinite
             | Self::Gap
+            | Self::LongGap
+            | Self::ClockBack
             | Self::IrregularTime
             | Self::RoundedTime
             | Self::BurstTime
@@ -109,9 +121,9 @@ impl FindingKind {
         match self {
             Self::WrongColumnCount | Self::NoTime | Self::NoLabel => ("row", "rows"),
             Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite => ("cell", "cells"),
-            Self::RepeatedTime | Self::DecreasingTime => ("time", "times"),
+            Self::RepeatedTime | Self::DecreasingTime | Self::ClockBack => ("time", "times"),
             Self::BlankLine => ("line", "lines"),
-            Self::Gap => ("gap", "gaps"),
+            Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
             Self::BurstTime => ("burst", "bursts"),
             Self::Saturation => ("sample", "samples"),
@@ -126,7 +138,8 @@ impl FindingKind {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
             }
             Self::NoHeader => {
-                "expected the names of the columns: put a line such as `time_s,cap_V` before it, without `#`"
+                "expected the names of the columns: put a line such as `time_s,cap_V` before it, or write \
+                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in its [[recording]]"
             }
             Self::Separator => "expected commas between cells and a point in numbers",
             Self::NoSuchColumn => "name a column that the file has",
@@ -151,10 +164,27 @@ impl FindingKind {
             }
             Self::NoUnit => "its numbers are kept as they stand",
             Self::BlankLine => "they are passed over",
+            Self::NoLineEnd => {
+                "it is read as it stands: if the file or the pipe was cut there, its last number is short of digits"
+            }
             Self::Missing | Self::Nan | Self::Infinite => {
                 "no value is made up: an estimate there is a prediction without update"
             }
-            Self::Gap => "nothing is put in: an estimate predicts over the gap",
+            Self::SparseTime => {
+                "expected a recording with rows that follow each other: write a longer time as `longest` in \
+                 `[recording.gaps]`, or sample faster"
+            }
+            Self::Gap => {
+                "nothing is put in: an estimate predicts over the gap, or begins anew behind it where it is longer than \
+                 `longest` in `[recording.gaps]`"
+            }
+            Self::LongGap => {
+                "nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in \
+                 `[recording.gaps]` says what is predicted over"
+            }
+            Self::ClockBack => {
+                "the times are kept as they stand: a new stretch begins, and the estimate begins anew"
+            }
             Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
             Self::RoundedTime => {
                 "each is taken as its shortest decimal digits: write integers, such as of ns, or take off the start before \

@@ -50,6 +50,17 @@ impl Findings {
             .or_insert_with(|| Entry { first_line: place.line, count, detail: detail() });
     }
 
+    /// Makes all of one kind another kind, with the first of them told in other words.
+    pub(super) fn raise(&mut self, of: FindingKind, kind: FindingKind, words: impl Fn(&str) -> String) {
+        let found: Vec<Key> = self.entries.keys().filter(|(own, ..)| *own == of).copied().collect();
+        for key in found {
+            if let Some(entry) = self.entries.remove(&key) {
+                let entry = Entry { detail: words(&entry.detail), ..entry };
+                self.entries.insert((kind, key.1, key.2), entry);
+            }
+        }
+    }
+
     pub(super) fn add_absent(&mut self, column: &str, line: usize, detail: String) {
         self.absent.push(Finding {
             kind: FindingKind::NoSuchColumn,

@@ -14,6 +14,7 @@
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     hints: kalmems_engines::recording::Hints::default(),
 //!     origin: None,
+//!     restarts: None,
 //! };
 //! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
@@ -35,6 +36,7 @@ mod plan;
 mod rails;
 pub(crate) mod read;
 pub(crate) mod request;
+mod restart;
 pub(crate) mod scale;
 mod segment;
 mod stamps;
@@ -49,6 +51,7 @@ pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Severity};
 pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use restart::{Restarts, StretchPlace};
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
@@ -86,6 +89,8 @@ pub struct Layout {
     pub hints: Hints,
     /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
     pub origin: Option<Instant>,
+    /// When a record is cut into stretches. `None`: never, so that its times have to increase.
+    pub restarts: Option<Restarts>,
 }
 
 /// Where the times of the rows come from.
@@ -164,6 +169,7 @@ impl Recording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
             origin: layout.origin,
+            restarts: layout.restarts,
         };
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }

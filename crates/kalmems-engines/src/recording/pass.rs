@@ -1,23 +1,35 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
-use super::findings::{Findings, Place};
+use super::findings::{Findings, Place, short};
 use super::label::Label;
 use super::plan::Plan;
 use super::rails::{LONG_RUN, Part, Rails};
+use super::request::Request;
+use super::restart::{RestartCounts, Restarts, StretchPlace, TOO_SLOW, UNSORTED};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
-use super::time::TimeCheck;
+use super::time::{Tally, TimeCheck, written};
 use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
 use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 /// A segment: its first row, its times and, once it has ended, the row after its last and its times' verdict.
 struct Draft {
-    label: String,
+    /// Its record, by the place of its label.
+    record: usize,
+    stretch: StretchPlace,
     start: usize,
+    /// How many intervals after the start of the clock it begins, where the file has no times.
+    intervals: u64,
     check: TimeCheck,
     end: Option<(usize, (Option<f64>, bool))>,
+}
+
+impl Draft {
+    fn first_interval(&self) -> usize {
+        usize::try_from(self.intervals).unwrap_or(usize::MAX / 2)
+    }
 }
 
 pub(super) struct Pass {
@@ -27,11 +39,18 @@ pub(super) struct Pass {
     head: usize,
     findings: Findings,
     lines: Lines,
-    drafts: Vec<Draft>,
+    /// When a record is cut into stretches, how often that was done, and where first by each reason.
+    restarts: Option<Restarts>,
+    cuts: RestartCounts,
+    /// The segments from the one of this number on.
+    drafts: VecDeque<Draft>,
+    first_draft: usize,
     labels: Vec<String>,
     /// The present label as it stands in the file, and the line where each label began.
     label: Vec<u8>,
     begun: BTreeMap<Label, usize>,
+    /// Rows that do not go on from those before them, and how many are missing between.
+    breaks: VecDeque<(usize, u64)>,
     /// One for each target; none for the labels of the segments, which are constant in each by their nature.
     rails: Vec<Option<Rails>>,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
@@ -44,15 +63,10 @@ pub(super) struct Pass {
 
 impl Pass {
     /// `head`: rows of a segment over which its usual interval is found.
-    pub(super) fn new(
-        plan: Plan,
-        findings: Findings,
-        (clock, origin): (&Clock, Option<Instant>),
-        head: usize,
-    ) -> Self {
+    pub(super) fn new(plan: Plan, findings: Findings, request: &Request, head: usize) -> Self {
         // A start far from zero is an origin like a first time.
-        let mut times = TimeReader::new(TimeUnit::SECOND, origin);
-        let clock = match clock {
+        let mut times = TimeReader::new(TimeUnit::SECOND, request.origin);
+        let clock = match request.clock {
             Clock::Rate { rate_hz, start_s } => {
                 Clock::Rate { rate_hz: *rate_hz, start_s: times.float(*start_s) }
             }
@@ -65,15 +79,19 @@ impl Pass {
             rails: plan.targets.iter().map(rails).collect(),
             plan,
             clock,
+            restarts: request.restarts,
+            cuts: RestartCounts::default(),
             head,
             origin: times.origin().unwrap_or_default(),
             resolution_s: 0.0,
             findings,
             lines: Lines::default(),
-            drafts: Vec::new(),
+            drafts: VecDeque::new(),
+            first_draft: 0,
             labels: Vec::new(),
             label: Vec::new(),
             begun: BTreeMap::new(),
+            breaks: VecDeque::new(),
             times: Vec::new(),
             base: 0,
         }
@@ -87,6 +105,7 @@ impl Pass {
             (self.origin, self.resolution_s) = (block.origin, block.resolution_s);
         }
         self.append(block, begin);
+        self.breaks.extend(block.breaks.iter().map(|(row, missing)| (begin + row, *missing)));
         let whole = [(0, Vec::new())];
         let runs = match block.labels.first() {
             Some(runs) if self.plan.segment_column.is_some() => runs.as_slice(),
@@ -102,7 +121,7 @@ impl Pass {
             while let Some(fault) = faults.next_if(|fault| fault.row < end) {
                 self.note(fault);
             }
-            self.diagnose(begin + start..begin + end);
+            self.cut(begin + start..begin + end);
         }
         faults.for_each(|fault| self.note(fault));
     }
@@ -117,7 +136,7 @@ impl Pass {
             append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
                 let place = Place {
                     column: Some(target.index),
-                    segment: self.drafts.len().checked_sub(1),
+                    segment: self.labels.len().checked_sub(1),
                     line: self.lines.of(begin + row),
                 };
                 self.findings.add(Kind::Infinite, place, || format!("`{number:e}` is not finite"));
@@ -129,7 +148,7 @@ impl Pass {
     fn note(&mut self, fault: &CellFault) {
         let line = usize::try_from(fault.line).unwrap_or(usize::MAX);
         let count = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
-        let place = Place { column: fault.column, segment: self.drafts.len().checked_sub(1), line };
+        let place = Place { column: fault.column, segment: self.labels.len().checked_sub(1), line };
         let of_row = Place { column: None, segment: None, line };
         match &fault.fault {
             Fault::CellCount { found, expected, rows } => {
@@ -141,6 +160,9 @@ impl Pass {
                 self.findings.add_many(Kind::BlankLine, of_row, count(*lines), || {
                     "nothing between the rows".to_owned()
                 });
+            }
+            Fault::NoLineEnd => {
+                self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned());
             }
             cell => {
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
@@ -183,11 +205,11 @@ impl Pass {
         if same {
             return;
         }
-        self.end_segment(row);
-        let segment = Some(self.drafts.len());
-        let name = String::from_utf8_lossy(label).into_owned();
-        self.labels.push(name.clone());
-        self.drafts.push(Draft { label: name, start: row, check: TimeCheck::new(self.head), end: None });
+        self.end_segment(row, true);
+        let record = self.labels.len();
+        let segment = Some(record);
+        self.labels.push(String::from_utf8_lossy(label).into_owned());
+        self.begin_segment(record, StretchPlace::FIRST, row, 0);
         if let Some(begun) = self.begun.get(&key) {
             self.findings.add(Kind::SegmentReturns, Place { segment, ..place }, || {
                 format!("the segment of line {begun} comes again")
@@ -197,10 +219,105 @@ impl Pass {
         }
     }
 
+    fn begin_segment(&mut self, record: usize, stretch: StretchPlace, start: usize, intervals: u64) {
+        let tally = match self.drafts.back_mut() {
+            Some(before) if before.record == record => before.check.take_tally(),
+            _ => Tally::default(),
+        };
+        let check = TimeCheck::new(self.head, tally);
+        self.drafts.push_back(Draft { record, stretch, start, intervals, check, end: None });
+    }
+
+    /// Checks some rows of the present record, and cuts it into stretches where its times ask for that.
+    fn cut(&mut self, rows: Range<usize>) {
+        let mut from = rows.start;
+        while let Some((row, why)) = self.next_cut(from..rows.end) {
+            self.diagnose(from..row);
+            self.restart(row, why);
+            from = row;
+        }
+        self.diagnose(from..rows.end);
+    }
+
+    /// The first of some rows before which the present record is cut, and why.
+    fn next_cut(&self, rows: Range<usize>) -> Option<(usize, Kind)> {
+        let (restarts, draft) = (self.restarts?, self.drafts.back()?);
+        if self.plan.clock.is_none() {
+            let row = self.breaks.front().map(|(row, _)| *row);
+            return row.filter(|row| *row < rows.end).map(|row| (row, Kind::LongGap));
+        }
+        // From the row before the first on, where the stretch has it.
+        let first = rows.start.saturating_sub(1).max(draft.start).max(self.base);
+        let times = self.times.get(first - self.base..rows.end - self.base)?;
+        restarts.first(times, 1).map(|(row, why)| (first + row, why))
+    }
+
+    /// Begins a new stretch of the present record with a row.
+    fn restart(&mut self, row: usize, why: Kind) {
+        let Some(draft) = self.drafts.back() else { return };
+        let (record, stretch) = (draft.record, draft.stretch);
+        if let Clock::Rate { rate_hz, start_s } = self.clock {
+            let missing = self.breaks.pop_front().map_or(0, |(_, missing)| missing);
+            let rows = row.saturating_sub(draft.start) as u64;
+            if rows == 0 {
+                return;
+            }
+            let place = Place { column: None, segment: Some(record), line: self.lines.of(row) };
+            let before_s = start_s + (draft.intervals + rows - 1) as f64 / rate_hz;
+            let intervals = draft.intervals.saturating_add(rows).saturating_add(missing);
+            self.findings.add(why, place, || {
+                format!(
+                    "the rows do not go on after {} s, where {missing} or more are missing",
+                    written(before_s)
+                )
+            });
+            self.end_segment(row, false);
+            self.begin_segment(record, stretch.next(why, before_s), row, intervals);
+            return;
+        }
+        let time = |row: usize| self.times.get(row.wrapping_sub(self.base)).copied().unwrap_or(f64::NAN);
+        let (before_s, after_s) = (time(row.wrapping_sub(1)), time(row));
+        let longest_s = self.restarts.map_or(f64::INFINITY, |restarts| restarts.longest_gap_s);
+        let column = self.plan.clock.as_ref().map(|clock| clock.index);
+        let place = Place { column, segment: Some(record), line: self.lines.of(row) };
+        self.findings.add(why, place, || match why {
+            Kind::LongGap => format!(
+                "nothing for {} s after {} s, longer than the {} s that are predicted over",
+                short(after_s - before_s),
+                written(before_s),
+                short(longest_s)
+            ),
+            _ => format!("{} s after {} s", written(after_s), written(before_s)),
+        });
+        self.cuts.add(why);
+        self.refuse_many(row, false);
+        if self.restarts.is_none() {
+            return;
+        }
+        self.end_segment(row, false);
+        self.begin_segment(record, stretch.next(why, before_s), row, 0);
+    }
+
+    /// Refuses a recording that is cut so often in so many rows that it is in no order, or that its policy does not fit it;
+    /// no more is it cut then.
+    fn refuse_many(&mut self, rows: usize, ended: bool) {
+        let Some(Restarts { longest_gap_s, at_any_rate: false }) = self.restarts else { return };
+        let Some(kind) = self.cuts.judge(rows, ended) else { return };
+        self.restarts = None;
+        let of = if kind == Kind::SparseTime { Kind::LongGap } else { Kind::ClockBack };
+        self.findings.raise(of, kind, |detail| match kind {
+            Kind::SparseTime => format!(
+                "more than one row in {TOO_SLOW} comes later than {} s after the one before: {detail}",
+                short(longest_gap_s)
+            ),
+            _ => format!("{detail}, and more than one row in {UNSORTED} goes back"),
+        });
+    }
+
     /// Checks the times and values of some rows, all of the present segment.
     fn diagnose(&mut self, rows: Range<usize>) {
-        let Some(segment) = self.drafts.len().checked_sub(1) else { return };
-        let Some(draft) = self.drafts.last_mut() else { return };
+        let Some(draft) = self.drafts.back_mut() else { return };
+        let segment = draft.record;
         let column = self.plan.clock.as_ref().map(|clock| clock.index);
         if column.is_some() {
             let lines = &self.lines;
@@ -218,10 +335,10 @@ impl Pass {
         }
     }
 
-    /// Ends the present segment before a row.
-    fn end_segment(&mut self, end: usize) {
-        let Some(segment) = self.drafts.len().checked_sub(1) else { return };
-        let Some(draft) = self.drafts.last_mut() else { return };
+    /// Ends the present segment before a row, and its record with it or not.
+    fn end_segment(&mut self, end: usize, record_ends: bool) {
+        let Some(draft) = self.drafts.back_mut() else { return };
+        let segment = draft.record;
         let from = draft.start.max(self.base) - self.base;
         let verdict = match self.clock {
             Clock::Rate { rate_hz, .. } => (Some(rate_hz.recip()), true),
@@ -233,11 +350,18 @@ impl Pass {
                 draft.check.finish(times, place, &mut self.findings)
             }
         };
+        if record_ends {
+            draft.check.take_tally().tell(&mut self.findings);
+        }
         draft.end = Some((end, verdict));
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
             let values = target.values.get(from..end - self.base).unwrap_or_default();
             if let Some(rails) = rails {
-                rails.end_segment(&Part { values, fresh: 0, end, segment });
+                let part = Part { values, fresh: 0, end, segment };
+                rails.end_stretch(&part);
+                if record_ends {
+                    rails.end_record();
+                }
             }
         }
     }
@@ -248,15 +372,22 @@ impl Pass {
             let place = Place { column: None, segment: None, line: self.plan.line };
             self.findings.add(Kind::HeaderOnly, place, || "there are names and no row of numbers".to_owned());
         }
-        self.end_segment(self.lines.rows());
+        self.refuse_many(self.lines.rows(), true);
+        self.end_segment(self.lines.rows(), true);
         for rails in std::mem::take(&mut self.rails).into_iter().flatten() {
-            rails.finish(self.drafts.len(), &mut self.findings);
+            rails.finish(self.labels.len(), &mut self.findings);
         }
     }
 
     /// Lets go of rows, so far as no check needs them any more; at least those from `row` on stay.
     pub(super) fn forget(&mut self, row: usize) {
-        let Some(draft) = self.drafts.last() else { return };
+        while self.drafts.len() > 1
+            && self.drafts.front().and_then(|draft| draft.end).is_some_and(|(end, _)| end <= row)
+        {
+            self.drafts.pop_front();
+            self.first_draft += 1;
+        }
+        let Some(draft) = self.drafts.back() else { return };
         let needed = if self.plan.clock.is_some() && draft.check.is_waiting() {
             draft.start
         } else {
@@ -267,7 +398,7 @@ impl Pass {
         if row < self.base + (self.lines.rows() - self.base) / 2 {
             return;
         }
-        let segment = self.drafts.len() - 1;
+        let segment = draft.record;
         let (end, from) = (self.lines.rows(), draft.start.max(self.base) - self.base);
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
             if let Some(rails) = rails {
@@ -300,14 +431,18 @@ impl Pass {
         self.findings.is_fatal()
     }
 
+    fn draft(&self, index: usize) -> Option<&Draft> {
+        self.drafts.get(index.checked_sub(self.first_draft)?)
+    }
+
     /// The rows of a segment; without the end while it goes on. `None` where there is no such segment yet.
     pub(super) fn segment(&self, index: usize) -> Option<(usize, Option<usize>)> {
-        self.drafts.get(index).map(|draft| (draft.start, draft.end.map(|(end, _)| end)))
+        self.draft(index).map(|draft| (draft.start, draft.end.map(|(end, _)| end)))
     }
 
     /// The usual interval of a segment in s, once it is known.
     pub(super) fn interval_s(&self, index: usize) -> Option<f64> {
-        let draft = self.drafts.get(index)?;
+        let draft = self.draft(index)?;
         match self.clock {
             Clock::Rate { rate_hz, .. } => Some(rate_hz.recip()),
             Clock::Column(_) => draft.check.interval_s(),
@@ -322,7 +457,7 @@ impl Pass {
         source: &Source,
         spare: &mut Vec<Vec<f64>>,
     ) -> Option<Recording> {
-        let draft = self.drafts.get(segment)?;
+        let draft = self.draft(segment)?;
         let range = rows.start.checked_sub(self.base)?..rows.end.checked_sub(self.base)?;
         let mut copy = |values: &[f64]| {
             let mut copy = spare.pop().unwrap_or_default();
@@ -332,7 +467,7 @@ impl Pass {
         };
         let time = match self.clock {
             Clock::Rate { rate_hz, start_s } => {
-                rate_times(rate_hz, start_s, rows.start - draft.start, rows.len())
+                rate_times(rate_hz, start_s, draft.first_interval() + rows.start - draft.start, rows.len())
             }
             Clock::Column(_) => {
                 let times = copy(&self.times);
@@ -345,7 +480,12 @@ impl Pass {
         Some(Recording {
             source: source.clone(),
             columns: columns.map(|t| Column { header: t.header.clone(), values: copy(&t.values) }).collect(),
-            segments: vec![Segment { label: draft.label.clone(), rows: 0..rows.len(), time }],
+            segments: vec![Segment {
+                label: self.labels.get(draft.record).cloned().unwrap_or_default(),
+                rows: 0..rows.len(),
+                time,
+                stretch: draft.stretch,
+            }],
             diagnosis: Vec::new(),
             rows: rows.len(),
             origin: self.origin,
@@ -366,7 +506,9 @@ impl Pass {
         for draft in self.drafts.into_iter().rev() {
             let (end, (interval_s, uniform)) = draft.end.unwrap_or((rows, (None, false)));
             let time = match self.clock {
-                Clock::Rate { rate_hz, start_s } => rate_times(rate_hz, start_s, 0, end - draft.start),
+                Clock::Rate { rate_hz, start_s } => {
+                    rate_times(rate_hz, start_s, draft.first_interval(), end - draft.start)
+                }
                 Clock::Column(_) => {
                     let of = if draft.start == 0 {
                         std::mem::take(&mut times)
@@ -376,7 +518,8 @@ impl Pass {
                     TimeBase { times: Times::Column(of), interval_s, uniform }
                 }
             };
-            segments.push(Segment { label: draft.label, rows: draft.start..end, time });
+            let label = self.labels.get(draft.record).cloned().unwrap_or_default();
+            segments.push(Segment { label, rows: draft.start..end, time, stretch: draft.stretch });
         }
         segments.reverse();
         let columns = self.plan.targets.into_iter();

@@ -142,11 +142,15 @@ impl Rails {
         }
     }
 
-    /// The end of a segment, with its last part.
-    pub(super) fn end_segment(&mut self, part: &Part) {
+    /// The end of a stretch of a segment, with its last part: what comes after it does not follow it.
+    pub(super) fn end_stretch(&mut self, part: &Part) {
         for rail in self.sides.iter_mut().flatten() {
             rail.end_segment(part);
         }
+    }
+
+    /// The end of a segment, after that of its last stretch.
+    pub(super) fn end_record(&mut self) {
         let segment = std::mem::take(&mut self.segment);
         if segment.rows >= SATURATION_RUN
             && let Some((low, high)) = segment.extremes

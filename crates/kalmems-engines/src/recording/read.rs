@@ -57,7 +57,7 @@ impl Reading {
         let name =
             path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
         Ok(Self {
-            pass: Pass::new(plan, findings, (request.clock, request.origin), head),
+            pass: Pass::new(plan, findings, request, head),
             blocks,
             source: Source { file: name, sha256: String::new(), bytes: 0, format, origin: None },
         })

@@ -1,6 +1,6 @@
 //! What is asked of a file.
 
-use super::Clock;
+use super::{Clock, Restarts};
 use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
@@ -11,6 +11,7 @@ pub(crate) struct Request<'a> {
     pub(crate) hints: &'a Hints,
     /// Where the times count from, where that is not for the file to say.
     pub(crate) origin: Option<Instant>,
+    pub(crate) restarts: Option<Restarts>,
 }
 
 /// The columns to take.

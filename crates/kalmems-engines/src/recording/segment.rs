@@ -1,9 +1,10 @@
 //! Segments of a recording and their time.
 
+use super::StretchPlace;
 use serde::Serialize;
 use std::ops::Range;
 
-/// A run of rows that belong to one record; the time may start again with each.
+/// A run of rows that belong to one record, or to one stretch of a record; the time may start again with each.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Segment {
     /// Its label as it first stands in the segment column; empty where there is no such column.
@@ -12,6 +13,8 @@ pub struct Segment {
     pub rows: Range<usize>,
     /// The times of its rows.
     pub time: TimeBase,
+    /// Which stretch of its record it is.
+    pub stretch: StretchPlace,
 }
 
 impl Segment {
@@ -20,7 +23,8 @@ impl Segment {
     pub fn part(&self, rows: &Range<usize>) -> Self {
         let time = TimeBase { times: self.time.times.part(rows), ..self.time };
         let start = self.rows.start;
-        Self { label: self.label.clone(), rows: start + rows.start..start + rows.end, time }
+        let rows = start + rows.start..start + rows.end;
+        Self { label: self.label.clone(), rows, time, stretch: self.stretch }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::read::{Progress, Reading};
 use super::request::{Request, Wanted};
 use super::segment::Times;
-use super::{Finding, Layout, ReadError, Recording, Source};
+use super::{Finding, Layout, ReadError, Recording, Restarts, Source};
 use kalmems_formats::Table;
 use std::ops::Range;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub struct Stretch {
 /// ```no_run
 /// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default(), origin: None };
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, hints: Default::default(), restarts: None, origin: None };
 /// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
@@ -86,6 +86,7 @@ impl Stretches {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
             origin: layout.origin,
+            restarts: layout.restarts,
         };
         let reading = Reading::open(path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, false))
@@ -115,6 +116,8 @@ impl Stretches {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
             origin: layout.origin,
+            // What arrives cannot be sorted: it is taken as it comes.
+            restarts: layout.restarts.map(|restarts| Restarts { at_any_rate: true, ..restarts }),
         };
         let reading = Reading::of(table, path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, true))

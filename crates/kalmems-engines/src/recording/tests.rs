@@ -16,6 +16,7 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
         hints: Hints::default(),
         origin: None,
+        restarts: None,
     }
 }
 
@@ -62,7 +63,9 @@ fn files() -> Vec<(&'static str, String, Layout)> {
         ("empty", "", time.clone()),
         ("only comments", "# nothing\n\n", time.clone()),
         ("header only", "# a comment\ntime_s,cap_V\n", time.clone()),
-        ("no header", "# time_s,cap_V\n0,1\n1,2\n", time.clone()),
+        ("no header", "# a comment\n0,1\n1,2\n", time.clone()),
+        ("names in a comment", "# time_s,cap_V\n0,1\n1,2\n", time.clone()),
+        ("no line end", "time_s,cap_V\n0,1\n1,2", time.clone()),
         ("semicolons", "time_s;cap_V\n0;1\n", time.clone()),
         ("no such column", "time_s,cap_mV\n0,1\n1,2\n", time.clone()),
         ("nothing like it", "time_s,x_m\n0,1\n1,2\n", time.clone()),
@@ -198,12 +201,35 @@ fn forms_of_files() {
         "\u{feff}# a comment, with a \" in it\n#\n\ntime_s,cap_V\n0,1\n1,2\n",
         "\"time_s\",\"cap_V\"\r\n\"0\",\"1\"\r\n\"1\",\"2\"\r\n",
         " time_s , cap_V\n 0 , 1\n1,2\n\n\n",
+        "time_s   cap_V\n  0   1\n  1\t2\n",
+        "# time_s cap_V\n0.0e+00 1.0e+00\n1.0e+00 2.0e+00\n",
+        "sep=;\ntime_s;cap_V\n0;1,0\n1;2,0\n",
     ] {
         let recording = read(text.as_bytes(), &layout("time_s", "", &[])).unwrap();
         assert_eq!(recording.columns, expected.columns, "{text:?}");
         assert_eq!(recording.segments, expected.segments, "{text:?}");
-        assert_eq!(recording.diagnosis, [], "{text:?}");
+        let found: Vec<_> = recording.diagnosis.iter().map(|finding| finding.kind).collect();
+        let expected: &[_] = if text.ends_with('\n') { &[] } else { &[FindingKind::NoLineEnd] };
+        assert_eq!(found, expected, "{text:?}");
     }
+    let wide: Vec<u8> =
+        std::iter::once(0xfeff).chain(plain.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let recording = read(&wide, &layout("time_s", "", &[])).unwrap();
+    assert_eq!((&recording.columns, &recording.diagnosis), (&expected.columns, &expected.diagnosis));
+}
+
+/// What a scope writes: a channel is no unit, and neither is a text that nobody reads a fault.
+#[test]
+fn columns_of_scopes_have_the_units_that_their_files_state() {
+    let picoscope = "Time,Channel A,Channel B\n(ms),(V),(mV)\n\n0,1.5,-3\n1,1.6,-4\n";
+    let recording = read(picoscope.as_bytes(), &layout("Time_ms", "", &[])).unwrap();
+    let units: Vec<_> = recording.columns.iter().map(|c| (c.header.column.as_str(), c.header.unit)).collect();
+    let unit = |text: &str| Some(Unit::parse(text).unwrap());
+    assert_eq!(units, [("Channel A_V", unit("V")), ("Channel B_mV", unit("mV"))]);
+    assert_eq!(recording.columns[1].values, [-3e-3, -4e-3]);
+    let with_text = "stamp,time_s,cap_V\n2024-05-01T12:00:00.000001,0,1\n2024-05-01T12:00:00.000002,1,2\n";
+    let recording = read(with_text.as_bytes(), &layout("time_s", "", &["cap_V"])).unwrap();
+    assert_eq!((recording.rows, recording.diagnosis.len()), (2, 0));
 }
 
 #[test]
@@ -471,6 +497,113 @@ fn long_recordings_in_stretches_have_the_findings_of_the_whole() {
             assert!(found == expected, "{around:?}");
         }
     }
+}
+
+/// A record whose clock runs, stops for a while, goes back and jumps far away.
+fn jumping() -> String {
+    let mut text = "time_s,x_V\n".to_owned();
+    let times = (0..60).map(f64::from).chain((0..60).map(|k| 160.0 + f64::from(k)));
+    let times = times.chain((0..60).map(|k| 100.5 + f64::from(k))).chain([1e300, 161.0, 162.0, 163.0]);
+    for (row, time) in times.enumerate() {
+        writeln!(text, "{time},{}", row % 7).unwrap();
+    }
+    text
+}
+
+#[test]
+fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
+    let restarts = Some(Restarts::beyond(50.0));
+    let layout = Layout { restarts, ..layout("time_s", "", &["x_V"]) };
+    let mut text = jumping();
+    // More rows, so that two of them that go back are few.
+    for k in 0..300 {
+        writeln!(text, "{},{}", 164 + k, k % 5).unwrap();
+    }
+    let recording = read(text.as_bytes(), &layout).unwrap();
+    let of = |s: &Segment| (s.rows.clone(), s.stretch.number, s.stretch.clock_run, s.stretch.after_s);
+    assert_eq!(
+        recording.segments().iter().map(of).collect::<Vec<_>>(),
+        [
+            (0..60, 1, 1, None),
+            (60..120, 2, 1, Some(59.0)),
+            (120..180, 3, 2, Some(219.0)),
+            (180..181, 4, 2, Some(159.5)),
+            (181..484, 5, 3, Some(1e300)),
+        ]
+    );
+    assert_eq!(recording.segments()[1].time.at(0).to_bits(), 160_f64.to_bits());
+    assert_eq!(recording.column("x_V").unwrap().of(&recording.segments()[4])[..4], [6.0, 0.0, 1.0, 0.0]);
+    let found: Vec<String> = recording.diagnosis().iter().map(ToString::to_string).collect();
+    insta::assert_snapshot!(found.join("\n"), @"");
+    // Without a policy the same file is refused, and shortly.
+    let text = diagnosis(&text, &Layout { restarts: None, ..layout });
+    assert!(
+        text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"),
+        "{text}"
+    );
+    assert!(text.lines().all(|line| line.len() < 300), "{text}");
+}
+
+#[test]
+fn a_record_that_is_cut_is_the_same_in_stretches() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let mut text = "r,time_s,x_V\n".to_owned();
+    for label in ["a", "b"] {
+        for k in 0..4000 {
+            let time = f64::from(k) + if k > 1000 { 500.0 } else { 0.0 } - if k > 2500 { 900.0 } else { 0.0 };
+            let gap = if k > 3000 { 30.0 } else { 0.0 };
+            writeln!(text, "{label},{},{}", time + gap, k % 11).unwrap();
+        }
+    }
+    std::fs::write(&path, &text).unwrap();
+    let restarts = Some(Restarts::beyond(50.0));
+    let layout = Layout { restarts, ..layout("time_s", "r", &["x_V"]) };
+    let expected = whole(&path, &layout).unwrap();
+    assert_eq!(expected.segments.len(), 6, "{:?}", expected.findings);
+    for kind in ["LongGap", "ClockBack", "kind: Gap"] {
+        assert_eq!(expected.findings.matches(kind).count(), 2, "{}", expected.findings);
+    }
+    for around in [
+        Around { rows: 100, first: 100, before: 0, after: 0 },
+        Around { rows: 77, first: 900, before: 300, after: 50 },
+        Around { rows: 5000, first: 5000, before: 10, after: 10 },
+    ] {
+        let found = put_together(&path, &layout, around).unwrap();
+        assert!(found == expected, "{around:?}: {} for {}", found.findings, expected.findings);
+    }
+}
+
+#[test]
+fn rows_in_no_order_and_rows_between_gaps_alone_are_refused_with_what_to_do() {
+    let layout = Layout { restarts: Some(Restarts::beyond(5.0)), ..layout("time_s", "", &["x_V"]) };
+    // Two records with one clock each, row by row.
+    let mut mixed = "time_s,x_V\n".to_owned();
+    for k in 0..30_000 {
+        writeln!(mixed, "{},{}", if k % 2 == 0 { k } else { k + 100_000 }, k % 5).unwrap();
+    }
+    let text = diagnosis(&mixed, &layout);
+    assert!(text.contains("Fatal DecreasingTime") && text.contains("sort the rows"), "{text}");
+    // Samples that come more slowly than the policy allows.
+    let mut slow = "time_s,x_V\n".to_owned();
+    for k in 0..100 {
+        writeln!(slow, "{},{}", 10 * k, k % 5).unwrap();
+    }
+    let text = diagnosis(&slow, &layout);
+    assert!(text.contains("Fatal SparseTime") && text.contains("[recording.gaps]"), "{text}");
+    // Of rows that arrive nothing is refused; a stretch begins with each.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, &slow).unwrap();
+    let table = kalmems_formats::open(&path, &layout.hints).unwrap();
+    let around = Around { rows: 10, first: 10, before: 0, after: 1 };
+    let mut stretches = Stretches::of_arriving(table, &path, &layout, around).unwrap();
+    let mut count = 0;
+    while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(())).unwrap() {
+        count += usize::from(stretch.begins);
+        stretches.reuse(stretch);
+    }
+    assert_eq!(count, 100);
 }
 
 proptest! {

@@ -24,16 +24,31 @@ pub(super) struct TimeCheck {
     resolution_s: f64,
     ordered: bool,
     /// Whether all intervals are the usual one.
-    even: bool,
+    regular: bool,
+    tally: Tally,
+}
+
+/// What is not regular in the times of a record, over its stretches until now.
+pub(super) struct Tally {
     gaps: Found,
     missing: f64,
     irregular: Found,
     shortest: f64,
     longest: f64,
+    /// The usual interval of the last stretch that has one.
+    median: Option<f64>,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        let (gaps, irregular) = (Found::default(), Found::default());
+        Self { gaps, missing: 0.0, irregular, shortest: f64::INFINITY, longest: 0.0, median: None }
+    }
 }
 
 impl TimeCheck {
-    pub(super) fn new(head: usize) -> Self {
+    /// Of a segment whose record was found so irregular before it.
+    pub(super) const fn new(head: usize, tally: Tally) -> Self {
         Self {
             head,
             rows: 0,
@@ -41,13 +56,14 @@ impl TimeCheck {
             median: None,
             resolution_s: 0.0,
             ordered: true,
-            even: true,
-            gaps: Found::default(),
-            missing: 0.0,
-            irregular: Found::default(),
-            shortest: f64::INFINITY,
-            longest: 0.0,
+            regular: true,
+            tally,
         }
+    }
+
+    /// What is found of the record until now, for its next stretch.
+    pub(super) fn take_tally(&mut self) -> Tally {
+        std::mem::take(&mut self.tally)
     }
 
     /// Whether the times so far are still needed from the first on.
@@ -89,7 +105,8 @@ impl TimeCheck {
                 }
             };
             self.ordered = false;
-            findings.add(kind, place(base + i), || format!("{after} s {word} {before} s"));
+            findings
+                .add(kind, place(base + i), || format!("{} s {word} {} s", written(after), written(before)));
         }
         self.rows += fresh;
         if !self.is_waiting() {
@@ -125,18 +142,19 @@ impl TimeCheck {
             if !is_off(before, after, median, 0.0) {
                 continue;
             }
-            self.even = false;
+            self.regular = false;
             if !is_off(before, after, median, self.resolution_s) {
                 continue;
             }
+            let tally = &mut self.tally;
             let whole = (interval / median).round();
             if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
-                self.gaps.add(|| place(base + i));
-                self.missing += whole - 1.0;
+                tally.gaps.add(|| place(base + i));
+                tally.missing += whole - 1.0;
             } else {
-                self.irregular.add(|| place(base + i));
-                self.shortest = self.shortest.min(interval);
-                self.longest = self.longest.max(interval);
+                tally.irregular.add(|| place(base + i));
+                tally.shortest = tally.shortest.min(interval);
+                tally.longest = tally.longest.max(interval);
             }
         }
     }
@@ -151,11 +169,23 @@ impl TimeCheck {
         if self.is_waiting() {
             self.settle(times, &place, findings);
         }
-        let Some(median) = self.interval_s() else { return (None, false) };
+        if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
+            findings.add(Kind::RoundedTime, place(0), || detail);
+        }
+        self.tally.median = self.median.or(self.tally.median);
+        (self.median, self.median.is_some() && self.rows > 1 && self.ordered && self.regular)
+    }
+}
+
+impl Tally {
+    /// The end of the record.
+    pub(super) fn tell(&self, findings: &mut Findings) {
+        let Some(median) = self.median else { return };
         if let Some(place) = self.gaps.first {
             findings.add_many(Kind::Gap, place, self.gaps.count, || {
                 let missing = self.missing;
                 let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
+                let missing = written(missing);
                 format!("{missing} {samples} {are} missing where one is expected every {} s", short(median))
             });
         }
@@ -169,10 +199,6 @@ impl TimeCheck {
                 format!("{intervals}, more than {percent} % off the median of {median} s")
             });
         }
-        if let Some(detail) = stamps::rounded(median, self.resolution_s) {
-            findings.add(Kind::RoundedTime, place(0), || detail);
-        }
-        (Some(median), self.rows > 1 && self.ordered && self.even)
     }
 }
 
@@ -196,6 +222,15 @@ fn is_off(before: f64, after: f64, median: f64, resolution_s: f64) -> bool {
 fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64))> {
     let times = times.get(first..).unwrap_or_default();
     times.iter().zip(times.iter().skip(1)).enumerate().map(move |(i, (a, b))| (first + i + 1, (*a, *b)))
+}
+
+/// A time or a count in a message: all its digits, and an exponent where zeros would be hard to count.
+pub(super) fn written(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e15).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
 }
 
 #[derive(Default)]

@@ -18,6 +18,7 @@ use kalmems_formats::{Block, CellFault, Fault, Shift, TimeReader, Wanted as Read
 ///     columns: Some(vec!["cap_V".to_owned()]),
 ///     hints: kalmems_formats::Hints::default(),
 ///     origin: None,
+///     restarts: None,
 /// };
 /// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
 /// for k in 0..100 {
@@ -55,6 +56,7 @@ impl UnwrittenRecording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             hints: &layout.hints,
             origin: layout.origin,
+            restarts: layout.restarts,
         };
         let mut findings = Findings::default();
         let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
@@ -70,7 +72,7 @@ impl UnwrittenRecording {
         let columns: Vec<_> = plan.wanted().into_iter().filter_map(number).collect();
         let mut block = Block::with_capacity(ROWS);
         block.clear(columns.len(), 0);
-        let pass = Pass::new(plan, findings, (&layout.clock, layout.origin), usize::MAX);
+        let pass = Pass::new(plan, findings, &request, usize::MAX);
         Ok(Self { name: name.to_owned(), pass, columns, block, line: 2 })
     }
 

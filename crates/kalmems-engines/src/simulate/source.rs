@@ -96,6 +96,7 @@ fn read(
         columns: Some(vec![recorded.column.clone()]),
         hints: kalmems_formats::Hints::default(),
         origin: None,
+        restarts: None,
     };
     let recording = Recording::read(&experiment.resolve(&recorded.file), &layout)?;
     let column = recording.column_of(&recorded.column, &kind::VOLTAGE)?;

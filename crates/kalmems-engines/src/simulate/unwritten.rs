@@ -97,6 +97,7 @@ pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experi
             format: None,
             segments: None,
             clock: Clock::Column { column: TIME.to_owned() },
+            gaps: None,
             channels,
             reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
         })

@@ -18,6 +18,10 @@ impl Header {
     ///
     /// In an ending, `per` divides by the next word, digits are exponents (`s2`), and `rt` marks a square
     /// root (`F_per_rtHz`). `_1` says that a column has no dimension.
+    ///
+    /// `g` is the acceleration of free fall where the name says that it is an acceleration (`accel_g`, `ax_mg`), and gram
+    /// elsewhere (`load_g`); `gn` is the acceleration in any column. Where no ending is a unit, the last word is read as
+    /// the files of instruments are: `time_sec`, `drive_Volts`, `rate_deg/s`.
     pub fn parse(column: &str) -> Self {
         let column = column.trim();
         let words: Vec<&str> = column.split('_').collect();
@@ -27,7 +31,8 @@ impl Header {
             if words[start - 1] == "per" {
                 break;
             }
-            if let Some(unit) = ending(&words[start..]) {
+            let name = &words[..start];
+            if let Some(unit) = ending(&words[start..], says_acceleration(name)) {
                 return Self {
                     column: column.to_owned(),
                     unit: Some(unit),
@@ -35,16 +40,35 @@ impl Header {
                 };
             }
         }
-        Self { column: column.to_owned(), unit: None, unit_text: String::new() }
+        let word = words
+            .split_last()
+            .and_then(|(last, name)| name.last().filter(|before| **before != "per").and(spelt(last)));
+        let unit = word.as_deref().and_then(|word| ending(&word.split('_').collect::<Vec<_>>(), false));
+        let unit_text = word.filter(|_| unit.is_some()).unwrap_or_default();
+        Self { column: column.to_owned(), unit, unit_text }
     }
 }
 
-fn ending(words: &[&str]) -> Option<Unit> {
+/// Whether the words of a name say that it is an acceleration: `accel`, `Acceleration`, `ax`.
+fn says_acceleration(words: &[&str]) -> bool {
+    let mut words = words.iter().flat_map(|word| word.split_whitespace()).map(str::to_lowercase);
+    words.any(|word| word.starts_with("acc") || matches!(word.as_str(), "a" | "ax" | "ay" | "az"))
+}
+
+/// The ending for which a word stands that is spelt out; one or two letters at the end of a name are no unit.
+fn spelt(word: &str) -> Option<String> {
+    let letters = word.chars().count();
+    // `cap_second` is the second one.
+    let other = word.eq_ignore_ascii_case("second") || letters < 3 && !word.eq_ignore_ascii_case("hz");
+    (!other).then(|| kalmems_formats::unit_ending(word))?
+}
+
+fn ending(words: &[&str], acceleration: bool) -> Option<Unit> {
     let mut unit = Unit::ONE;
     let mut sign = 2;
     let mut divided = false;
     let mut expects_unit = true;
-    for word in words {
+    for (index, word) in words.iter().enumerate() {
         if *word == "per" {
             // Nothing before `per`, or two of them in a row, is no unit.
             if expects_unit {
@@ -57,7 +81,17 @@ fn ending(words: &[&str]) -> Option<Unit> {
         if divided && !expects_unit {
             return None;
         }
-        unit = unit.times(factor(word)?.to_half_power(sign)?);
+        // A ratio times a unit is a name that ends with a number, such as `CH_1` in V; `1_per_s` is none.
+        if *word == "1" && words.len() > 1 && (index > 0 || words.get(1) != Some(&"per")) {
+            return None;
+        }
+        let gravity =
+            || word.strip_suffix('g').filter(|prefix| matches!(*prefix, "" | "m" | "u" | "µ" | "μ" | "n"));
+        let factor = match gravity().filter(|_| acceleration) {
+            Some(prefix) => Unit::symbol(&format!("{prefix}gn"))?,
+            None => factor(word)?,
+        };
+        unit = unit.times(factor.to_half_power(sign)?);
         expects_unit = false;
     }
     if expects_unit { None } else { Some(unit) }
@@ -123,6 +157,55 @@ mod tests {
             let unit = Unit::parse(text).unwrap();
             let back = Header::parse(&format!("x_{}", unit.si_header())).unit.unwrap();
             assert_eq!(back.dimension(), unit.dimension(), "{text}: {}", unit.si_header());
+        }
+    }
+
+    #[test]
+    fn g_is_an_acceleration_where_the_name_says_so() {
+        for (column, unit) in [
+            ("accel_g", "gn"),
+            ("Acceleration_g", "gn"),
+            ("x acc_mg", "mgn"),
+            ("ax_g", "gn"),
+            ("accel_ug_per_rtHz", "ugn/sqrt(Hz)"),
+            ("load_g", "g"),
+            ("proof_mass_mg", "mg"),
+            ("accel_kg", "kg"),
+            ("accel_m_per_s2", "m/s^2"),
+        ] {
+            assert_eq!(Header::parse(column).unit, Some(Unit::parse(unit).unwrap()), "{column}");
+        }
+    }
+
+    #[test]
+    fn units_that_are_spelt_out_are_read() {
+        for (column, unit, text) in [
+            ("time_sec", "s", "s"),
+            ("time_Seconds", "s", "s"),
+            ("drive_Volts", "V", "V"),
+            ("drive_millivolts", "mV", "mV"),
+            ("rate_deg/s", "deg/s", "deg_per_s"),
+            ("f_hz", "Hz", "Hz"),
+            ("CH_1_V", "V", "V"),
+            ("x_1_per_s", "1/s", "1_per_s"),
+        ] {
+            let header = Header::parse(column);
+            assert_eq!(header.unit, Some(Unit::parse(unit).unwrap()), "{column}");
+            assert_eq!((header.column.as_str(), header.unit_text.as_str()), (column, text));
+        }
+        for column in [
+            "cap_second",
+            "pos_v",
+            "rate_per_min",
+            "x_per_sec",
+            "Channel A",
+            "CH1",
+            "CH 1",
+            "Volts",
+            "temp_Celsius",
+            "x_left",
+        ] {
+            assert_eq!(Header::parse(column).unit, None, "{column}");
         }
     }
 

@@ -336,3 +336,55 @@ impl<'a> Parser<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Header;
+
+    /// The readers of files normalise units without this table: what they put behind a name means the same here.
+    #[test]
+    fn a_unit_that_a_reader_of_files_normalises_is_the_same_unit_here() {
+        let mut symbols: Vec<String> = TABLE.iter().map(|row| row.0.to_owned()).collect();
+        for row in TABLE.iter().filter(|row| row.4) {
+            symbols.extend(PREFIXES.iter().map(|(prefix, _)| format!("{prefix}{}", row.0)));
+        }
+        for symbol in symbols {
+            let ending =
+                kalmems_formats::unit_ending(&symbol).unwrap_or_else(|| panic!("{symbol} is not known"));
+            let unit = Unit::symbol(&symbol).unwrap();
+            assert_eq!(Header::parse(&format!("x_{ending}")).unit, Some(unit), "{symbol}: {ending}");
+        }
+        for (text, unit) in [
+            ("Volts", "V"),
+            ("millivolts", "mV"),
+            ("µV", "uV"),
+            ("degrees per second", "deg/s"),
+            ("°/s", "deg/s"),
+            ("m/s²", "m/s^2"),
+            ("m/s2", "m/s^2"),
+            ("kΩ", "kohm"),
+            ("V/√Hz", "V/sqrt(Hz)"),
+            ("N·m", "N m"),
+            ("Newtons", "N"),
+            ("picofarads", "pF"),
+            ("1/s", "1/s"),
+        ] {
+            let ending = kalmems_formats::unit_ending(text).unwrap();
+            let found = Header::parse(&format!("x_{ending}")).unit;
+            assert_eq!(found, Some(Unit::parse(unit).unwrap()), "{text}: {ending}");
+        }
+    }
+
+    /// A name whose last word could be a unit keeps its unit, with every symbol.
+    #[test]
+    fn a_name_that_ends_like_a_unit_keeps_the_unit_behind_it() {
+        for row in TABLE {
+            let text = format!("time_s,Channel_{} [V]\n0,1\n", row.0);
+            let hints = kalmems_formats::Hints::default();
+            let table = kalmems_formats::read_csv(std::io::Cursor::new(text.into_bytes()), &hints).unwrap();
+            let name = &table.description().columns[1].name;
+            assert_eq!(Header::parse(name).unit, Some(Unit::parse("V").unwrap()), "{name}");
+        }
+    }
+}

@@ -3,6 +3,9 @@
 use crate::Fault;
 use std::io::Write as _;
 
+/// The minus sign of typography, U+2212, which spreadsheets and `matplotlib` write.
+const MINUS: &[u8] = "−".as_bytes();
+
 /// Reads cells the slow way, with memory that is used again.
 #[derive(Debug, Default)]
 pub struct Cells {
@@ -17,16 +20,23 @@ impl Cells {
             return Err(Fault::Missing);
         }
         // PicoScope writes what is beyond its range like this.
-        if cell.strip_prefix(b"-").unwrap_or(cell) == b"\xe2\x88\x9e" {
+        let unsigned = cell.strip_prefix(b"-").or_else(|| cell.strip_prefix(MINUS)).unwrap_or(cell);
+        if unsigned == b"\xe2\x88\x9e" {
             return Err(Fault::Infinite(excerpt(cell)));
         }
-        self.scratch.clear();
-        if point == b'.' {
-            self.scratch.extend_from_slice(cell);
-        } else if cell.contains(&b'.') {
+        if point != b'.' && cell.contains(&b'.') {
             return Err(Fault::Text(excerpt(cell)));
-        } else {
-            self.scratch.extend(cell.iter().map(|byte| if *byte == point { b'.' } else { *byte }));
+        }
+        self.scratch.clear();
+        let mut rest = cell;
+        while let Some((byte, behind)) = rest.split_first() {
+            let minus = rest.strip_prefix(MINUS);
+            self.scratch.push(match byte {
+                _ if minus.is_some() => b'-',
+                byte if *byte == point => b'.',
+                byte => *byte,
+            });
+            rest = minus.unwrap_or(behind);
         }
         let Ok(number) = fast_float2::parse::<f64, _>(&self.scratch) else {
             return Err(Fault::Text(excerpt(cell)));
@@ -87,6 +97,8 @@ mod tests {
             (" -1.5e3 ", Ok(-1500.0)),
             ("+.5", Ok(0.5)),
             ("5.", Ok(5.0)),
+            ("−1.5e−3", Ok(-1.5e-3)),
+            ("−∞", infinite("−∞")),
             ("", Err(Fault::Missing)),
             (" \r", Err(Fault::Missing)),
             ("NaN", Err(Fault::Nan("NaN".to_owned()))),

@@ -3,7 +3,7 @@
 /// How a text is to be read, where that cannot be told from it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CsvHints {
-    /// What stands between the cells: `,`, `;`, `|` or a tab.
+    /// What stands between the cells: `,`, `;`, `|`, a tab, or a blank for any number of blanks and tabs.
     pub separator: Option<char>,
     /// The decimal mark: `.` or `,`.
     pub decimal: Option<char>,

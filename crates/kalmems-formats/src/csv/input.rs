@@ -1,5 +1,6 @@
 //! The bytes of a text file in large pieces, hashed as they are read.
 
+use super::utf16::Utf16;
 use crate::{Digest, FormatError};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
@@ -19,6 +20,10 @@ pub(super) struct Input {
     bytes: u64,
     total: u64,
     ended: bool,
+    /// Whether the last line came without an end.
+    open_end: bool,
+    /// How text in UTF-16 is read, once its first two bytes say that it is, and its bytes.
+    wide: Option<(Utf16, Vec<u8>)>,
     buffer: Vec<u8>,
     /// What is read and not yet taken is `start..end`; whole lines are `start..whole`.
     start: usize,
@@ -34,6 +39,8 @@ impl Input {
             bytes: 0,
             total,
             ended: false,
+            open_end: false,
+            wide: None,
             buffer: vec![0; 2 * PIECE],
             start: 0,
             whole: 0,
@@ -49,6 +56,16 @@ impl Input {
     /// Whether the last byte is read.
     pub(super) const fn ended(&self) -> bool {
         self.ended
+    }
+
+    /// Whether the text is in UTF-16.
+    pub(super) const fn is_wide(&self) -> bool {
+        self.wide.is_some()
+    }
+
+    /// Whether the last byte is read and the last line came without an end, as a line does that is cut.
+    pub(super) const fn open_end(&self) -> bool {
+        self.open_end
     }
 
     /// Takes some bytes of the lines.
@@ -77,19 +94,8 @@ impl Input {
             if self.buffer.len() < self.end + PIECE + 1 {
                 self.buffer.resize(2 * (self.end + PIECE), 0);
             }
-            let free = self.buffer.get_mut(self.end..self.end + PIECE).unwrap_or_default();
-            let count = match self.reader.read(free) {
-                Ok(count) => count,
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error.into()),
-            };
-            let read = free.get(..count).unwrap_or_default();
-            self.hash.update(read);
-            self.bytes += count as u64;
-            let line_end = memchr::memrchr(b'\n', read);
             let before = self.end;
-            self.end += count;
-            if count == 0 {
+            if self.fill()? == 0 {
                 self.ended = true;
                 // A last line without an end has one from here on.
                 if self.whole < self.end
@@ -97,15 +103,63 @@ impl Input {
                 {
                     *free = b'\n';
                     self.end += 1;
+                    self.open_end = true;
                 }
                 let more = self.whole < self.end;
                 self.whole = self.end;
                 return Ok(more);
             }
-            if let Some(line_end) = line_end {
+            let read = self.buffer.get(before..self.end).unwrap_or_default();
+            if let Some(line_end) = memchr::memrchr(b'\n', read) {
                 self.whole = before + line_end + 1;
                 return Ok(true);
             }
+        }
+    }
+
+    /// Reads some bytes behind those that are read; how many came from the reader, none at the end.
+    fn fill(&mut self) -> Result<usize, FormatError> {
+        if let Some((decoder, raw)) = &mut self.wide {
+            let (count, mut text) = (read(&mut self.reader, raw, &mut self.hash)?, Vec::new());
+            decoder.decode(raw.get(..count).unwrap_or_default(), &mut text);
+            self.bytes += count as u64;
+            self.append(&text);
+            return Ok(count);
+        }
+        let first = self.bytes == 0;
+        let mut count = 0;
+        loop {
+            let free = self.buffer.get_mut(self.end + count..self.end + PIECE).unwrap_or_default();
+            let more = read(&mut self.reader, free, &mut self.hash)?;
+            count += more;
+            // A pipe may give the mark at the beginning byte by byte.
+            if !first || more == 0 || count > 1 {
+                break;
+            }
+        }
+        self.bytes += count as u64;
+        let beginning = self.buffer.get(..count).unwrap_or_default();
+        if let Some(mut decoder) = Utf16::of_mark(beginning).filter(|_| first) {
+            let mut text = Vec::new();
+            decoder.decode(beginning.get(2..).unwrap_or_default(), &mut text);
+            // Two bytes become three at most, so that what is read in one go has its place.
+            self.wide = Some((decoder, vec![0; PIECE / 2]));
+            self.append(&text);
+        } else {
+            self.end += count;
+        }
+        Ok(count)
+    }
+
+    /// Puts text behind what is read.
+    fn append(&mut self, text: &[u8]) {
+        let end = self.end + text.len();
+        if self.buffer.len() < end + PIECE {
+            self.buffer.resize(end + PIECE, 0);
+        }
+        if let Some(free) = self.buffer.get_mut(self.end..end) {
+            free.copy_from_slice(text);
+            self.end = end;
         }
     }
 
@@ -125,6 +179,24 @@ impl Input {
             let _ = write!(sha256, "{byte:02x}");
         }
         Some(Digest { sha256, bytes: self.bytes })
+    }
+}
+
+/// Reads some bytes and hashes them; none at the end.
+fn read(
+    reader: &mut Box<dyn Read + Send>,
+    buffer: &mut [u8],
+    hash: &mut Sha256,
+) -> Result<usize, FormatError> {
+    loop {
+        match reader.read(buffer) {
+            Ok(count) => {
+                hash.update(buffer.get(..count).unwrap_or_default());
+                return Ok(count);
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error.into()),
+        }
     }
 }
 
@@ -163,6 +235,26 @@ mod tests {
             let digest = input.digest().unwrap();
             assert_eq!(digest.bytes, 16);
             assert!(digest.sha256.starts_with("2e73a61762d73959"), "{}", digest.sha256);
+        }
+    }
+
+    #[test]
+    fn a_last_line_without_end_is_told_and_utf_16_is_read_as_text() {
+        for (text, open) in [("a\nb", true), ("a\nb\n", false), ("", false), ("a", true)] {
+            let wide = std::iter::once(0xfeff).chain(text.encode_utf16());
+            for bytes in [text.as_bytes().to_vec(), wide.flat_map(u16::to_le_bytes).collect()] {
+                for size in 1..6 {
+                    let mut input = Input::new(Box::new(Drops(bytes.clone(), 0, size)), 0);
+                    let mut found = Vec::new();
+                    while input.more().unwrap() {
+                        found.extend_from_slice(input.lines());
+                        input.take(input.lines().len());
+                    }
+                    let expected = if open { format!("{text}\n") } else { text.to_owned() };
+                    assert_eq!((found, input.open_end()), (expected.into_bytes(), open), "{text:?}");
+                    assert_eq!(input.digest().unwrap().bytes, bytes.len() as u64);
+                }
+            }
         }
     }
 

@@ -7,6 +7,7 @@ mod input;
 pub(crate) mod number;
 mod split;
 mod table;
+mod utf16;
 
 pub use cell::Cells;
 pub(crate) use cell::excerpt;

@@ -1,5 +1,8 @@
 //! A row taken apart into its cells, quotes and all: the slow way, for what the quick one does not read.
 
+/// In place of a separator: cells with blanks and tabs between them, as many as there may be.
+pub(super) const BLANKS: u8 = b' ';
+
 /// The cells of a row.
 #[derive(Default)]
 pub(super) struct Split {
@@ -26,6 +29,9 @@ impl Split {
     pub(super) fn row(&mut self, text: &[u8], separator: u8, last: bool) -> Option<Extent> {
         self.bytes.clear();
         self.ends.clear();
+        if separator == BLANKS {
+            return self.row_of_blanks(text, last);
+        }
         let mut place = 0;
         let mut inside = 0;
         loop {
@@ -41,6 +47,31 @@ impl Split {
             if rest.get(length) == Some(&b'\n') {
                 return Some(Extent { bytes: place, inside });
             }
+        }
+    }
+
+    /// The same with blanks between the cells; those at the beginning and the end of a line mean nothing.
+    fn row_of_blanks(&mut self, text: &[u8], last: bool) -> Option<Extent> {
+        let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r');
+        let mut place = 0;
+        let mut inside = 0;
+        loop {
+            place += text.get(place..).unwrap_or_default().iter().take_while(|byte| is_blank(byte)).count();
+            match text.get(place) {
+                None | Some(b'\n') => {
+                    if self.ends.is_empty() {
+                        self.ends.push(0);
+                    }
+                    return Some(Extent { bytes: text.len().min(place + 1), inside });
+                }
+                Some(b'"') => place = self.quoted(text, place + 1, &mut inside, last)?,
+                Some(_) => {}
+            }
+            let rest = text.get(place..).unwrap_or_default();
+            let length = rest.iter().position(|byte| is_blank(byte) || *byte == b'\n').unwrap_or(rest.len());
+            self.bytes.extend_from_slice(rest.get(..length).unwrap_or_default());
+            self.ends.push(self.bytes.len());
+            place += length;
         }
     }
 
@@ -114,6 +145,22 @@ mod tests {
             let cells = cells.iter().map(|&cell| cell.to_owned()).collect();
             assert_eq!(split(text), Some((cells, Extent { bytes, inside })), "{text:?}");
         }
+    }
+
+    #[test]
+    fn rows_with_blanks_between_the_cells() {
+        for (text, cells, bytes) in [
+            ("  1.5 \t 2\r\nx", &["1.5", "2"][..], 11),
+            ("a b", &["a", "b"], 3),
+            ("\t\n", &[""], 2),
+            ("\"time s\" \"b\"\n", &["time s", "b"], 13),
+        ] {
+            let mut split = Split::default();
+            let extent = split.row(text.as_bytes(), BLANKS, false).unwrap();
+            let found: Vec<_> = split.iter().map(|cell| std::str::from_utf8(cell).unwrap()).collect();
+            assert_eq!((found.as_slice(), extent), (cells, Extent { bytes, inside: 0 }), "{text:?}");
+        }
+        assert_eq!(Split::default().row(b"a \"b\n", BLANKS, false), None);
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! A text as a table.
 
 use super::cell::Cells;
-use super::dialect::{Dialect, DialectColumn, Origin};
+use super::dialect::{Dialect, DialectColumn, Heading, Origin, Records};
 use super::input::Input;
 use super::number::quick;
-use super::split::Split;
+use super::split::{BLANKS, Split};
 use crate::{
     Block, CellFault, Description, Digest, Fault, FormatError, Table, TimeKind, TimeReader, TimeUnit, Wanted,
 };
@@ -37,8 +37,20 @@ enum Value {
     Cell(usize),
     /// That cell times a step after a start.
     Affine { cell: usize, start: f64, step: f64 },
-    /// Rows, counted from 0, times a step after a start.
+    /// Rows of the record, counted from 0, times a step after a start.
     Counted { start: f64, step: f64 },
+    /// The number of the record.
+    Record,
+}
+
+/// Where the labels of a wanted column come from.
+#[derive(Clone, Copy, Debug)]
+enum Label {
+    Cell(usize),
+    /// The number of the record.
+    Record,
+    /// A column that is computed has none.
+    Nothing,
 }
 
 pub(super) struct CsvTable {
@@ -47,24 +59,58 @@ pub(super) struct CsvTable {
     description: Description,
     /// One for each cell of a row.
     uses: Vec<Use>,
-    /// One for each wanted column of numbers, and the cells of the wanted columns of labels.
+    /// What is wanted; one for each wanted column of numbers, and one for each of labels.
+    wanted: Vec<Wanted>,
     values: Vec<Value>,
-    labels: Vec<usize>,
+    labels: Vec<Label>,
     /// Reads the cells that are times.
     times: TimeReader,
     /// The cells that are labels, in their order.
     label_cells: Vec<usize>,
     /// The column of the description that each cell is; none for those that are no column.
     column_of: Vec<Option<usize>>,
-    /// The line of the next row, the rows so far, and blank lines before the next row: the first and how many.
+    /// The line of the next row, the record that it is of and its number therein, and blank lines before it: the first
+    /// and how many.
     line: u64,
-    rows: u64,
+    record: Record,
     blank: (u64, u64),
+    /// Whether it was told that the last line has no end.
+    end_is_told: bool,
     /// Memory that is used again.
     split: Split,
     cells: Cells,
     numbers: Vec<f64>,
     stretches: Vec<(usize, usize)>,
+}
+
+/// Where in the records of a file the next row is.
+struct Record {
+    /// The number of the record, counted from 1, as a number and as a label.
+    number: u64,
+    label: Vec<u8>,
+    /// The rows of it so far.
+    row: u64,
+}
+
+impl Record {
+    fn new(number: u64) -> Self {
+        Self { number, label: number.to_string().into_bytes(), row: 0 }
+    }
+
+    /// After a row, where records have so many.
+    #[inline]
+    fn next_row(&mut self, rows: Option<u64>) {
+        self.row += 1;
+        if rows.is_some_and(|rows| self.row >= rows) {
+            self.begin_next();
+        }
+    }
+
+    /// Begins the next record.
+    #[cold]
+    fn begin_next(&mut self) {
+        *self = Self::new(self.number + 1);
+    }
 }
 
 /// What became of a piece of text.
@@ -95,14 +141,16 @@ impl CsvTable {
             input,
             description,
             uses: vec![Use::default(); dialect.cells],
+            wanted: Vec::new(),
             values: Vec::new(),
             labels: Vec::new(),
             times: TimeReader::new(TimeUnit::SECOND, None),
             label_cells: Vec::new(),
             column_of,
             line: dialect.first_row_line,
-            rows: 0,
+            record: Record::new(1),
             blank: (0, 0),
+            end_is_told: false,
             split: Split::default(),
             cells: Cells::default(),
             numbers: Vec::new(),
@@ -127,13 +175,15 @@ impl CsvTable {
             Some(Origin::Counted { start, step }) => {
                 Value::Counted { start: start * decimal * factor, step: step * decimal * factor }
             }
+            Some(Origin::Record) => Value::Record,
             // A column that is not there has no numbers.
             None => Value::Cell(usize::MAX),
         }
     }
 
-    /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be.
-    fn quick_rows(&mut self, block: &mut Block) -> Step {
+    /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be. `BLANK`: any number
+    /// of blanks separates the cells.
+    fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> Step {
         // A row after blank lines is told differently.
         if self.blank.1 > 0 {
             return Step::On;
@@ -144,8 +194,14 @@ impl CsvTable {
         }
         let text = self.input.lines();
         let mut place = 0;
+        let headed = matches!(self.dialect.records, Records::Headed(_));
+        let record_rows = self.dialect.record_rows();
         while block.rows < block.capacity {
-            let next = quick_row(
+            // A header between records begins with a word, in what may be a cell that is not read.
+            if headed && text.get(place).is_some_and(u8::is_ascii_alphabetic) {
+                break;
+            }
+            let next = quick_row::<BLANK>(
                 text,
                 place,
                 &self.dialect,
@@ -160,11 +216,11 @@ impl CsvTable {
                 let (start, end) = self.stretches.get(of).copied()?;
                 text.get(start..end).map(<[u8]>::trim_ascii)
             };
-            push_row(block, &self.numbers, &self.values, self.rows);
-            push_labels(block, &self.labels, |cell| stretch(cell).unwrap_or_default());
+            push_row(block, &self.numbers, &self.values, &self.record);
+            push_labels(block, &self.labels, &self.record, |cell| stretch(cell).unwrap_or_default());
             push_line(block, self.line);
             block.rows += 1;
-            self.rows += 1;
+            self.record.next_row(record_rows);
             self.line += 1;
         }
         self.input.take(place);
@@ -199,7 +255,10 @@ impl CsvTable {
             }
         };
         let lines = 1 + extent.inside;
-        if self.split.is_blank() {
+        if self.pass_header()? {
+            return Ok(Step::On);
+        }
+        if self.is_blank() {
             self.blank = (if self.blank.1 == 0 { self.line } else { self.blank.0 }, self.blank.1 + lines);
         } else if !self.take_blank_lines(block) {
             return Ok(Step::Full);
@@ -213,6 +272,71 @@ impl CsvTable {
         self.input.take(extent.bytes);
         self.line += lines;
         Ok(Step::On)
+    }
+
+    /// Whether the row that is split has nothing in it.
+    fn is_blank(&self) -> bool {
+        let headed = matches!(self.dialect.records, Records::Headed(_));
+        self.split.is_blank() || headed && self.split.iter().all(<[u8]>::is_empty)
+    }
+
+    /// Passes over a header between records, if the row that is split is the first line of one.
+    fn pass_header(&mut self) -> Result<bool, FormatError> {
+        let Records::Headed(heading) = self.dialect.records else { return Ok(false) };
+        if !Heading::begins(self.split.cell(0)) {
+            return Ok(false);
+        }
+        let channels = loop {
+            if let Some(channels) = heading.next(self.input.lines(), self.line, self.input.ended())? {
+                break channels;
+            }
+            self.input.more()?;
+        };
+        let (origins, bytes, lines) = channels.continue_with(&self.dialect.columns, self.input.lines())?;
+        for (column, origin) in self.dialect.columns.iter_mut().zip(origins) {
+            column.origin = origin;
+        }
+        self.bind();
+        self.input.take(bytes);
+        self.line += lines;
+        self.blank = (0, 0);
+        self.record.begin_next();
+        Ok(true)
+    }
+
+    /// Tells that the last line has no end, once.
+    fn tell_open_end(&mut self, block: &mut Block) {
+        // A line with nothing in it holds no number that could be cut.
+        let row = self.line > self.dialect.first_row_line && self.blank.1 == 0;
+        if self.input.open_end() && row && !self.end_is_told {
+            self.end_is_told = true;
+            let fault =
+                CellFault { row: block.rows, line: self.line - 1, column: None, fault: Fault::NoLineEnd };
+            block.faults.push(fault);
+        }
+    }
+
+    /// Finds where the wanted values come from.
+    fn bind(&mut self) {
+        self.values.clear();
+        self.labels.clear();
+        for want in &self.wanted {
+            match *want {
+                Wanted::Number { column, power } => {
+                    let value = self.value(column, TimeUnit::decimal(power));
+                    self.values.push(value);
+                }
+                Wanted::Time { column, unit, .. } => {
+                    let value = self.value(column, unit);
+                    self.values.push(value);
+                }
+                Wanted::Label { column } => self.labels.push(match self.origin(column) {
+                    Some(Origin::Cell(cell) | Origin::Affine { cell, .. }) => Label::Cell(cell),
+                    Some(Origin::Record) => Label::Record,
+                    Some(Origin::Counted { .. }) | None => Label::Nothing,
+                }),
+            }
+        }
     }
 
     /// Tells of the blank lines before a row; `false` where they are rows and the block is full.
@@ -284,11 +408,11 @@ impl CsvTable {
                 f64::NAN
             }));
         }
-        push_row(block, &self.numbers, &self.values, self.rows);
-        push_labels(block, &self.labels, |cell| self.split.cell(cell));
+        push_row(block, &self.numbers, &self.values, &self.record);
+        push_labels(block, &self.labels, &self.record, |cell| self.split.cell(cell));
         push_line(block, self.line);
         block.rows += 1;
-        self.rows += 1;
+        self.record.next_row(self.dialect.record_rows());
     }
 }
 
@@ -303,7 +427,6 @@ impl Table for CsvTable {
 
     fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
         self.uses.fill(Use::default());
-        self.values.clear();
         self.labels.clear();
         for want in wanted {
             let cell = self.origin(want.column()).and_then(Origin::cell);
@@ -319,21 +442,8 @@ impl Table for CsvTable {
                 (_, None) => {}
             }
         }
-        for want in wanted {
-            match *want {
-                Wanted::Number { column, power } => {
-                    let value = self.value(column, TimeUnit::decimal(power));
-                    self.values.push(value);
-                }
-                Wanted::Time { column, unit, .. } => {
-                    let value = self.value(column, unit);
-                    self.values.push(value);
-                }
-                Wanted::Label { column } => {
-                    self.labels.push(self.origin(column).and_then(Origin::cell).unwrap_or(usize::MAX));
-                }
-            }
-        }
+        self.wanted = wanted.to_vec();
+        self.bind();
         if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
             self.times = match self.time_kind(column) {
                 Some(_) => TimeReader::of_iso(origin),
@@ -369,13 +479,19 @@ impl CsvTable {
     /// Reads rows until the block is full.
     fn rows_into(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let (begin, _) = self.input.progress();
+        let blanks = self.dialect.separator == BLANKS;
         loop {
-            if matches!(self.quick_rows(block), Step::Full) {
+            let step = if blanks { self.quick_rows::<true>(block) } else { self.quick_rows::<false>(block) };
+            if matches!(step, Step::Full) {
                 return Ok(());
             }
             match self.slow_row(block)? {
                 Step::On => {}
-                Step::Full | Step::End => return Ok(()),
+                Step::Full => return Ok(()),
+                Step::End => {
+                    self.tell_open_end(block);
+                    return Ok(());
+                }
             }
             let something = block.rows > 0 || !block.faults.is_empty();
             if something && self.input.progress().0 - begin > BYTES_PER_BLOCK {
@@ -386,9 +502,9 @@ impl CsvTable {
 }
 
 /// Reads the row at `place` into `numbers` and the places of its labels; where the next row begins. `None` where the row
-/// needs a closer look.
+/// needs a closer look. `BLANK`: any number of blanks separates the cells.
 #[inline]
-fn quick_row(
+fn quick_row<const BLANK: bool>(
     text: &[u8],
     mut place: usize,
     dialect: &Dialect,
@@ -400,7 +516,13 @@ fn quick_row(
     labels.clear();
     let separator = dialect.separator;
     for (index, usage) in uses.iter().enumerate() {
-        if index > 0 {
+        if BLANK {
+            let before = place;
+            place = skip_blanks(text, place);
+            if index > 0 && place == before {
+                return None;
+            }
+        } else if index > 0 {
             if *text.get(place)? != separator {
                 return None;
             }
@@ -411,26 +533,33 @@ fn quick_row(
             place = skip_spaces(text, place);
             let (number, end) = quick(text, place, dialect.point, power)?;
             numbers.push(number);
-            place = skip_spaces(text, end);
+            place = if BLANK { end } else { skip_spaces(text, end) };
         } else if usage.time {
             place = skip_spaces(text, place);
             let (time, end) = times.quick(text, place, separator, dialect.point)?;
             numbers.push(time);
-            place = skip_spaces(text, end);
+            place = if BLANK { end } else { skip_spaces(text, end) };
         } else {
             let rest = text.get(place..)?;
             if rest.first() == Some(&b'"') {
                 return None;
             }
-            place += memchr::memchr2(separator, b'\n', rest)?;
-            // It could be a blank line.
-            if uses.len() == 1 && place <= start + 1 {
+            place += if BLANK {
+                memchr::memchr3(b' ', b'\t', b'\n', rest)?
+            } else {
+                memchr::memchr2(separator, b'\n', rest)?
+            };
+            // It could be a blank line, or end before this cell.
+            if uses.len() == 1 && place <= start + 1 || BLANK && place == start {
                 return None;
             }
         }
         if usage.label {
             labels.push((start, place));
         }
+    }
+    if BLANK {
+        place = skip_blanks(text, place);
     }
     let end = *text.get(place)?;
     if end == b'\n' {
@@ -452,22 +581,40 @@ fn skip_spaces(text: &[u8], mut place: usize) -> usize {
 }
 
 #[inline]
-fn push_row(block: &mut Block, numbers: &[f64], values: &[Value], row: u64) {
+fn skip_blanks(text: &[u8], mut place: usize) -> usize {
+    while let Some(b' ' | b'\t' | b'\r') = text.get(place) {
+        place += 1;
+    }
+    place
+}
+
+#[inline]
+fn push_row(block: &mut Block, numbers: &[f64], values: &[Value], record: &Record) {
     for (column, value) in block.numbers.iter_mut().zip(values) {
         column.push(match *value {
             Value::Cell(cell) => numbers.get(cell).copied().unwrap_or(f64::NAN),
             Value::Affine { cell, start, step } => {
                 start + numbers.get(cell).copied().unwrap_or(f64::NAN) * step
             }
-            Value::Counted { start, step } => start + row as f64 * step,
+            Value::Counted { start, step } => start + record.row as f64 * step,
+            Value::Record => record.number as f64,
         });
     }
 }
 
 #[inline]
-fn push_labels<'a>(block: &mut Block, labels: &[usize], cell: impl Fn(usize) -> &'a [u8]) {
-    for (runs, index) in block.labels.iter_mut().zip(labels) {
-        let label = cell(*index);
+fn push_labels<'a>(
+    block: &mut Block,
+    labels: &[Label],
+    record: &'a Record,
+    cell: impl Fn(usize) -> &'a [u8],
+) {
+    for (runs, label) in block.labels.iter_mut().zip(labels) {
+        let label = match *label {
+            Label::Cell(index) => cell(index),
+            Label::Record => &record.label,
+            Label::Nothing => b"",
+        };
         if runs.last().is_none_or(|(_, last)| last != label) {
             runs.push((block.rows, label.to_vec()));
         }

@@ -1,9 +1,11 @@
 //! The values of a chunked dataset, a band of chunks at a time.
 
 use super::FORMAT;
+use super::attributes::Space;
+use super::file::File;
 use super::filters::{self, Filter};
+use super::layout::{Chunk, Chunked};
 use crate::records::Lane;
-use crate::source::Source;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
@@ -62,49 +64,27 @@ impl Grid {
 
 /// Rows of a chunked dataset.
 pub(super) struct ChunkLane {
-    pub(super) source: Arc<Source>,
-    pub(super) dataset: hdf5_pure::Dataset,
+    pub(super) file: Arc<File>,
+    pub(super) chunked: Chunked,
+    pub(super) space: Space,
     pub(super) path: String,
     pub(super) grid: Grid,
     pub(super) filters: Vec<Filter>,
-    /// Where the chunks are, band after band; read when the first row is.
-    chunks: Vec<Place>,
+    pub(super) progress: Progress,
+}
+
+/// How far a lane is.
+#[derive(Default)]
+pub(super) struct Progress {
+    /// Where the chunks are, band after band; looked up when the first row is read.
+    chunks: Vec<Option<Chunk>>,
     row: u64,
     /// The rows that are unpacked, and which band of chunks they are.
     band: Vec<u8>,
     band_number: Option<u64>,
 }
 
-/// Where a chunk is in the file.
-#[derive(Clone, Copy, Default)]
-struct Place {
-    address: u64,
-    bytes: u64,
-    mask: u32,
-    there: bool,
-}
-
 impl ChunkLane {
-    pub(super) fn new(
-        source: Arc<Source>,
-        dataset: hdf5_pure::Dataset,
-        path: String,
-        grid: Grid,
-        filters: Vec<Filter>,
-    ) -> Self {
-        Self {
-            source,
-            dataset,
-            path,
-            grid,
-            filters,
-            chunks: Vec::new(),
-            row: 0,
-            band: Vec::new(),
-            band_number: None,
-        }
-    }
-
     fn damaged(&self, found: String, expected: &str) -> FormatError {
         FormatError::Damaged {
             format: FORMAT,
@@ -119,37 +99,35 @@ impl ChunkLane {
         let grid = &self.grid;
         let across = grid.columns.div_ceil(grid.chunk_columns);
         let count = grid.rows.div_ceil(grid.chunk_rows) * across;
-        let listed = self.dataset.chunks().map_err(|error| super::failed(&self.path, &error))?;
         // `check` bounds their number.
-        let mut chunks = vec![Place::default(); usize::try_from(count).unwrap_or(0)];
-        for chunk in &listed {
-            let first = chunk.offset.first().copied().unwrap_or(0);
-            let second = chunk.offset.get(1).copied().unwrap_or(0);
+        let mut chunks = vec![None; usize::try_from(count).unwrap_or(0)];
+        self.chunked.visit(&self.file, &self.space, grid.chunk_bytes() as u64, &mut |chunk| {
+            let [first, second] = chunk.first;
             let (row, column) = if grid.turned { (second, first) } else { (first, second) };
             if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
                 return Err(self
                     .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
             }
+            // Chunks beyond the extent are left over from a larger one.
+            if column >= grid.columns || row >= grid.rows {
+                return Ok(());
+            }
             let number = (row / grid.chunk_rows).checked_mul(across);
             let number = number.and_then(|number| number.checked_add(column / grid.chunk_columns));
-            // Chunks beyond the extent are left over from a larger one.
             let number = number.and_then(|number| usize::try_from(number).ok());
-            if column >= grid.columns {
-                continue;
-            }
             if let Some(place) = number.and_then(|number| chunks.get_mut(number)) {
-                let (address, bytes) = (chunk.address, chunk.storage_size);
-                *place = Place { address, bytes, mask: chunk.filter_mask, there: true };
+                *place = Some(chunk);
             }
-        }
-        self.chunks = chunks;
+            Ok(())
+        })?;
+        self.progress.chunks = chunks;
         Ok(())
     }
 
     /// Unpacks the chunks side by side that hold a row.
     fn unpack(&mut self, number: u64) -> Result<(), FormatError> {
         let grid = self.grid.clone();
-        if self.chunks.is_empty() {
+        if self.progress.chunks.is_empty() {
             self.locate()?;
         }
         let across = grid.columns.div_ceil(grid.chunk_columns);
@@ -157,10 +135,10 @@ impl ChunkLane {
         let small = |length: u64| usize::try_from(length).unwrap_or(0);
         let (element, columns) = (grid.element, small(grid.columns));
         let (chunk_rows, chunk_columns) = (small(grid.chunk_rows), small(grid.chunk_columns));
-        self.band.resize(chunk_rows * columns * element, 0);
+        self.progress.band.resize(chunk_rows * columns * element, 0);
         for beside in 0..across {
-            let place = self.chunks.get(small(number * across + beside)).copied().unwrap_or_default();
-            if !place.there {
+            let place = self.progress.chunks.get(small(number * across + beside)).copied().flatten();
+            let Some(place) = place else {
                 return Err(FormatError::Unsupported {
                     format: FORMAT,
                     what: format!(
@@ -170,16 +148,18 @@ impl ChunkLane {
                     ),
                     remedy: "write all of its values".to_owned(),
                 });
-            }
-            let chunk = self.chunk(place)?;
+            };
+            let is_edge = (number + 1) * grid.chunk_rows > grid.rows
+                || (beside + 1) * grid.chunk_columns > grid.columns;
+            let chunk = self.chunk(place, is_edge)?;
             let first = small(beside) * chunk_columns;
             let width = chunk_columns.min(columns - first);
             if !grid.turned && width == columns && width == chunk_columns {
-                self.band.copy_from_slice(&chunk);
+                self.progress.band.copy_from_slice(&chunk);
                 continue;
             }
             for row in 0..chunk_rows {
-                let target = &mut self.band[(row * columns + first) * element..][..width * element];
+                let target = &mut self.progress.band[(row * columns + first) * element..][..width * element];
                 if grid.turned {
                     for (column, cell) in target.chunks_exact_mut(element).enumerate() {
                         cell.copy_from_slice(&chunk[(column * chunk_rows + row) * element..][..element]);
@@ -189,11 +169,11 @@ impl ChunkLane {
                 }
             }
         }
-        self.band_number = Some(number);
+        self.progress.band_number = Some(number);
         Ok(())
     }
 
-    fn chunk(&self, place: Place) -> Result<Vec<u8>, FormatError> {
+    fn chunk(&self, place: Chunk, is_edge: bool) -> Result<Vec<u8>, FormatError> {
         let bytes = self.grid.chunk_bytes();
         // What does not pack is a little longer than it was.
         limits::at_most(
@@ -203,8 +183,9 @@ impl ChunkLane {
             bytes as u64 + bytes as u64 / 8 + 4096,
         )?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-        let packed = self.source.bytes(FORMAT, place.address, place.bytes as usize)?;
-        filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
+        let packed = self.file.source.bytes(FORMAT, place.address, place.bytes as usize)?;
+        let filters = if is_edge && self.chunked.plain_edges { &[][..] } else { &self.filters };
+        filters::undo(filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
             self.damaged(
                 format!("in its chunk at byte {} {found}", place.address),
                 "a chunk as it was written",
@@ -223,15 +204,16 @@ impl Lane for ChunkLane {
         let record = self.record();
         let mut missing = rows;
         while missing > 0 {
-            let (band, within) = (self.row / self.grid.chunk_rows, self.row % self.grid.chunk_rows);
-            if self.band_number != Some(band) {
+            let (band, within) =
+                (self.progress.row / self.grid.chunk_rows, self.progress.row % self.grid.chunk_rows);
+            if self.progress.band_number != Some(band) {
                 self.unpack(band)?;
             }
             let left = self.grid.chunk_rows - within;
             let count = usize::try_from(left).unwrap_or(missing).min(missing);
             let start = usize::try_from(within).unwrap_or(0) * record;
-            out.extend_from_slice(&self.band[start..start + count * record]);
-            self.row += count as u64;
+            out.extend_from_slice(&self.progress.band[start..start + count * record]);
+            self.progress.row += count as u64;
             missing -= count;
         }
         Ok(())

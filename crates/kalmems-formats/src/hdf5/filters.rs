@@ -1,6 +1,11 @@
 //! What packs the chunks of an HDF5 dataset (HDF5 File Format Specification, version 3), undone.
 
+use super::file::Cursor;
+use crate::FormatError;
 use flate2::{Decompress, FlushDecompress, Status};
+
+/// Filters of a dataset.
+const FILTERS: u8 = 32;
 
 /// A filter of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +28,48 @@ impl Filter {
             _ => None,
         }
     }
+}
+
+/// What the registered filters that are not read are called.
+pub(super) fn name(id: u16) -> String {
+    let name = match id {
+        4 => "szip",
+        5 => "nbit",
+        6 => "scale-offset",
+        307 => "bzip2",
+        32_001 => "Blosc",
+        32_004 => "LZ4",
+        32_008 => "bitshuffle",
+        32_013 => "ZFP",
+        32_015 => "Zstandard",
+        32_026 => "Blosc2",
+        _ => return format!("the filter {id}"),
+    };
+    name.to_owned()
+}
+
+/// The identifiers of the filters of a dataset, in the order in which they were applied.
+pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Vec<u16>, FormatError> {
+    let (version, count) = (cursor.u8()?, cursor.u8()?);
+    if !(1..=2).contains(&version) || count > FILTERS {
+        return Err(
+            cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32")
+        );
+    }
+    if version == 1 {
+        cursor.skip(6)?;
+    }
+    let mut filters = Vec::new();
+    for _ in 0..count {
+        let id = cursor.u16()?;
+        let name = if version == 1 || id >= 256 { usize::from(cursor.u16()?) } else { 0 };
+        let values = usize::from(cursor.skip(2)?.u16()?);
+        cursor.skip(if version == 1 { name.next_multiple_of(8) } else { name })?;
+        // Of the first version their number is even.
+        cursor.skip(4 * if version == 1 { values.next_multiple_of(2) } else { values })?;
+        filters.push(id);
+    }
+    Ok(filters)
 }
 
 /// Undoes the filters of a chunk, the last first, but for those in `mask`. `bytes` is the length of the chunk, and

@@ -26,6 +26,8 @@ pub(super) enum Value {
     Texts(Vec<Vec<u8>>),
     /// A struct's fields.
     Fields(Vec<Variable>),
+    /// An object of a class, whose parts are not documented: a table, a string.
+    Object(String),
     /// Anything else.
     Other(&'static str),
 }
@@ -132,8 +134,14 @@ impl Elements {
         let word = self.u32([flags[0], flags[1], flags[2], flags[3]]);
         let (class, complex) = (word & 0xff, word & 0x800 != 0);
         if class == 17 {
-            // A table, a string or another object; its parts are not documented.
-            return Ok(Variable { name: String::new(), value: Value::Other("an object of MATLAB") });
+            // Its name, the kind of objects that it is one of, and its class.
+            let mut words = [const { String::new() }; 3];
+            for word in &mut words {
+                let (_, letters) = self.short("the name of an object", limits::TEXT_BYTES)?;
+                *word = String::from_utf8_lossy(&letters).into_owned();
+            }
+            let [name, _, class] = words;
+            return Ok(Variable { name, value: Value::Object(class) });
         }
         let (_, dimensions) = self.short("an array's dimensions", 8 * 32)?;
         let lengths: Vec<u64> =

@@ -1,7 +1,9 @@
-//! MAT files of version 5 to 7: variables, packed or not.
+//! MAT files of version 4, and of version 5 to 7: variables, packed or not.
 
 mod array;
+mod four;
 
+use crate::element::Element;
 use crate::lanes::Texts;
 use crate::records::{Cells, Field, Lane, RecordTable};
 use crate::source::Source;
@@ -13,54 +15,103 @@ use std::sync::Arc;
 /// Bytes before the first variable.
 const HEADER: u64 = 128;
 
+/// What MATLAB needs to be told to write what others can read.
+const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save(…, \"-struct\", \"S\")`";
+/// Columns of a matrix that become columns beside others.
+const BESIDE: u64 = 64;
+
+pub(crate) use four::begins as begins_as_four;
+
 pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
-    let file_bytes = source.length();
-    let found = variables(&source)?;
-    let mut table = Parts::default();
-    let (mut columns, mut structs, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
+    let mut head = [0; 128];
+    let count = source.read_some(0, &mut head)?;
+    let is_old =
+        !head.ends_with(b"IM") && !head.ends_with(b"MI") && four::begins(&source.bytes(FORMAT, 0, count)?);
+    let (format, found) =
+        if is_old { (four::FORMAT, four::variables(&source)?) } else { (FORMAT, variables(&source)?) };
+    let mut table = Parts { format, ..Parts::default() };
+    // What MATLAB keeps behind the variables for their objects has no name.
+    let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());
     if let Some(path) = &hints.group {
-        let (stretch, value) = at_path(found, path)?;
+        let (stretch, value) = at_path(format, found.collect(), path)?;
         match value {
-            Value::Fields(fields) => {
-                table.recognised = format!("the fields of `{path}`, a column each");
-                columns.extend(fields.into_iter().map(|field| (stretch.clone(), field)));
-            }
-            value => matrices.push((stretch, Variable { name: path.clone(), value })),
+            Value::Fields(fields) => table.add_struct(&stretch, path, fields),
+            value => table.add_matrix(&stretch, &Variable { name: path.clone(), value }, hints)?,
         }
-    } else {
-        for (stretch, variable) in found {
-            match &variable.value {
-                Value::Fields(_) => structs.push((stretch, variable)),
-                Value::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
-                    matrices.push((stretch, variable));
-                }
-                _ => columns.push((stretch, variable)),
+        return table.finish(source.length());
+    }
+    let (mut columns, mut structs, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
+    for (stretch, variable) in found {
+        match &variable.value {
+            Value::Fields(_) => structs.push((stretch, variable)),
+            Value::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
+                matrices.push((stretch, variable));
             }
-        }
-        table.recognised.push_str("the variables, a column each");
-        let any = columns.iter().any(|(_, variable)| is_column(&variable.value));
-        if let (false, [_], []) = (any, &structs[..], &matrices[..]) {
-            for (stretch, Variable { name, value }) in structs.drain(..) {
-                let Value::Fields(fields) = value else { continue };
-                table.recognised = format!("the fields of the only struct, `{name}`, a column each");
-                columns.extend(fields.into_iter().map(|field| (stretch.clone(), field)));
-            }
+            _ => columns.push((stretch, variable)),
         }
     }
-    let whole = hints.group.is_some() || (structs.is_empty() && matrices.len() == 1);
-    if columns.iter().any(|(_, variable)| is_column(&variable.value)) || !whole {
-        let others = structs.iter().chain(&matrices).map(|(_, variable)| format!("`{}`", variable.name));
-        table.left_out.extend(others);
+    table.recognised.push_str("the variables, a column each");
+    if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
+        table.left_out.extend(structs.iter().map(|(_, variable)| format!("`{}` (a struct)", variable.name)));
         for (stretch, variable) in columns {
             table.add(&stretch, variable);
         }
-    } else {
         for (stretch, matrix) in matrices {
-            table.add_matrix(&stretch, &matrix, hints)?;
+            table.add_beside(&stretch, matrix);
+        }
+        return table.finish(source.length());
+    }
+    // Tables within structs, each with the path to it.
+    let mut places = Vec::new();
+    for (stretch, Variable { name, value }) in structs {
+        let Value::Fields(fields) = value else { continue };
+        within(stretch, name, fields, &mut places);
+    }
+    match (&mut places[..], &matrices[..]) {
+        ([_], []) => {
+            for (stretch, path, fields) in places {
+                table.add_struct(&stretch, &path, fields);
+                table.recognised = format!("the fields of the only struct, `{path}`, a column each");
+            }
+        }
+        ([], [(stretch, matrix)]) => table.add_matrix(stretch, matrix, hints)?,
+        _ => {
+            let names = matrices.iter().map(|(_, matrix)| format!("`{}`", matrix.name));
+            let names: Vec<String> =
+                places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
+            if names.is_empty() {
+                for (stretch, variable) in columns {
+                    table.add(&stretch, variable);
+                }
+                return table.finish(source.length());
+            }
+            return Err(FormatError::Unsupported {
+                format,
+                what: "several tables at a time".to_owned(),
+                remedy: format!("write `group` as one of {}", limits::list(&names)),
+            });
         }
     }
-    table.finish(file_bytes)
+    table.finish(source.length())
+}
+
+/// The structs with columns, in a struct and in its fields.
+fn within(
+    stretch: Stretch,
+    path: String,
+    fields: Vec<Variable>,
+    places: &mut Vec<(Stretch, String, Vec<Variable>)>,
+) {
+    if fields.iter().any(|field| is_column(&field.value)) {
+        places.push((stretch, path, fields));
+        return;
+    }
+    for Variable { name, value } in fields {
+        if let Value::Fields(fields) = value {
+            within(stretch.clone(), format!("{path}.{name}"), fields, places);
+        }
+    }
 }
 
 /// All variables, and the stretches that they are in.
@@ -114,9 +165,13 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
 }
 
 /// The value of a variable, or of a struct's field: `rig`, `rig.run_1`.
-fn at_path(found: Vec<(Stretch, Variable)>, path: &str) -> Result<(Stretch, Value), FormatError> {
+fn at_path(
+    format: &'static str,
+    found: Vec<(Stretch, Variable)>,
+    path: &str,
+) -> Result<(Stretch, Value), FormatError> {
     let missing = |name: &str| FormatError::Unsupported {
-        format: FORMAT,
+        format,
         what: format!("`{name}` of `{path}`, which is not in the file,"),
         remedy: "write the name of a variable that is, or `struct.field`".to_owned(),
     };
@@ -137,13 +192,14 @@ fn is_column(value: &Value) -> bool {
     match value {
         Value::Numbers { rows, columns, .. } => (*rows == 1) != (*columns == 1),
         Value::Texts(texts) => texts.len() > 1,
-        Value::Fields(_) | Value::Other(_) => false,
+        Value::Fields(_) | Value::Other(_) | Value::Object(_) => false,
     }
 }
 
 /// A table that is being put together.
 #[derive(Default)]
 struct Parts {
+    format: &'static str,
     recognised: String,
     left_out: Vec<String>,
     fields: Vec<Field>,
@@ -151,21 +207,64 @@ struct Parts {
 }
 
 impl Parts {
+    /// The fields of a struct.
+    fn add_struct(&mut self, stretch: &Stretch, path: &str, fields: Vec<Variable>) {
+        self.recognised = format!("the fields of `{path}`, a column each");
+        for field in fields {
+            match field.value {
+                Value::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
+                    self.add_beside(stretch, field);
+                }
+                _ => self.add(stretch, field),
+            }
+        }
+    }
+
+    /// A matrix beside vectors: its columns as MATLAB names them.
+    fn add_beside(&mut self, stretch: &Stretch, matrix: Variable) {
+        let Variable { name, value } = matrix;
+        let Value::Numbers { place, element, rows, columns } = value else { return };
+        if columns > BESIDE || columns > rows {
+            self.left_out.push(format!(
+                "`{name}` ({rows} × {columns}: name it by `group`, and its columns by `columns`)"
+            ));
+            return;
+        }
+        let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
+        self.add_columns(stretch, (place, element, rows), &names);
+    }
+
+    /// The columns of a matrix, which stand one after the other.
+    fn add_columns(
+        &mut self,
+        stretch: &Stretch,
+        (place, element, rows): (u64, Element, u64),
+        names: &[String],
+    ) {
+        for (number, name) in names.iter().enumerate() {
+            let lane = self.lanes.len();
+            let skip = place + number as u64 * rows * element.bytes as u64;
+            self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes, rows)));
+            let column = Column::new(name).at(format!("column {}", number + 1));
+            self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
+        }
+    }
+
     fn add(&mut self, stretch: &Stretch, variable: Variable) {
         let Variable { name, value } = variable;
-        let column = Column { name: name.clone(), place: None };
+        let column = Column::new(&name);
         let lane = self.lanes.len();
         let single = !is_column(&value);
         match value {
             Value::Numbers { place, element, rows, columns } if !single => {
                 let rows = rows * columns;
                 self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes, rows)));
-                self.fields.push(Field { column, cells: Cells::Numbers { lane, offset: 0, element }, rows });
+                self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
             }
             Value::Texts(texts) if !single => {
                 let rows = texts.len() as u64;
                 self.lanes.push(Box::new(Texts { texts, next: 0 }));
-                self.fields.push(Field { column, cells: Cells::Texts { lane }, rows });
+                self.fields.push(Field::new(column, Cells::Texts { lane }, rows));
             }
             Value::Numbers { rows, columns, .. } => {
                 self.left_out.push(format!("`{name}` ({rows} × {columns})"));
@@ -173,16 +272,21 @@ impl Parts {
             Value::Texts(_) => self.left_out.push(format!("`{name}` (a single text)")),
             Value::Fields(_) => self.left_out.push(format!("`{name}` (a struct)")),
             Value::Other(what) => self.left_out.push(format!("`{name}` ({what})")),
+            Value::Object(class) => {
+                let remedy = match class.as_str() {
+                    "table" | "timetable" => TABLE_REMEDY,
+                    _ => "save its numbers as vectors",
+                };
+                self.left_out.push(format!("`{name}` (a {class} of MATLAB: {remedy})"));
+            }
         }
     }
 
     /// A matrix whose columns the experiment names.
     fn add_matrix(&mut self, stretch: &Stretch, matrix: &Variable, hints: &Hints) -> Result<(), FormatError> {
-        let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
-            format: FORMAT,
-            what,
-            remedy: remedy.to_owned(),
-        };
+        let format = self.format;
+        let unsupported =
+            |what: String, remedy: &str| FormatError::Unsupported { format, what, remedy: remedy.to_owned() };
         let Value::Numbers { place, element, rows, columns } = matrix.value else {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));
@@ -199,20 +303,14 @@ impl Parts {
             }
         };
         self.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
-        for (number, name) in names.iter().enumerate() {
-            let lane = self.lanes.len();
-            let skip = place + number as u64 * rows * element.bytes as u64;
-            self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes, rows)));
-            let column = Column { name: name.clone(), place: Some(format!("column {}", number + 1)) };
-            self.fields.push(Field { column, cells: Cells::Numbers { lane, offset: 0, element }, rows });
-        }
+        self.add_columns(stretch, (place, element, rows), names);
         Ok(())
     }
 
     fn finish(mut self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
             return Err(FormatError::Unsupported {
-                format: FORMAT,
+                format: self.format,
                 what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
                 remedy: "save one vector for each column, or name a struct or matrix by `group`; a table becomes a \
                          struct by `table2struct(T, ToScalar=true)`"
@@ -222,6 +320,6 @@ impl Parts {
         if !self.left_out.is_empty() {
             self.recognised.push_str(&format!("; left out: {}", limits::list(&self.left_out)));
         }
-        Ok(Box::new(RecordTable::new(FORMAT, self.recognised, self.fields, self.lanes, file_bytes)))
+        Ok(Box::new(RecordTable::new(self.format, self.recognised, self.fields, self.lanes, file_bytes)))
     }
 }

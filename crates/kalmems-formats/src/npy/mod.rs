@@ -11,6 +11,9 @@ use crate::{Column, FormatError, Hints, Table, limits};
 use header::{Cell, Descr, Header};
 use std::sync::Arc;
 
+/// Columns of an array of two axes that become columns beside others.
+const BESIDE: u64 = 64;
+
 /// Opens a single array.
 pub(crate) fn open_npy(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     const FORMAT: &str = "NPY";
@@ -67,10 +70,15 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
             array.add_table(hints, &mut table)?;
         }
     } else {
-        table.left_out.extend(others.iter().map(|array| format!("`{}` ({})", array.name, array.shape())));
+        let any = !vectors.is_empty();
         for array in vectors {
-            let name = array.name.clone();
-            array.add_column(name, &mut table);
+            array.add_column(&mut table);
+        }
+        for array in others {
+            match array.names_beside().filter(|_| any) {
+                Some(names) => array.add_columns(&names, &mut table)?,
+                None => table.left_out.push(format!("`{}` ({})", array.name, array.shape())),
+            }
         }
     }
     table.finish(FORMAT, file_bytes)
@@ -167,34 +175,41 @@ impl Array {
     }
 
     /// The array as a column.
-    fn add_column(self, name: String, table: &mut Parts) {
+    fn add_column(&self, table: &mut Parts) {
         let Descr::Plain(cell) = &self.header.element else { return };
         let rows = self.header.shape.iter().product();
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
             table.lanes.push(self.lane(0, cell.bytes(), rows));
-            table.fields.push(Field { column: Column { name, place: None }, cells, rows });
+            table.fields.push(Field::new(Column::new(&self.name), cells, rows));
         }
+    }
+
+    /// The names of the columns of two axes that stand beside arrays of one, as Python names them; none where it is no such
+    /// array, or has many columns.
+    fn names_beside(&self) -> Option<Vec<String>> {
+        let Descr::Plain(Cell::Number(_)) = self.header.element else { return None };
+        let [rows, columns] = self.header.shape[..] else { return None };
+        (columns <= BESIDE && columns <= rows)
+            .then(|| (0..columns).map(|column| format!("{}[:,{column}]", self.name)).collect())
     }
 
     /// The array as a table: fields with names, or columns that are named in the experiment.
     fn add_table(self, hints: &Hints, table: &mut Parts) -> Result<(), FormatError> {
-        let Header { shape, fortran, element, .. } = &self.header;
+        let Header { shape, element, .. } = &self.header;
         let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
             format: self.stretch.format,
             what,
             remedy: remedy.to_owned(),
         };
-        let cell = match (element, shape.len()) {
+        match (element, shape.len()) {
             (Descr::Fields(fields), 1) => {
                 table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());
                 let mut offset = 0;
                 for (name, cell) in fields {
-                    let place = None;
                     match cells(cell, table.lanes.len(), offset) {
                         Some(cells) => {
-                            let column = Column { name: name.clone(), place };
-                            table.fields.push(Field { column, cells, rows: shape[0] });
+                            table.fields.push(Field::new(Column::new(name), cells, shape[0]));
                         }
                         // Padding has no name.
                         None if name.is_empty() => {}
@@ -205,7 +220,7 @@ impl Array {
                 table.lanes.push(self.lane(0, offset, shape[0]));
                 return Ok(());
             }
-            (Descr::Plain(cell @ (Cell::Number(_) | Cell::Time(_) | Cell::Text { .. })), 1 | 2) => cell,
+            (Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }), 1 | 2) => {}
             _ => {
                 return Err(unsupported(
                     format!("an array of {}", self.shape()),
@@ -213,7 +228,7 @@ impl Array {
                      fields",
                 ));
             }
-        };
+        }
         let (rows, columns) = (shape[0], shape.get(1).copied().unwrap_or(1));
         let names = match &hints.columns {
             Some(names) if names.len() as u64 == columns => names,
@@ -230,22 +245,35 @@ impl Array {
                 ));
             }
         };
-        let size = cell.bytes();
         table.recognised = format!("an array of {rows} rows and {columns} columns, named by the experiment");
-        limits::at_most(self.stretch.format, "the number of columns", columns, limits::COLUMNS as u64)?;
+        self.add_columns(names, table)
+    }
+
+    /// The columns of an array of one or two axes.
+    fn add_columns(&self, names: &[String], table: &mut Parts) -> Result<(), FormatError> {
+        let Descr::Plain(cell) = &self.header.element else { return Ok(()) };
+        let (rows, size) = (self.header.shape[0], cell.bytes());
+        limits::at_most(
+            self.stretch.format,
+            "the number of columns",
+            names.len() as u64,
+            limits::COLUMNS as u64,
+        )?;
         let wide = names.len().saturating_mul(size);
         limits::at_most(self.stretch.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
+        let first = table.lanes.len();
         for (number, name) in names.iter().enumerate() {
-            let (lane, offset) = if *fortran { (table.lanes.len(), 0) } else { (0, number * size) };
+            let (lane, offset) =
+                if self.header.fortran { (table.lanes.len(), 0) } else { (first, number * size) };
             if let Some(cells) = cells(cell, lane, offset) {
-                let column = Column { name: name.clone(), place: Some(format!("column {}", number + 1)) };
-                table.fields.push(Field { column, cells, rows });
+                let column = Column::new(name).at(format!("column {}", number + 1));
+                table.fields.push(Field::new(column, cells, rows));
             }
-            if *fortran {
+            if self.header.fortran {
                 table.lanes.push(self.lane(number as u64 * rows * size as u64, size, rows));
             }
         }
-        if !*fortran {
+        if !self.header.fortran {
             table.lanes.push(self.lane(0, wide, rows));
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! Apache Parquet: columns that hold one value a row.
 
+mod fixed;
 mod layout;
 mod packing;
 mod pages;
@@ -97,7 +98,8 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
         let name = descriptor.path().string();
         match kind(descriptor) {
             Ok(kind) => {
-                columns.push(Column { name, place: None });
+                let text = descriptor.physical_type() == Type::BYTE_ARRAY;
+                columns.push(Column { text, ..Column::new(&name) });
                 kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
             Err(what) => left_out.push(format!("`{name}` ({what})")),
@@ -141,6 +143,12 @@ struct Leaf {
 enum Kind {
     Signed,
     Unsigned,
+    /// Whole numbers times 10^−scale.
+    Decimal {
+        scale: i32,
+    },
+    /// Floating-point numbers of 16 bits.
+    Half,
     /// Integers that count a unit of time.
     Time(TimeUnit, TimeKind),
     /// Numbers that f64 holds, and texts.
@@ -151,6 +159,9 @@ enum Kind {
 fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
     if descriptor.max_rep_level() > 0 {
         return Err("a list in each row");
+    }
+    if let Some(kind) = fixed::kind(descriptor) {
+        return kind;
     }
     if let Some(time) = time(descriptor) {
         return Ok(time);
@@ -169,7 +180,6 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
             | ConvertedType::UINT_32
             | ConvertedType::UINT_64,
         ) => Ok(()),
-        (Some(LogicalType::Decimal { .. }), _) | (None, ConvertedType::DECIMAL) => Err("decimal numbers"),
         _ => Err("dates or times of day"),
     };
     let unsigned = matches!(
@@ -391,6 +401,7 @@ fn take(
     sink: &mut Sink<'_>,
 ) -> Result<usize, ParquetError> {
     let mut records = Records { leaf, rows, row, levels, missing };
+    let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
     // Dates as numbers are seconds since 1970.
     let mut since_1970;
     let mut shift;
@@ -409,6 +420,9 @@ fn take(
             (Out::Labels(out), Numbers::Shifted(&mut shift))
         }
     };
+    if matches!(leaf.kind, Kind::Decimal { .. } | Kind::Half) {
+        return fixed::take(reader, &mut records, out, power);
+    }
     // As signed and unsigned numbers of the same bits.
     #[allow(clippy::cast_sign_loss)]
     let wide = |x: i64| if leaf.kind == Kind::Unsigned { i128::from(x as u64) } else { i128::from(x) };

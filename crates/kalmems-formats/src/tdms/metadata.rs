@@ -1,5 +1,6 @@
 //! What the segments of a TDMS file say of its objects (National Instruments, TDMS File Format Internal Structure).
 
+use super::scales::{Properties, Property};
 use crate::FormatError;
 use crate::element::{Element, Kind};
 use crate::limits;
@@ -16,6 +17,11 @@ const PARTS: u64 = 1 << 20;
 /// Properties, names and values of a file.
 const METADATA_BYTES: u64 = 4 * limits::HEADER_BYTES;
 
+/// What National Instruments' driver writes by itself.
+const DAQMX: &str = "a file of raw values that DAQmx has logged";
+const DAQMX_REMEDY: &str = "read it in LabVIEW, DIAdem or with npTDMS and write the scaled channels, or log with the \
+                            scaled values in the first place";
+
 /// The objects of a file and where their values are.
 #[derive(Default)]
 pub(super) struct File {
@@ -25,6 +31,9 @@ pub(super) struct File {
     /// Bytes at the end that belong to no whole row, of a recording that was not ended.
     pub(super) left_over: u64,
     pub(super) unfinished: bool,
+    /// The properties of the groups, by their names, and of the file.
+    pub(super) groups: HashMap<String, Properties>,
+    pub(super) root: Properties,
     numbers: HashMap<String, usize>,
     parts: u64,
     /// What a chunk holds differs from the last layout.
@@ -37,10 +46,7 @@ pub(super) struct Channel {
     pub(super) name: String,
     pub(super) kind: Option<Value>,
     pub(super) rows: u64,
-    pub(super) unit: String,
-    pub(super) increment: Option<f64>,
-    pub(super) start_offset: f64,
-    pub(super) scaled: bool,
+    pub(super) properties: Properties,
     /// What the last segment said of its values in one chunk.
     index: Option<Index>,
     /// Whether it is in the list of objects of the last segment.
@@ -177,7 +183,7 @@ impl File {
             return Ok(end);
         }
         if contents & toc::DAQMX != 0 {
-            return Err(unsupported("DAQmx raw data", "read it in LabVIEW and write the scaled channels"));
+            return Err(unsupported(DAQMX, DAQMX_REMEDY));
         }
         let interleaved = contents & toc::INTERLEAVED != 0;
         let layout = self.layout(at, active, interleaved)?;
@@ -204,9 +210,13 @@ impl File {
                     "such as /'group'/'channel'",
                 )
             })?;
+            let mut of_group = None;
             let channel = match names {
                 (Some(group), Some(name)) => Some(self.channel(path, group, name)?),
-                _ => None,
+                (group, _) => {
+                    of_group = group;
+                    None
+                }
             };
             let header = reader.u32()?;
             let index = match (header, channel) {
@@ -217,11 +227,8 @@ impl File {
                         "what they are",
                     )
                 })?),
-                (0x1269 | 0x1369 | 0x6912_0000 | 0x6913_0000, _) => {
-                    return Err(unsupported(
-                        "DAQmx raw data",
-                        "read it in LabVIEW and write the scaled channels",
-                    ));
+                (0x1269 | 0x126a | 0x1369 | 0x6912_0000 | 0x6a12_0000 | 0x6913_0000, _) => {
+                    return Err(unsupported(DAQMX, DAQMX_REMEDY));
                 }
                 (_, Some(_)) => Some(reader.index()?),
                 (_, None) => {
@@ -250,9 +257,16 @@ impl File {
             for _ in 0..reader.u32()? {
                 let name = reader.text()?;
                 let value = reader.property()?;
-                if let Some(number) = channel {
-                    self.channels[number].learn(&name, value);
-                }
+                let properties = match (channel, &of_group) {
+                    (Some(number), _) => &mut self.channels[number].properties,
+                    (None, Some(group)) => {
+                        let count = self.groups.len() as u64;
+                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS as u64)?;
+                        self.groups.entry(group.clone()).or_default()
+                    }
+                    (None, None) => &mut self.root,
+                };
+                properties.learn(&name, value);
             }
         }
         Ok(())
@@ -270,10 +284,7 @@ impl File {
             name,
             kind: None,
             rows: 0,
-            unit: String::new(),
-            increment: None,
-            start_offset: 0.0,
-            scaled: false,
+            properties: Properties::default(),
             index: None,
             active: false,
         });
@@ -369,24 +380,6 @@ impl File {
         self.segments.push(Segment { offset: start, chunks, cut_rows, layout });
         Ok(())
     }
-}
-
-impl Channel {
-    fn learn(&mut self, name: &str, value: Property) {
-        match (name, value) {
-            ("unit_string", Property::Text(text)) => self.unit = text,
-            ("wf_increment", Property::Number(number)) => self.increment = Some(number),
-            ("wf_start_offset", Property::Number(number)) => self.start_offset = number,
-            ("NI_Number_Of_Scales", Property::Number(number)) => self.scaled = number > 0.0,
-            _ => {}
-        }
-    }
-}
-
-enum Property {
-    Text(String),
-    Number(f64),
-    Other,
 }
 
 /// Metadata in memory.

@@ -1,9 +1,11 @@
 //! TDMS, as LabVIEW and FlexLogger write it: one group's channels as columns.
 
 mod metadata;
+mod scales;
 
 use crate::name::with_unit;
 use crate::records::{Cells, Clock, Field, Lane, RecordTable};
+use crate::scaling::{self, Scaling};
 use crate::source::Source;
 use crate::time::TimeCode;
 use crate::{Column, FormatError, Hints, Table, limits};
@@ -17,7 +19,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     let (source, file) = (Arc::new(source), Arc::new(file));
     let (mut fields, mut lanes, mut left_out) =
         (Vec::<Field>::new(), Vec::<Box<dyn Lane>>::new(), Vec::new());
-    let mut clocks = Vec::new();
+    let (mut clocks, mut scaled) = (Vec::new(), String::new());
     for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
         let lane = lanes.len();
         let (cells, record) = match channel.kind {
@@ -35,17 +37,26 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
                 continue;
             }
         };
-        if channel.scaled {
-            left_out
-                .push(format!("`{}` (to be scaled by `NI_Scale`: write its scaled values)", channel.name));
-            continue;
-        }
-        limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
-        let column = Column {
-            name: with_unit(&channel.name, &channel.unit),
-            place: Some(format!("{} of {group}", channel.name)),
+        let objects = [Some(&channel.properties), file.groups.get(&group), Some(&file.root)];
+        let steps = match scales::steps(objects) {
+            Ok(steps) => steps,
+            Err(what) => {
+                left_out.push(format!("`{}` ({what}: write its scaled values)", channel.name));
+                continue;
+            }
         };
-        fields.push(Field { column, cells, rows: channel.rows });
+        limits::plausible_rows(FORMAT, channel.rows, file_bytes)?;
+        let name = with_unit(&channel.name, channel.properties.unit());
+        if !steps.is_empty() {
+            scaled.push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&steps)));
+        }
+        if matches!(cells, Cells::Numbers { .. }) {
+            let increment = channel.properties.number("wf_increment");
+            clocks.push((increment, channel.properties.number("wf_start_offset").unwrap_or(0.0)));
+        }
+        let column = Column::new(&name).at(format!("{} of {group}", channel.name));
+        let scaling = Scaling { missing: Vec::new(), steps };
+        fields.push(Field { scaling, ..Field::new(column, cells, channel.rows) });
         lanes.push(Box::new(ChannelLane {
             source: Arc::clone(&source),
             file: Arc::clone(&file),
@@ -58,7 +69,6 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             texts: Vec::new(),
             scratch: Vec::new(),
         }));
-        clocks.push((channel.increment, channel.start_offset));
     }
     if fields.is_empty() {
         return Err(unsupported(
@@ -71,6 +81,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     }
     let mut recognised = format!("the channels of the group `{group}`, a column each");
     recognised.push_str(&add_clock(&mut fields, &clocks));
+    recognised.push_str(&scaled);
     if file.unfinished {
         recognised.push_str(&format!(
             "; the recording was not ended: {} bytes of its last chunk were looked at for whole rows",
@@ -102,8 +113,8 @@ fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
         );
     }
     let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
-    let column = Column { name: "time_s".to_owned(), place: None };
-    fields.insert(0, Field { column, cells: Cells::Clock(Clock::Increment { start, increment }), rows });
+    let clock = Cells::Clock(Clock::Increment { start, increment });
+    fields.insert(0, Field::new(Column::new("time_s"), clock, rows));
     format!(
         "; time_s = {start} s + k·{increment} s for row k from 0 on (wf_start_offset, wf_increment), which is not in \
          the file"

@@ -178,6 +178,9 @@ fn hdf5_is_the_text() {
     compare("compound.h5", &Hints::default(), &ALL);
     compare("several.h5", &group("/b"), &["time_s"]);
     compare("many.h5", &Hints::default(), &NUMBERS);
+    // As HDF5 2.0 lays out chunks, and sixty groups within one another.
+    compare("newest.h5", &Hints::default(), &["cap_V"]);
+    compare("deep.h5", &Hints::default(), &["time_s"]);
 }
 
 #[test]
@@ -305,7 +308,6 @@ fn what_is_ambiguous_is_refused_with_what_to_write() {
         ),
         ("plain.npy", named(&["time_s", "cap_V"]), "3 columns with 2 names"),
         ("several.h5", Hints::default(), "write `group` as one of `/a`, `/b`"),
-        ("newest.h5", Hints::default(), "laid out by version 5 of the format"),
         ("several.h5", group("/c"), "`/c`, which is not in the file"),
         ("matrix.npz", Hints::default(), "name a 2-D one by `group`"),
         ("stored.npz", group("nothing"), "`nothing`, which is not in the file"),
@@ -393,4 +395,115 @@ fn a_long_file_is_known_without_reading_it() {
     std::fs::write(&path, format!("time_s,{}_V\n{}", "x".repeat(200_000), "\n".repeat(100_000))).unwrap();
     let more_than = |most| has_more_rows(&path, &Hints::default(), most).unwrap();
     assert!(more_than(100_000) && !more_than(100_001));
+}
+
+/// What a file says of its columns by itself: names with units, texts, and what is said of them.
+fn described(name: &str) -> (Vec<String>, Vec<String>, String) {
+    let table = open(&fixture(name), &Hints::default()).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let description = table.description();
+    let names = |text: bool| {
+        description.columns.iter().filter(|c| c.text == text).map(|c| c.name.clone()).collect::<Vec<_>>()
+    };
+    (names(false), names(true), description.recognised.clone())
+}
+
+#[test]
+fn units_of_hdf5_are_found_under_any_common_spelling() {
+    let (names, _, _) = described("units.h5");
+    for (number, name) in names[..2].iter().enumerate() {
+        assert_eq!(*name, ["all[:,0]_V", "all[:,1]_V"][number]);
+    }
+    for (number, name) in names[2..9].iter().enumerate() {
+        assert_eq!(*name, format!("c{number}_V"));
+    }
+    assert_eq!(names[9], "c7");
+    assert_eq!(names[10..], ["t_s", "u_V", "v_V"]);
+}
+
+/// The values themselves are compared in `differential.rs`.
+#[test]
+fn stored_scales_and_missing_values_are_said() {
+    for (name, words) in [
+        ("differential/netcdf_earliest.h5", "= 0.00025·x + -0.75 of the stored x"),
+        ("differential/netcdf_earliest.h5", "has no value where -32768 is stored"),
+        ("differential/many_attributes_latest.h5", "`x` = 0.125·x + 0 of the stored x"),
+        (
+            "differential/scale_chain.tdms",
+            "`x` = 0.0003·x + 0.02, then a polynomial of degree 2, then -7.5·x + 1 of the stored x",
+        ),
+        ("differential/scale_table.tdms", "`x` = a table of 5 points, held at its ends of the stored x"),
+        ("differential/scale_of_group.tdms", "`x` = 0.5·x + 2 of the stored x"),
+    ] {
+        let (_, _, recognised) = described(name);
+        assert!(recognised.contains(words), "{name}: {recognised}");
+    }
+}
+
+#[test]
+fn what_is_left_out_is_named_with_what_to_do() {
+    for (name, words) in [
+        ("refused.h5", "`gone` (a link to `/rig/cap`, which is not in the file)"),
+        ("refused.h5", "`complex` (complex numbers)"),
+        ("refused.h5", "`cube` (3 axes)"),
+        (
+            "refused.h5",
+            "`far` (a link to `/cap` in the file `other.h5`, which is not beside this one: put it there)",
+        ),
+        ("refused.h5", "`image` (20 rows and 90 columns: write `group = \"/image\"` and `columns`)"),
+        ("refused.h5", "`rate` (a single value)"),
+        ("refused.h5", "`raw` (`/raw`, whose values are in files that are no HDF5, is not read"),
+        ("table73.mat", "`T` (a table of MATLAB: save it with `S = table2struct(T, ToScalar=true)"),
+        ("differential/links_latest.h5", "`broken` (a link to `/nowhere`, which is not in the file)"),
+        ("differential/mat5_lengths.mat", "`rate` (1 × 1)"),
+    ] {
+        let (_, _, recognised) = described(name);
+        assert!(recognised.contains(words), "{name}: {recognised}");
+        assert!(!recognised.contains("damaged"), "{name}: {recognised}");
+    }
+    for (path, words) in [
+        ("/rounded", "`/rounded`, packed by scale-offset, is not read; pack it with gzip"),
+        ("/virtual", "`/virtual`, a virtual dataset whose values are in other datasets, is not read"),
+        ("/circle", "`/circle`, a link that leads to itself, or through more than 16 others, is not read"),
+        ("/gone", "`/gone`, a link to `/rig/cap`, which is not in the file, is not read"),
+        ("/words", "`/words`, which holds text and no table of numbers, is not read"),
+    ] {
+        let found = refusal(open(&fixture("refused.h5"), &group(path)));
+        assert!(found.contains(words), "{path}: {found}");
+    }
+}
+
+#[test]
+fn texts_are_told_from_numbers_before_they_are_read() {
+    for (name, texts) in [
+        ("refused.h5", &["words"][..]),
+        ("columns.h5", &["phase", "words"]),
+        ("none.parquet", &["phase"]),
+        ("segments.tdms", &["phase"]),
+        ("variables.mat", &["phase", "letters"]),
+        ("fields.npy", &["phase", "code"]),
+        ("stored.npz", &["phase"]),
+    ] {
+        let (numbers, found, _) = described(name);
+        assert_eq!(found, texts, "{name}");
+        assert!(!numbers.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn columns_of_one_length_belong_together() {
+    let table = open(&fixture("differential/mat5_lengths.mat"), &Hints::default()).unwrap();
+    let rows: Vec<Option<u64>> = table.description().columns.iter().map(|column| column.rows).collect();
+    assert_eq!(rows, [Some(200), Some(200), Some(20)]);
+    let recognised = &table.description().recognised;
+    assert!(recognised.contains("(200 rows: `t`, `u`; 20 rows: `slow`)"), "{recognised}");
+    assert_eq!(table.description().rows, None);
+}
+
+#[test]
+fn names_for_a_file_with_names_of_its_own_are_answered_with_what_to_write() {
+    let found = refusal(open(&fixture("differential/mat5_lengths.mat"), &named(&["time_s", "drive_V"])));
+    assert!(found.contains("names of its own (`t`, `u`, `slow`)"), "{found}");
+    assert!(
+        found.contains("`{ column = \"Ucap\", unit = \"V\" }`") && !found.contains("leave `columns` out")
+    );
 }

@@ -3,7 +3,7 @@
 use super::data::{Input, SegmentData};
 use super::instrument::{Exact, Instrument, Observing, Readout};
 use super::noise_estimate::NoiseEstimate;
-use crate::estimate::{Counts, Course};
+use crate::estimate::{Bridge, Counts, Course};
 use kalmems_core::{ContinuousDiscrete, Covariance, Dynamics, Filter, FilterError, Innovation, Scaled};
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -104,13 +104,10 @@ impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
 /// The time to sample `to` where it is not the usual one, what is missing in between counted.
 pub fn unusual_interval(data: &SegmentData, to: usize, counts: &mut Counts) -> Option<f64> {
     let interval = data.time_s[to] - data.time_s[to - 1];
-    let intervals = interval / data.interval_s;
-    if (intervals - 1.0).abs() <= SAME {
+    if (interval / data.interval_s - 1.0).abs() <= SAME {
         return None;
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
-    let missing = intervals.round().max(1.0) as usize - 1;
-    counts.bridged += missing;
+    counts.bridged = counts.bridged.saturating_add(Bridge::over(interval, data.interval_s).missing);
     Some(interval)
 }
 

@@ -35,7 +35,7 @@ use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use data::SegmentData;
 use instrument::Instrument;
-use settings::Settings;
+use settings::{Hardware, Settings};
 use simulation::AccelerometerSimulation;
 
 /// The rig.
@@ -69,7 +69,8 @@ impl Rig for AccelerometerRig {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
         let columns = Columns::of(experiment, index)?;
         let all = [Some(columns.signal), columns.feedback, columns.acceleration];
-        Ok(experiment.recording(index)?.layout(&all.into_iter().flatten().collect::<Vec<_>>()))
+        let cycle_s = Hardware::of(experiment)?.cycle_s();
+        experiment.layout_to_estimate(index, &all.into_iter().flatten().collect::<Vec<_>>(), cycle_s)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {

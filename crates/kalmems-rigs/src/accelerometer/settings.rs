@@ -81,6 +81,15 @@ impl Hardware {
     }
 }
 
+impl Hardware {
+    /// How long a free swing of the mass takes in s; without a spring, what its acceleration takes to change.
+    pub fn cycle_s(&self) -> f64 {
+        let ProofMass { mass, spring, .. } = self.sensed.device.mass;
+        let rate = if spring > 0.0 { (spring / mass).sqrt() } else { self.sensed.prior.rate };
+        TAU / rate
+    }
+}
+
 impl Settings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {

@@ -1,9 +1,11 @@
 //! The stage's way through one record.
 
-use crate::estimate::{Counts, Course};
+use crate::estimate::{Bridge, Counts, Course};
+use crate::signal::Sine;
 use kalmems_core::{Covariance, Filter, FilterError, Innovation, LinearProcess};
 use kalmems_models::dynamics::PiezoStage;
 use kalmems_models::readout::PlateCurrent;
+use std::ops::Range;
 
 /// A channel over one record.
 #[derive(Clone, Debug)]
@@ -22,6 +24,8 @@ pub struct StageCourse<'a> {
     interval_s: f64,
     /// The drive at each sample in V.
     drive: &'a [f64],
+    /// The sines that it follows, each with the samples that it is for.
+    sines: &'a [(Range<usize>, Sine)],
     channels: &'a [Channel],
     stage: PiezoStage<f64>,
     density: f64,
@@ -36,12 +40,13 @@ impl<'a> StageCourse<'a> {
     /// channel.
     pub fn new(
         (time_s, interval_s): (&'a [f64], f64),
-        drive: &'a [f64],
+        (drive, sines): (&'a [f64], &'a [(Range<usize>, Sine)]),
         channels: &'a [Channel],
         stage: PiezoStage<f64>,
         density: f64,
     ) -> Self {
-        Self { time_s, interval_s, drive, channels, stage, density, usual: stage.exact(interval_s, density) }
+        let usual = stage.exact(interval_s, density);
+        Self { time_s, interval_s, drive, sines, channels, stage, density, usual }
     }
 }
 
@@ -73,15 +78,18 @@ impl Course<2> for StageCourse<'_> {
         if (interval / self.interval_s - 1.0).abs() <= SAME {
             return filter.predict_linked(&self.usual, &[drive]).map(drop);
         }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and not negative
-        let missing = (interval / self.interval_s).round().max(1.0) as usize - 1;
-        counts.bridged += missing;
-        // A step as long as a part of a cycle needs the drive in between.
-        let parts = missing + 1;
-        let process = self.stage.exact(interval / parts as f64, self.density);
-        let (from, step) = (self.drive[to - 1], (self.drive[to] - self.drive[to - 1]) / parts as f64);
-        for part in 0..parts {
-            filter.predict_linked(&process, &[from + step * (part as f64 + 0.5)])?;
+        let Bridge { missing, steps } = Bridge::over(interval, self.interval_s);
+        counts.bridged = counts.bridged.saturating_add(missing);
+        // A step as long as a part of a cycle needs the drive in between, which is the sine that it follows.
+        let process = self.stage.exact(interval / steps as f64, self.density);
+        let sine = self.sines.iter().find(|(rows, _)| rows.contains(&to)).map(|(_, sine)| sine);
+        for step in 0..steps {
+            let share = (step as f64 + 0.5) / steps as f64;
+            let volts = match sine {
+                Some(sine) if steps > 1 => sine.at(self.time_s[to - 1] + interval * share),
+                _ => self.drive[to - 1] + (self.drive[to] - self.drive[to - 1]) * share,
+            };
+            filter.predict_linked(&process, &[volts])?;
         }
         Ok(())
     }

@@ -85,7 +85,7 @@ impl Rig for MicroStageRig {
         let (drive, signals) = columns(experiment, &hardware, index)?;
         let names: Vec<&str> =
             [drive].into_iter().chain(signals.into_iter().map(|(_, column)| column)).collect();
-        Ok(experiment.recording(index)?.layout(&names))
+        experiment.layout_to_estimate(index, &names, 1.0 / hardware.natural_hz())
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -216,6 +216,7 @@ impl Estimator for StageEstimator<'_> {
             time_s,
             taken: segment.samples(),
             drive: volts,
+            sines: &sines,
             drive_hz: followed.first_hz,
             electrodes: &signals.iter().map(|(electrode, _)| *electrode).collect::<Vec<_>>(),
             signals: cleaned,

@@ -9,10 +9,11 @@ use crate::estimate::{
     self, AnyFilter, EstimateError, FilterPast, Motion, Past, Progress, StateName, Trajectory,
     TrajectoryKind, answers,
 };
-use crate::signal::fit_sine_at;
+use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
 use kalmems_core::Covariance;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// A part of a record as the filters see it.
 #[derive(Clone, Debug)]
@@ -25,6 +26,8 @@ pub struct Samples<'a> {
     pub taken: estimate::Samples,
     /// The drive at each sample in V.
     pub drive: &'a [f64],
+    /// The sines that it follows, each with the samples that it is for.
+    pub sines: &'a [(Range<usize>, Sine)],
     /// The frequency that it had at the record's beginning, in Hz.
     pub drive_hz: f64,
     /// Which electrodes there are signals of, as places in the hardware.
@@ -97,7 +100,7 @@ fn one(
     };
     let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
-    let mut course = StageCourse::new(time, samples.drive, &channels, stage, filter.density);
+    let mut course = StageCourse::new(time, (samples.drive, samples.sines), &channels, stage, filter.density);
     answers((&filter.basics, past), begin, (&mut course, &samples.taken), &STATES, progress)
 }
 

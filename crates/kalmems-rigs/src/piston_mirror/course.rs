@@ -2,7 +2,7 @@
 
 use super::data::SegmentData;
 use super::phasor::Phasor;
-use crate::estimate::{Counts, Course, Derived};
+use crate::estimate::{Bridge, Counts, Course, Derived};
 use kalmems_core::{Filter, FilterError};
 use std::f64::consts::TAU;
 
@@ -56,9 +56,7 @@ impl<P: Phasor<N>, const N: usize> Course<N> for PhasorCourse<'_, P, N> {
             return filter.predict_linked(&self.usual, &turns).map(drop);
         }
         // The step is exact over any interval: a gap needs no more than one.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and not negative
-        let missing = (interval / self.data.interval_s).round().max(1.0) as usize - 1;
-        counts.bridged += missing;
+        counts.bridged = counts.bridged.saturating_add(Bridge::over(interval, self.data.interval_s).missing);
         filter.predict_linked(&self.phasor.over(interval), &turns).map(drop)
     }
 }

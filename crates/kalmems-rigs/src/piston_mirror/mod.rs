@@ -86,7 +86,7 @@ impl Rig for PistonMirrorRig {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
         let columns = columns(experiment, index)?;
         let all: Vec<&str> = [Some(columns.signal), columns.trigger].into_iter().flatten().collect();
-        Ok(experiment.recording(index)?.layout(&all))
+        experiment.layout_to_estimate(index, &all, Settings::cycle_s(experiment)?)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {

@@ -4,7 +4,8 @@ use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
-    ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+    CYCLES, ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign,
+    Start,
 };
 use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;
@@ -106,6 +107,21 @@ impl Hardware {
 }
 
 impl Settings {
+    /// How long a swing of the mirror takes in s, as far as the file says it: by its mechanics, or by the start of a filter.
+    /// Where both are left to the signal, the settling time stands for as many swings as a gap may last that is predicted
+    /// over.
+    pub fn cycle_s(experiment: &Experiment) -> Result<f64, ConfigError> {
+        let settings = Self::of(experiment)?;
+        let started = settings.filters.iter().find_map(|filter| match filter.motion {
+            Motion::Steady { start: Some(([_, hz, _], ..)), .. } => Some(hz),
+            Motion::Drifting { start: Some(([_, hz, ..], _)), .. } => Some(hz),
+            _ => None,
+        });
+        let known_hz = settings.hardware.mechanics.map(|mechanics| mechanics.resonance_hz).or(started);
+        let settling_s = if settings.skip_s > 0.0 { settings.skip_s } else { 1.0 };
+        Ok(known_hz.map_or(settling_s / CYCLES, |hz| 1.0 / hz))
+    }
+
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let hardware = Hardware::of(experiment)?;

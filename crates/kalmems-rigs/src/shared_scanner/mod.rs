@@ -37,7 +37,7 @@ use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
-use settings::Settings;
+use settings::{Hardware, Settings};
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -60,7 +60,8 @@ impl Rig for SharedScannerRig {
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+        let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
 
     fn estimator<'a>(
@@ -160,8 +161,24 @@ impl Estimator for ScannerEstimator<'_> {
         let (beside, place) = (&self.beside, &segment.place);
         let trajectories = segment::estimate(settings, beside, data, past, place, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-        Ok(segment.estimated_under(drive_column, (axis, Vec::new()), trajectories))
+        let remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
+        Ok(SegmentEstimate {
+            remarks,
+            ..segment.estimated_under(drive_column, (axis, Vec::new()), trajectories)
+        })
     }
+}
+
+/// What has to be known of the sign of a motion that was calibrated for the first stretch of a record, in a later one.
+fn sign_after_restart(part: &Part, calibrated: bool) -> Vec<String> {
+    if !(calibrated && part.begins && part.segment.stretch.number > 1) {
+        return Vec::new();
+    }
+    vec![
+        "the sign of the motion is taken from `estimate.first_peak` anew in this stretch; it was calibrated for the first one, \
+         and behind a gap the motion may have the other sign"
+            .to_owned(),
+    ]
 }
 
 /// Cycles of the motion after the settling time in which a turning point tells its sign.

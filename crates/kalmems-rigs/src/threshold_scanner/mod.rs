@@ -69,7 +69,8 @@ impl Rig for ThresholdScannerRig {
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+        let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
 
     fn estimator<'a>(

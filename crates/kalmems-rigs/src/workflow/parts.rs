@@ -2,10 +2,11 @@
 
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
-use crate::estimate::{Around, EstimateError, Part, Progress, Silent};
+use crate::estimate::{Around, EstimateError, Part, Progress, SegmentEstimate, StretchJudge, StretchSummary};
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
 use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, of};
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -37,6 +38,8 @@ pub struct WholeRecording {
     pub diagnosis: Vec<Finding>,
     /// The same of its reference, where there is one.
     pub reference: Option<(Source, Vec<Finding>)>,
+    /// What became of the stretches of records that were cut.
+    pub stretches: StretchSummary,
 }
 
 /// Why the work on a long recording ended early.
@@ -104,7 +107,8 @@ impl Work<'_> {
         let (experiment, index) = (self.experiment, self.index);
         let file = &experiment.recording(index)?.file;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
-        let mut estimator = self.rig.estimator(experiment, index, &Silent)?;
+        let stopped = Stopped { progress: self.progress, reached: Cell::new(0) };
+        let mut estimator = self.rig.estimator(experiment, index, &stopped)?;
         let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
@@ -117,9 +121,10 @@ impl Work<'_> {
                 progress.begin("estimating", total);
                 begun = true;
             }
+            stopped.reached.set(done);
             progress.reached(done)
         };
-        let mut any = false;
+        let (mut any, mut judge) = (false, StretchJudge::default());
         loop {
             if let Some(interval_s) = stretches.beginning(&mut hear)? {
                 stretches.give(around_part(estimator.around(interval_s)));
@@ -138,14 +143,19 @@ impl Work<'_> {
                 begins: stretch.begins,
                 ends: stretch.ends,
             };
-            require_head(estimator.as_ref(), &part, file)?;
-            let reference = match &mut reference {
-                Some(reference) => reference,
-                closed => closed.insert(self.reference(stretch.recording.origin())?),
-            };
-            let outcome = self.part(estimator.as_mut(), &part, reference.as_mut())?;
-            let (begins, ends) = (stretch.begins, stretch.ends);
-            taken(PartOutcome { index: self.place, outcome, begins, ends }).map_err(PartsError::Taken)?;
+            if !judge.leaves_out(&part)? {
+                require_head(estimator.as_ref(), &part, file)?;
+                if let Some(estimate) = judge.judge(&part, estimator.take(&part))? {
+                    let reference = match &mut reference {
+                        Some(reference) => reference,
+                        closed => closed.insert(self.reference(stretch.recording.origin())?),
+                    };
+                    let outcome = self.part(estimate, &part, reference.as_mut())?;
+                    let (begins, ends) = (stretch.begins, stretch.ends);
+                    taken(PartOutcome { index: self.place, outcome, begins, ends })
+                        .map_err(PartsError::Taken)?;
+                }
+            }
             stretches.reuse(stretch);
         }
         if !any {
@@ -154,8 +164,8 @@ impl Work<'_> {
         }
         let (source, diagnosis) = stretches.finish();
         estimator.conclude(&source.file, &diagnosis)?;
-        let reference = reference.flatten().map(ReferenceParts::finish);
-        Ok(WholeRecording { source, diagnosis, reference })
+        let (reference, stretches) = (reference.flatten().map(ReferenceParts::finish), judge.finish()?);
+        Ok(WholeRecording { source, diagnosis, reference, stretches })
     }
 
     fn reference(&self, origin: Instant) -> Result<Option<ReferenceParts>, ReferenceError> {
@@ -165,11 +175,10 @@ impl Work<'_> {
 
     fn part(
         &self,
-        estimator: &mut dyn Estimator,
+        estimate: SegmentEstimate,
         part: &Part,
         reference: Option<&mut ReferenceParts>,
     ) -> Result<RecordingOutcome, WorkflowError> {
-        let estimate = estimator.take(part)?;
         let ends = |pick: fn(&[f64]) -> Option<&f64>| {
             let times = estimate.trajectories.iter().filter_map(move |t| pick(&t.time_s).copied());
             times.collect::<Vec<f64>>()
@@ -178,12 +187,28 @@ impl Work<'_> {
         let to_s = ends(<[f64]>::last).into_iter().fold(f64::NEG_INFINITY, f64::max);
         let known: Option<ReferenceRecording> = match reference {
             Some(reference) => {
-                reference.over(&part.segment.label, from_s, to_s, &mut |_, _| ControlFlow::Continue(()))?
+                reference.over(part.segment, from_s, to_s, &mut |_, _| ControlFlow::Continue(()))?
             }
             None => None,
         };
         let described = self.experiment.recording(self.index)?;
-        Ok(evaluate(self.rig, described, part.recording.clone(), vec![estimate], known)?)
+        let estimates = (vec![estimate], StretchSummary::default());
+        Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known)?)
+    }
+}
+
+/// Stops the work on a part where the whole is stopped, and tells nothing of it.
+struct Stopped<'a> {
+    progress: &'a dyn Progress,
+    /// How far the whole has come.
+    reached: Cell<u64>,
+}
+
+impl Progress for Stopped<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        self.progress.reached(self.reached.get())
     }
 }
 

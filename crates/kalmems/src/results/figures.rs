@@ -150,8 +150,8 @@ fn value_panel(
         all.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, v)| (*t, v * factor)).collect()
     };
     let mut panel = Panel::new(time_axis(), Axis::new(words(of), unit));
-    let label = &segment.estimate.segment.label;
-    let references = recording.reference.as_ref().and_then(|reference| reference.values(label).ok());
+    let own = &segment.estimate.segment;
+    let references = recording.reference.as_ref().and_then(|reference| reference.values_of(own).ok());
     let reference = references.iter().flatten().find(|reference| reference.state.name == of);
     if let Some(reference) = reference {
         let line = within(&reference.time_s, &reference.value);
@@ -203,7 +203,7 @@ fn reference_window(
     start: f64,
     end: f64,
 ) -> Option<Vec<(f64, f64)>> {
-    let references = recording.reference.as_ref()?.segment(&segment.estimate.segment.label).ok()?;
+    let references = recording.reference.as_ref()?.angles_of(&segment.estimate.segment).ok()?;
     let reference = references.iter().find(|reference| reference.states[0] == angle)?;
     let samples = reference.time_s.iter().zip(&reference.angle);
     Some(samples.filter(|(t, _)| (start..=end).contains(*t)).map(|(t, a)| (*t, a.to_degrees())).collect())

@@ -5,6 +5,7 @@ use super::page::page;
 use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
+use crate::pace::Pace;
 use crate::recording::Source;
 use crate::report::{ReportError, write_figure};
 use crate::workflow::Outcome;
@@ -44,7 +45,8 @@ pub enum WriteError {
 
 /// Writes trajectories, figures, record of the run and report into a result.
 ///
-/// `trajectory_<filter>.csv`, with the recording's and the segment's name in front where there are several;
+/// `trajectory_<filter>.csv`, with the recording's and the segment's name in front where there are several, and `stretch_2` and
+/// so on for the later stretches of a record;
 /// `metrics.json`; `run.toml`; `report.html`, and its pictures in `figures/`. Where `stop` says so in between, the
 /// work ends.
 pub fn write_estimate(
@@ -60,7 +62,7 @@ pub fn write_estimate(
         let unit = recording.recording.column(column).ok().and_then(|c| c.header.unit);
         let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
         for segment in &recording.segments {
-            let prefix = prefix(outcome, recording, &segment.estimate.segment.label);
+            let prefix = prefix(outcome, recording, &segment.estimate.segment);
             for trajectory in &segment.estimate.trajectories {
                 let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
                 let mut finished = true;
@@ -99,9 +101,6 @@ fn input_id(outcome: &Outcome) -> String {
     format!("{}: {}", outcome.experiment.name, files.collect::<Vec<_>>().join(", "))
 }
 
-/// Rows between two looks at whether to stop.
-const ROWS: usize = 65_536;
-
 /// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still
 /// read back as the same bits. Whether it came to the end, or was stopped.
 fn write_trajectory(
@@ -132,8 +131,9 @@ pub(super) fn write_rows(
     w: &mut dyn Write,
     stop: &dyn Fn() -> bool,
 ) -> io::Result<bool> {
+    let mut pace = Pace::default();
     for k in 0..trajectory.time_s.len() {
-        if k % ROWS == 0 && stop() {
+        if pace.is_due(k) && stop() {
             return Ok(false);
         }
         write!(w, "{}", trajectory.time_s[k])?;

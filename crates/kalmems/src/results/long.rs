@@ -10,7 +10,8 @@ use super::{
     WriteOptions,
 };
 use crate::config::Experiment;
-use crate::recording::Source;
+use crate::estimate::StretchSummary;
+use crate::recording::{Segment, Source};
 use crate::report::{Figure, write_figure};
 use crate::rigs;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
@@ -18,8 +19,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::time::UNIX_EPOCH;
 
-/// Segments of which there are pictures.
-const PICTURED: usize = 16;
+/// Segments of a long recording, and stretches of a record, of which there are pictures.
+pub(super) const PICTURED: usize = 16;
 
 /// The results of an estimate on the way.
 ///
@@ -89,6 +90,7 @@ impl<'a> LongEstimate<'a> {
                 diagnosis: Vec::new(),
                 reference,
                 reference_diagnosis: Vec::new(),
+                stretches: StretchSummary::default(),
                 segments: Vec::new(),
             });
             self.drawn.push(Vec::new());
@@ -122,8 +124,9 @@ impl<'a> LongEstimate<'a> {
     }
 
     /// The recording's name where there are several, the segment's where it has one.
-    fn prefix(&self, part: &PartOutcome, label: &str) -> String {
-        of_parts([(self.experiment.recordings.len() > 1, &part.outcome.name), (!label.is_empty(), label)])
+    fn prefix(&self, part: &PartOutcome, segment: &Segment) -> String {
+        let (several, label) = (self.experiment.recordings.len() > 1, segment.label.as_str());
+        of_parts([(several, &part.outcome.name), (!label.is_empty(), label)], segment)
     }
 
     fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
@@ -131,7 +134,7 @@ impl<'a> LongEstimate<'a> {
         let column = part.outcome.recording.column(&estimate.signal_column).ok();
         let unit = column.and_then(|column| column.header.unit);
         let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
-        let prefix = self.prefix(part, &estimate.segment.label);
+        let prefix = self.prefix(part, &estimate.segment);
         for trajectory in &estimate.trajectories {
             let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
             if !self.files.contains_key(&name) {
@@ -154,7 +157,7 @@ impl<'a> LongEstimate<'a> {
         if drawn >= PICTURED {
             return Ok(());
         }
-        let prefix = self.prefix(part, &outcome.estimate.segment.label);
+        let prefix = self.prefix(part, &outcome.estimate.segment);
         let mut all = Vec::new();
         if self.parts.len() > 1 {
             all.push(course(&self.parts, &prefix));
@@ -171,6 +174,7 @@ impl<'a> LongEstimate<'a> {
     pub fn finish(mut self, whole: &[WholeRecording], info: RunInfo) -> Result<Metrics, WriteError> {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
             own.diagnosis = texts(&whole.diagnosis);
+            own.stretches = whole.stretches.clone();
             own.reference_diagnosis =
                 whole.reference.as_ref().map_or_else(Vec::new, |(_, found)| texts(found));
         }

@@ -1,10 +1,11 @@
 //! The figures of an estimate.
 
 use crate::estimate::{
-    Consistency, Counts, Lock, LockEvent, SegmentEstimate, Trajectory, TrajectoryKind, is_the_only_one,
+    Consistency, Counts, Lock, LockEvent, SegmentEstimate, StretchSummary, Trajectory, TrajectoryKind,
+    is_the_only_one,
 };
 use crate::evaluate::{ErrorsByState, MotionErrors, ValueState};
-use crate::recording::{Finding, Origin};
+use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
 use serde::Serialize;
@@ -39,6 +40,9 @@ pub struct RecordingMetrics {
     pub reference: Option<String>,
     /// What was found in that one.
     pub reference_diagnosis: Vec<FindingText>,
+    /// What became of the stretches of its records, where some were cut.
+    #[serde(skip_serializing_if = "StretchSummary::is_empty")]
+    pub stretches: StretchSummary,
     /// One per segment.
     pub segments: Vec<SegmentMetrics>,
 }
@@ -58,6 +62,9 @@ pub struct FindingText {
 pub struct SegmentMetrics {
     /// Its label; empty where the recording has one segment.
     pub label: String,
+    /// Which stretch of its record it is, where that was cut before it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretch: Option<StretchPlace>,
     /// How long it is, in s.
     pub duration_s: f64,
     /// How much of that is not scored, in s.
@@ -326,6 +333,7 @@ impl Metrics {
             reference: recording.reference.as_ref().map(|r| r.recording().source().file.clone()),
             reference_diagnosis: (recording.reference.as_ref())
                 .map_or_else(Vec::new, |r| texts(r.recording().diagnosis())),
+            stretches: recording.stretches.clone(),
             segments: recording.segments.iter().map(segment).collect(),
         });
         Self {
@@ -357,6 +365,7 @@ pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
         .collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
+        stretch: Some(estimate.segment.stretch).filter(|stretch| stretch.number > 1),
         duration_s: time.at(time.len().saturating_sub(1)) - time.start_s(),
         skip_s: estimate.skip_s,
         motion_hz: estimate.motion.frequency_hz,

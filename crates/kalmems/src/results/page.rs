@@ -1,6 +1,7 @@
 //! The report of an estimate as a page.
 
 use super::figures::figures;
+use super::long::PICTURED;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
@@ -13,7 +14,9 @@ use crate::workflow::{Outcome, SegmentOutcome};
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
     let drawn = outcome.recordings.iter().map(|recording| {
         let of = |segment: &SegmentOutcome| {
-            figures(recording, segment, &prefix(outcome, recording, &segment.estimate.segment.label))
+            let own = &segment.estimate.segment;
+            let is_drawn = own.stretch.number <= PICTURED;
+            if is_drawn { figures(recording, segment, &prefix(outcome, recording, own)) } else { Vec::new() }
         };
         recording.segments.iter().map(of).collect()
     });

@@ -88,7 +88,14 @@ fn per_step(seconds: f64) -> String {
 }
 
 pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String {
-    if segment.label.is_empty() { recording.to_owned() } else { format!("{recording}, {}", segment.label) }
+    let mut name = recording.to_owned();
+    if !segment.label.is_empty() {
+        name += &format!(", {}", segment.label);
+    }
+    if let Some(stretch) = segment.stretch {
+        name += &format!(", stretch {}", stretch.number);
+    }
+    name
 }
 
 /// A quantity that is no angle, of which the table has figures.
@@ -206,6 +213,13 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         let reference = recording.reference.as_deref();
         for finding in &recording.reference_diagnosis {
             say(Severity::Note, format!("{}: {}", reference.unwrap_or("the reference"), finding.message));
+        }
+        for left_out in &recording.stretches.first_left_out {
+            say(Severity::Note, format!("stretch {} is not estimated: {}", left_out.stretch, left_out.why));
+        }
+        let named = recording.stretches.first_left_out.len();
+        if let Some(more) = recording.stretches.left_out.checked_sub(named).filter(|more| *more > 0) {
+            say(Severity::Note, format!("{}: {more} more stretches are not estimated", recording.file));
         }
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);

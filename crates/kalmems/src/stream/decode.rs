@@ -19,6 +19,8 @@ pub struct Damage {
     pub lines: u64,
     /// Bytes between frames that belong to none.
     pub bytes: u64,
+    /// Lines and frames that were cut off: a line without its end cannot be told from a shorter one.
+    pub cut_off: u64,
 }
 
 /// The longest line that is looked at; a longer one is damaged.
@@ -102,15 +104,23 @@ impl Decoder {
         self.rest.drain(..done);
     }
 
-    /// What is left at the end of the input: a last line without an end is a sample, half a frame is none.
-    pub fn finish(&mut self, each: &mut impl FnMut(Sample)) {
-        if let Format::Text { .. } = self.format {
-            if !self.rest.is_empty() {
-                self.take(b"\n", each);
+    /// The end of the input, or a break in it: a line or a frame that is not whole is no sample.
+    pub fn cut_off(&mut self) {
+        let rest = std::mem::take(&mut self.rest);
+        match &mut self.format {
+            Format::Text { columns, in_a_long_line, .. } => {
+                let line = rest.trim_ascii();
+                let is_nothing = line.is_empty() || line.starts_with(b"#") || is_header(line, columns);
+                // Of a line that is too long the beginning was counted.
+                if !std::mem::take(in_a_long_line) && !is_nothing {
+                    self.damage.cut_off += 1;
+                }
             }
-        } else {
-            self.damage.bytes += self.rest.len() as u64;
-            self.rest.clear();
+            Format::Frames { sync, .. } => {
+                let begun = rest.starts_with(&sync[..sync.len().min(rest.len())]) && !rest.is_empty();
+                self.damage.cut_off += u64::from(begun);
+                self.damage.bytes += if begun { 0 } else { rest.len() as u64 };
+            }
         }
     }
 }
@@ -232,27 +242,47 @@ mod tests {
         for piece in bytes.chunks(piece) {
             decoder.take(piece, &mut |sample| samples.push(sample));
         }
-        decoder.finish(&mut |sample| samples.push(sample));
+        decoder.cut_off();
         (samples, decoder.damage())
     }
 
     #[test]
     fn lines_come_in_any_pieces() {
         let format = StreamFormat::Text { columns: vec!["time_s".to_owned(), "cap_mV".to_owned()] };
-        let text = b"# a comment\ntime_s,cap_mV\n0,1.5\r\n\n1e-6, 2.5\nnonsense\n1,2,3\n2e-6,\n3e-6,5.71";
+        let text =
+            b"# a comment\ntime_s,cap_mV\n0,1.5\r\n\n1e-6, 2.5\nnonsense\n1,2,3\n2e-6,\n3e-6,5.71\n4e-6,1";
         for piece in [1, 2, 7, 1000] {
             let (samples, damage) = decoded(&format, text, piece);
             let numbers: Vec<f64> = samples.iter().flat_map(|s| s.numbers.clone()).collect();
             assert_eq!(numbers.len(), 8);
             assert_eq!(numbers[..5], [0.0, 1.5e-3, 1e-6, 2.5e-3, 2e-6]);
             assert!(numbers[5].is_nan() && numbers[7] == 5.71e-3);
-            assert_eq!(damage, Damage { lines: 2, bytes: 0 });
+            assert_eq!(damage, Damage { lines: 2, bytes: 0, cut_off: 1 });
         }
         // A line without end takes no memory without end, and what follows is read.
         let mut long = vec![b'1'; 3 * LONGEST];
         long.extend_from_slice(b"\n4,5\n");
         let (samples, damage) = decoded(&format, &long, 999);
         assert!(samples.len() == 1 && damage.lines == 1, "{} {damage:?}", samples.len());
+    }
+
+    #[test]
+    fn what_is_left_without_its_end_is_no_sample_and_counted_where_it_could_be_one() {
+        let format = StreamFormat::Text { columns: vec!["time_s".to_owned(), "cap_mV".to_owned()] };
+        for (end, cut_off) in
+            [("", 0), ("1", 1), ("2,1.0288", 1), (" ", 0), ("# a com", 0), ("time_s,cap_mV", 0)]
+        {
+            let (samples, damage) = decoded(&format, format!("1,2\n{end}").as_bytes(), 1000);
+            assert_eq!((samples.len(), damage), (1, Damage { cut_off, ..Damage::default() }), "{end}");
+        }
+        // What comes after a break begins a line.
+        let mut decoder = Decoder::new(&format, &[0, 0]);
+        let mut samples = Vec::new();
+        decoder.take(b"1,2\n2,3.5", &mut |sample| samples.push(sample));
+        decoder.cut_off();
+        decoder.take(b"7,8\n", &mut |sample| samples.push(sample));
+        let numbers: Vec<Vec<f64>> = samples.into_iter().map(|sample| sample.numbers).collect();
+        assert_eq!((numbers, decoder.damage().cut_off), (vec![vec![1.0, 2.0], vec![7.0, 8.0]], 1));
     }
 
     #[test]
@@ -274,7 +304,7 @@ mod tests {
             let found: Vec<u64> = samples.iter().filter_map(|s| s.sequence).collect();
             assert_eq!(found, [1, 2, 65535]);
             assert_eq!(samples[1].numbers, [2e-6, 2.5e-3]);
-            assert_eq!(damage, Damage { lines: 0, bytes: 7 + 9 });
+            assert_eq!(damage, Damage { lines: 0, bytes: 7, cut_off: 1 });
         }
         assert_eq!(format.columns(), ["time_s", "cap_mV"]);
         assert_eq!(format.sequence_bits(), Some(16));

@@ -1,5 +1,6 @@
 //! What happens in a trajectory that goes on.
 
+use super::supervision::{FilterHealth, LockState};
 use crate::estimate::{Crossing, Foretold, LockEvent, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
@@ -53,7 +54,7 @@ pub enum Event {
         /// The mean.
         mean_nis: f64,
     },
-    /// The filter stopped; nothing comes after this.
+    /// The filter stopped; nothing comes after this in its stretch.
     Stopped {
         /// When, in s.
         time_s: f64,
@@ -92,6 +93,7 @@ pub struct Watch {
     /// The last sample of each angle: time, angle and rate.
     last: Vec<Option<[f64; 3]>>,
     alarm: Alarm,
+    lost: bool,
     stopped: bool,
 }
 
@@ -103,6 +105,8 @@ struct Alarm {
     count: usize,
     sum: f64,
     raised: bool,
+    /// The mean of the last so many.
+    mean_nis: Option<f64>,
 }
 
 impl Watch {
@@ -112,12 +116,35 @@ impl Watch {
         let bounds = ChiSquared::new(over as f64).map_or([f64::INFINITY; 2], |chi| {
             [1.0 - BY_CHANCE, 0.975].map(|p| chi.inverse_cdf(p) / over as f64)
         });
-        let alarm = Alarm { over, bounds, count: 0, sum: 0.0, raised: false };
-        Self { last: Vec::new(), alarm, stopped: false }
+        let alarm = Alarm { over, bounds, count: 0, sum: 0.0, raised: false, mean_nis: None };
+        Self { last: Vec::new(), alarm, lost: false, stopped: false }
+    }
+
+    /// Begins anew with a stretch that does not go on from the last one. An alarm stands until it is over.
+    pub fn begin(&mut self) {
+        self.last.clear();
+        (self.alarm.count, self.alarm.sum, self.alarm.mean_nis) = (0, 0.0, None);
+        (self.lost, self.stopped) = (false, false);
+    }
+
+    /// How the filter fares.
+    pub fn health(&self, key: &str) -> FilterHealth {
+        let lock = match (self.stopped, self.lost) {
+            (true, _) => LockState::Stopped,
+            (_, true) => LockState::Lost,
+            _ => LockState::Held,
+        };
+        FilterHealth {
+            estimator: key.to_owned(),
+            lock,
+            mean_nis: self.alarm.mean_nis,
+            alarm: self.alarm.raised,
+        }
     }
 
     /// What happened in the next samples of a trajectory, in the order of time; from `from_s` on, when it has settled.
     pub fn look(&mut self, trajectory: &Trajectory, angles: &[[&'static str; 2]], from_s: f64) -> Vec<Event> {
+        self.lost = trajectory.lock.lost;
         let mut events: Vec<Event> = trajectory.lock.events.iter().copied().map(Event::Lock).collect();
         self.last.resize(angles.len(), None);
         for ([of, rate], last) in angles.iter().zip(&mut self.last) {
@@ -158,6 +185,7 @@ impl Alarm {
             return None;
         }
         let mean_nis = self.sum / self.count as f64;
+        self.mean_nis = Some(mean_nis);
         (self.count, self.sum) = (0, 0.0);
         let [raise, over] = self.bounds;
         if !self.raised && mean_nis > raise {

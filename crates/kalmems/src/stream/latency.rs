@@ -87,9 +87,10 @@ impl Arrivals {
         arrivals.iter().find(|(last, _)| sample <= *last).map(|(_, arrived)| *arrived)
     }
 
-    /// The estimates of all samples up to this one are there now.
-    pub fn done(&self, until: u64, histogram: &mut Histogram, from: u64) {
+    /// The estimates of all samples up to this one are there now; how long the slowest of them took.
+    pub fn done(&self, until: u64, histogram: &mut Histogram, from: u64) -> Duration {
         let now = Instant::now();
+        let mut longest = Duration::ZERO;
         let mut arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut done = from;
         while let Some((last, arrived)) = arrivals.front() {
@@ -97,13 +98,16 @@ impl Arrivals {
                 break;
             }
             let end = until.min(*last);
-            histogram.add(now.saturating_duration_since(*arrived), end.saturating_sub(done));
+            let took = now.saturating_duration_since(*arrived);
+            longest = longest.max(took);
+            histogram.add(took, end.saturating_sub(done));
             done = end.max(done);
             if *last > until {
                 break;
             }
             arrivals.pop_front();
         }
+        longest
     }
 }
 

@@ -4,33 +4,42 @@
 //! estimators take them stretch by stretch. So the estimate of a sample is that of [`workflow::estimate`](crate::workflow::estimate)
 //! over the same samples, to the last bit.
 
+mod connection;
 mod decode;
 mod events;
 mod latency;
+mod live;
+mod noise_only;
 mod order;
 mod output;
+mod shared;
 mod state;
+mod supervision;
 mod table;
 
+pub use connection::{Connection, Opened};
 pub use decode::{Damage, Decoder, Sample};
 pub use events::{Event, Watch};
 pub use latency::Histogram;
-pub use order::{Order, OrderCounts};
+pub use noise_only::{CYCLES, Content, FOUND_BY_CHANCE, NoiseWatch};
+pub use order::{Order, OrderCounts, OrderSettings, Ordered};
 pub use output::{Outputs, SYNC, SYNC_AHEAD};
-pub use table::WayCounts;
+pub use shared::{Break, WayCounts};
+pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
-use crate::estimate::{EstimateError, ForetoldCounts, Part, Past, SegmentEstimate, Silent, Trajectory};
+use crate::estimate::{EstimateError, ForetoldCounts, Past, StretchSummary};
 use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
-use crate::rigs::{self, Estimator, Rig};
+use crate::rigs;
 use latency::Arrivals;
-use output::Writer;
+use live::Live;
 use serde::Serialize;
+use shared::Shared;
 use state::{Keeper, State};
-use std::io::{self, Read};
-use std::ops::ControlFlow;
+use std::io;
 use std::path::Path;
-use table::{LiveTable, SharedCounts};
+use std::time::Duration;
+use table::{LiveSettings, LiveTable};
 
 /// New samples that are taken at once at most.
 const MOST: usize = 4096;
@@ -43,6 +52,12 @@ const KEPT: usize = 8;
 
 /// Over how many samples the mean NIS is watched, where the experiment does not say it.
 const WATCHED: usize = 100;
+
+/// The most missing rows that rows without numbers stand for, whatever the recording says.
+const LONGEST_GAP: u64 = 1 << 16;
+
+/// The shortest time between two health lines.
+const SHORTEST_BEAT: Duration = Duration::from_millis(100);
 
 /// Why a stream cannot be estimated, or ended early.
 #[derive(Debug, thiserror::Error)]
@@ -87,11 +102,25 @@ pub struct StreamSummary {
     pub diagnosis: Vec<Finding>,
     /// Samples that were estimated.
     pub estimated: u64,
+    /// Samples of stretches that could not be estimated, such as some that were too short.
+    pub not_estimated: u64,
+    /// What became of the stretches of the samples, where there are several: a new one begins behind a long gap, and where the
+    /// clock goes back.
+    #[serde(skip_serializing_if = "StretchSummary::is_empty")]
+    pub stretches: StretchSummary,
     /// Events, by what happened.
     pub events: u64,
+    /// Times at which the signal was found to be only noise.
+    pub noise_only: u64,
+    /// Zero phases and crossings that were not told while it was.
+    pub withheld: u64,
     /// How zero phases were told before they happened, where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ahead: Option<AheadSummary>,
+    /// Why no more samples came, where that was not the orderly end of the stream.
+    pub broken: Option<Break>,
+    /// Whether it was stopped.
+    pub interrupted: bool,
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
     pub latency: Histogram,
@@ -107,13 +136,15 @@ pub struct AheadSummary {
     pub overdue: u64,
 }
 
-/// Estimates the samples of an input until it ends, or until `stop` says so.
+/// Estimates the samples of a connection until it ends or breaks for good, or until `stop` says so.
 ///
 /// Where `state` names a file, what is needed to go on is kept there, and a run that finds it goes on from it: samples that it
 /// acknowledged are passed over, so that the sender may send them again.
+///
+/// A connection that breaks is no error: what was received is estimated, and the summary says what broke and when.
 pub fn stream(
     experiment: &Experiment,
-    input: Box<dyn Read + Send>,
+    connection: Box<dyn Connection>,
     outputs: Outputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
@@ -125,7 +156,8 @@ pub fn stream(
     })?;
     let rig = rigs::of(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
-    let mut estimator = rig.live(experiment, index, &Silent)?;
+    let stopping = live::Stopping::new(stop);
+    let mut estimator = rig.live(experiment, index, &stopping)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
     // To smooth over the whole there must be an end.
@@ -133,78 +165,58 @@ pub fn stream(
         return Err(StreamError::Smooths);
     }
     let layout = rig.layout(experiment, index)?;
-    let (arrivals, counts) = (Arrivals::default(), SharedCounts::default());
+    let (arrivals, shared) = (Arrivals::default(), Shared::default());
     let text = experiment.to_toml().unwrap_or_default();
     let left = state.map(|path| State::read(path, &text)).transpose()?.flatten();
-    let mut table = live_table(experiment, described, &layout, input, (arrivals.clone(), counts.clone()))?;
+    let mut table =
+        live_table(experiment, described, &layout, connection, (arrivals.clone(), shared.clone()))?;
     let again = left.as_ref().map_or(0, State::kept);
     if let Some(left) = &left {
         *estimator.past() = Past::resumed(left.past());
         table.go_on(left);
     }
-    let stretch = recording::Around {
+    let whole = recording::Around {
         rows: MOST,
-        first: if left.is_some() { again + 1 } else { around.head },
+        first: around.head,
         before: around.before,
         after: around.after.max(1),
     };
-    let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, stretch)?;
-    let channel = channel(experiment, described, &outputs)?;
-    let mut live = Live {
+    let first = if left.is_some() { again + 1 } else { around.head };
+    let begin = recording::Around { first, ..whole };
+    let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, begin)?;
+    // A stretch that begins later begins as a recording does.
+    let settings = live::Settings {
         rig,
         skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
-        watches: Vec::new(),
-        channel,
-        writer: Writer::new(outputs, described.every.map_or(1, |every| u64::from(every.get()))),
-        again: again as u64,
-        estimated: 0,
-        events: 0,
-        ahead: AheadSummary::default(),
-        start_s: left.as_ref().map_or(f64::NAN, |_| estimator.past().start_s),
-        keeper: state.map(|path| keeper(path, text, &layout)).transpose()?,
+        every: described.every.map_or(1, |every| u64::from(every.get())),
+        channel: channel(experiment, described, &outputs)?,
+        heartbeat: heartbeat(experiment, described)?,
         kept: around.before.max(KEPT),
-        latency: Histogram::default(),
-        arrivals,
     };
-    let mut go_on = |_: u64, _: u64| if stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-    loop {
-        let stretch = match stretches.next(&mut go_on) {
-            // Stopped: what has been read is all there is.
-            Err(ReadError::Interrupted { .. }) => {
-                stretches.cut_off();
-                stretches.next(&mut |_, _| ControlFlow::Continue(()))?
-            }
-            next => next?,
-        };
-        let Some(stretch) = stretch else { break };
-        let Some(segment) = stretch.recording.segments().first() else { continue };
-        // What another run took already is there to be interpolated through.
-        let known = if stretch.begins { again } else { 0 };
-        let part = Part {
-            recording: &stretch.recording,
-            segment,
-            fresh: (stretch.fresh.start + known).min(stretch.fresh.end)..stretch.fresh.end,
-            begins: stretch.begins && left.is_none(),
-            ends: stretch.ends,
-        };
-        if part.fresh.is_empty() {
-            continue;
-        }
-        let estimate = estimator.take(&part)?;
-        live.foretell(&estimate.trajectories, &part, estimator.past())?;
-        live.take(&estimate, &part)?;
-        live.keep(&estimate.trajectories, &part, estimator.as_mut())?;
-        stretches.reuse(stretch);
-        if stop() {
-            stretches.cut_off();
+    let keeper = state.map(|path| keeper(path, text, &layout)).transpose()?;
+    let mut live = Live::new(settings, outputs, keeper, (arrivals, shared), &stopping);
+    if left.is_some() {
+        live.resume(again as u64, estimator.past().start_s);
+    }
+    let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
+    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
+    let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
+    summary.origin = origin;
+    summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
+    Ok(summary)
+}
+
+/// How often health is told.
+fn heartbeat(experiment: &Experiment, described: &Stream) -> Result<Option<Duration>, ConfigError> {
+    let Some(every) = &described.heartbeat else { return Ok(None) };
+    match Duration::try_from_secs_f64(every.si()) {
+        Ok(every) if every >= SHORTEST_BEAT => Ok(Some(every)),
+        _ => {
+            let why = format!("a health line every {} s is not told; expected 0.1 s or more", every.si());
+            Err(experiment.error(Key::from("stream").child("heartbeat"), Fault::Value { why }))
         }
     }
-    live.writer.flush()?;
-    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
-    let Live { estimated, events, latency, .. } = live;
-    let ahead = described.trigger.as_ref().map(|_| live.ahead);
-    Ok(StreamSummary { received: counts.now(), origin, diagnosis, estimated, events, ahead, latency })
 }
 
 /// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
@@ -229,8 +241,8 @@ fn live_table(
     experiment: &Experiment,
     described: &Stream,
     layout: &recording::Layout,
-    input: Box<dyn Read + Send>,
-    shared: (Arrivals, SharedCounts),
+    connection: Box<dyn Connection>,
+    shared: (Arrivals, Shared),
 ) -> Result<LiveTable, StreamError> {
     let columns = described.input.columns();
     let time = match &layout.clock {
@@ -245,9 +257,22 @@ fn live_table(
         }
         Clock::Rate { .. } => None,
     };
-    let wait = described.wait.unwrap_or(WAIT) as usize;
-    let interval_s = 1.0 / described.rate.si();
-    Ok(LiveTable::new(input, &described.input, (wait, time, interval_s), shared))
+    let settings = LiveSettings {
+        wait: described.wait.unwrap_or(WAIT) as usize,
+        time,
+        interval_s: 1.0 / described.rate.si(),
+        longest_gap: longest_gap(layout, described.rate.si()),
+        reconnect: (described.reconnect.as_ref())
+            .map(|time| Duration::try_from_secs_f64(time.si()).unwrap_or(Duration::MAX)),
+    };
+    Ok(LiveTable::new(connection, &described.input, &settings, shared))
+}
+
+/// How many rows are missing at most that are predicted over.
+fn longest_gap(layout: &recording::Layout, rate_hz: f64) -> u64 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
+    let rows = layout.restarts.map_or(LONGEST_GAP, |restarts| (restarts.longest_gap_s * rate_hz) as u64);
+    rows.min(LONGEST_GAP)
 }
 
 /// What keeps the state. Samples without a time could not be told from those that were taken already.
@@ -266,116 +291,4 @@ fn watched(over_s: f64, rate_hz: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
     let samples = (over_s * rate_hz).round().max(1.0) as usize;
     samples
-}
-
-/// What is kept while samples arrive.
-struct Live {
-    rig: &'static dyn Rig,
-    skip_s: f64,
-    over: usize,
-    /// One per answer.
-    watches: Vec<Watch>,
-    /// Whether zero phases that are to come are told among the lines, and among the frames.
-    channel: [bool; 2],
-    ahead: AheadSummary,
-    writer: Writer,
-    /// Samples of another run that this one begins with.
-    again: u64,
-    estimated: u64,
-    events: u64,
-    start_s: f64,
-    keeper: Option<Keeper>,
-    /// How many samples the state keeps.
-    kept: usize,
-    latency: Histogram,
-    arrivals: Arrivals,
-}
-
-impl Live {
-    /// Keeps what another run needs, and says what it need not be sent again.
-    fn keep(
-        &mut self,
-        trajectories: &[Trajectory],
-        part: &Part,
-        estimator: &mut dyn Estimator,
-    ) -> Result<(), StreamError> {
-        let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let (end, kept) = (part.fresh.end, self.kept);
-        let last = || {
-            let rows = end.saturating_sub(kept)..end;
-            let columns = part.recording.columns();
-            let sample = |k: usize| {
-                let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
-                std::iter::once(part.segment.time.at(k)).chain(numbers).map(f64::to_bits).collect()
-            };
-            (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
-        };
-        if let Some(acknowledged_s) =
-            keeper.given((trajectories, part.recording.origin()), last, part.ends)?
-        {
-            self.writer.acknowledged(acknowledged_s)?;
-        }
-        Ok(())
-    }
-
-    /// Tells the zero phases that are to come, before all else of their samples.
-    fn foretell(
-        &mut self,
-        trajectories: &[Trajectory],
-        part: &Part,
-        past: &mut Past,
-    ) -> Result<(), StreamError> {
-        let Some((foreteller, mirrored)) = past.foreteller() else { return Ok(()) };
-        let foretold = foreteller.hand_on(mirrored);
-        self.ahead.counts = foreteller.counts();
-        let key = foreteller.key();
-        let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
-        let of = self.rig.angles().first().map_or("angle", |[angle, _]| angle);
-        let [on_lines, on_frames] = self.channel;
-        for foretold in &foretold {
-            if on_lines {
-                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, foretold: *foretold }])?;
-            }
-            if on_frames {
-                self.writer.ahead(place, foretold)?;
-            }
-        }
-        self.writer.flush()?;
-        self.events += foretold.len() as u64;
-        let mut row = part.fresh.start;
-        for foretold in &foretold {
-            while row + 1 < part.fresh.end && part.segment.time.at(row) < foretold.told_s {
-                row += 1;
-            }
-            let sample = self.again + self.estimated + 1 + (row - part.fresh.start) as u64;
-            let left_s = foretold.time_s - foretold.told_s;
-            let passed = self.arrivals.of(sample).map(|arrived| arrived.elapsed().as_secs_f64());
-            self.ahead.overdue += u64::from(passed.is_some_and(|passed_s| passed_s > left_s));
-        }
-        Ok(())
-    }
-
-    fn take(&mut self, estimate: &SegmentEstimate, part: &Part) -> Result<(), StreamError> {
-        let trajectories = &estimate.trajectories;
-        if part.begins {
-            self.start_s = part.segment.time.start_s();
-        }
-        let from_s = self.start_s + self.skip_s;
-        self.writer.origin(part.recording.source().origin.as_ref())?;
-        self.writer.estimates(trajectories)?;
-        let crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
-        self.events += crossings.len() as u64;
-        self.writer.events(None, &crossings)?;
-        self.watches.resize_with(trajectories.len(), || Watch::new(self.over));
-        for (trajectory, watch) in trajectories.iter().zip(&mut self.watches) {
-            let events = watch.look(trajectory, self.rig.angles(), from_s);
-            self.events += events.len() as u64;
-            self.writer.events(Some(&trajectory.key), &events)?;
-        }
-        self.writer.flush()?;
-        let before = self.again + self.estimated;
-        self.estimated += part.fresh.len() as u64;
-        self.arrivals.done(self.again + self.estimated, &mut self.latency, before);
-        Ok(())
-    }
 }

@@ -18,6 +18,8 @@ pub struct OrderCounts {
     pub too_late: u64,
     /// Samples without a time although there should be one; they are left out.
     pub without_time: u64,
+    /// Samples far ahead of those before and after them, as of a damaged time; they are left out.
+    pub misplaced: u64,
 }
 
 /// Where a sample stands: by its number where the frames count, else by its time in units of the interval.
@@ -27,38 +29,76 @@ enum Place {
     Time(f64),
 }
 
-/// Holds samples back until so many later ones have come, so that late ones find their place.
-pub struct Order {
-    wait: usize,
-    /// The place of the time among the numbers, and how many of its units an interval has; where the frames do not count.
-    time: Option<(usize, f64)>,
-    /// By how many bits the frames count.
-    bits: Option<u32>,
-    /// Samples by their place, in order.
-    held: VecDeque<(Place, Sample)>,
-    /// How many samples came after each other since the last was passed on.
-    newest: Option<Place>,
-    passed: Option<Place>,
-    counts: OrderCounts,
+/// What goes on from [`Order`] to whoever takes the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ordered {
+    /// The next sample.
+    Sample(Sample),
+    /// What comes next does not go on from what came before: so many samples, as far as that is known, are missing between, too
+    /// many to stand rows for, or the clock went back.
+    Restart {
+        /// As many.
+        missing: u64,
+        /// Whether the clock, or the numbers, went back.
+        back: bool,
+    },
 }
 
-/// Rows that a gap may have at most where the clock counts rows; beyond it the number of a frame is taken to be damaged.
-const LONGEST_GAP: u64 = 1 << 20;
+/// How samples are put in order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrderSettings {
+    /// Samples wait for so many later ones.
+    pub wait: usize,
+    /// By how many bits the frames count.
+    pub bits: Option<u32>,
+    /// The place of the time among the numbers, by which they are told apart where the frames do not count, and how many of its
+    /// units an interval has.
+    pub time: Option<(usize, f64)>,
+    /// The most missing samples that rows stand for where the clock counts rows.
+    pub longest_gap: u64,
+}
+
+/// Holds samples back until so many later ones have come, so that late ones find their place.
+///
+/// A sample is on the course where it is at most `wait` intervals ahead of the last one. Some that are farther ahead are
+/// a gap once more than `wait` of them have come, and misplaced where as many come on the course instead. Samples behind
+/// those that were passed on came again or too late, but where more than `wait` of them (and [`LEAST_BACK`]) come in a row, each
+/// after the one before and none like one that was passed on: then the clock went back.
+pub struct Order {
+    settings: OrderSettings,
+    /// Samples on the course by their place, in order.
+    held: VecDeque<(Place, Sample)>,
+    /// Samples far ahead of the course in order, and how many have come on the course since.
+    ahead: VecDeque<(Place, Sample)>,
+    since: usize,
+    /// Samples behind the course that may be a new one.
+    behind: Vec<(Place, Sample)>,
+    passed: Option<Place>,
+    /// Those that were passed on last: their places, which increase, and digests of their numbers.
+    remembered: VecDeque<(Place, u64)>,
+    counts: OrderCounts,
+}
 
 /// How near to each other two times are one, in intervals.
 const SAME: f64 = 0.25;
 
+/// The least number of samples in a row that show that the clock went back.
+const LEAST_BACK: usize = 8;
+
+/// How many samples are remembered, so that one that is sent again is known.
+const REMEMBERED: usize = 1 << 14;
+
 impl Order {
-    /// Samples wait for so many later ones. They are told apart by their number of so many bits, or else by the time at
-    /// this place among their numbers, in units of which an interval has so many.
-    pub fn new(wait: usize, bits: Option<u32>, time: Option<(usize, f64)>) -> Self {
+    /// With nothing yet.
+    pub fn new(settings: OrderSettings) -> Self {
         Self {
-            wait,
-            time,
-            bits,
+            settings,
             held: VecDeque::new(),
-            newest: None,
+            ahead: VecDeque::new(),
+            since: 0,
+            behind: Vec::new(),
             passed: None,
+            remembered: VecDeque::with_capacity(REMEMBERED),
             counts: OrderCounts::default(),
         }
     }
@@ -69,41 +109,155 @@ impl Order {
     }
 
     /// Takes a sample; what is in order now goes to `each`.
-    pub fn take(&mut self, sample: Sample, each: &mut impl FnMut(Sample)) {
-        if self.time.is_some_and(|(at, _)| !sample.numbers.get(at).is_some_and(|time| time.is_finite())) {
+    pub fn take(&mut self, sample: Sample, each: &mut impl FnMut(Ordered)) {
+        let time = self.settings.time;
+        if time.is_some_and(|(at, _)| !sample.numbers.get(at).is_some_and(|time| time.is_finite())) {
             self.counts.without_time += 1;
             return;
         }
         let Some(place) = self.place(&sample) else {
             // Neither number nor time: as it comes.
             self.counts.passed += 1;
-            each(sample);
+            each(Ordered::Sample(sample));
             return;
         };
         if self.passed.is_some_and(|passed| !is_after(place, passed)) {
-            // Behind what was passed on: again, or too late.
-            let again = self.passed.is_some_and(|passed| is_same(place, passed));
-            let count = if again { &mut self.counts.duplicated } else { &mut self.counts.too_late };
-            *count += 1;
+            self.take_behind(place, sample, each);
             return;
         }
-        let at = self.held.partition_point(|(other, _)| is_after(place, *other));
-        if self.held.get(at).is_some_and(|(other, _)| is_same(place, *other)) {
+        self.forget_behind();
+        let newest = self.held.back().map(|(place, _)| *place).or(self.passed);
+        if newest.is_some_and(|newest| self.is_far(newest, place)) {
+            self.take_ahead(place, sample, each);
+            return;
+        }
+        let Some(at) = insert(&mut self.held, place, sample, &mut self.counts) else { return };
+        self.part_at(at);
+        self.catch_up();
+        if !self.ahead.is_empty() {
+            self.since += 1;
+            if self.since > self.settings.wait {
+                self.counts.misplaced += self.ahead.len() as u64;
+                self.ahead.clear();
+            }
+        }
+        self.pass_ready(each);
+    }
+
+    /// Says that what comes next does not go on from what came, of which nothing is waited for any more.
+    pub fn interrupt(&mut self, each: &mut impl FnMut(Ordered)) {
+        if self.place_is_known() {
+            return;
+        }
+        each(Ordered::Restart { missing: 0, back: false });
+    }
+
+    /// Passes on what waits.
+    pub fn finish(&mut self, each: &mut impl FnMut(Ordered)) {
+        self.forget_behind();
+        self.pass_held(each);
+        // Several that follow each other are behind a gap; one may be damaged.
+        if self.ahead.len() > 1 {
+            self.held = std::mem::take(&mut self.ahead);
+            self.pass_held(each);
+        }
+        self.counts.misplaced += self.ahead.len() as u64;
+        self.ahead.clear();
+    }
+
+    /// Takes a sample that is not after the last one that was passed on: again, too late, or of a clock that went back.
+    fn take_behind(&mut self, place: Place, sample: Sample, each: &mut impl FnMut(Ordered)) {
+        let again = self.passed.is_some_and(|passed| is_same(place, passed));
+        if again || self.is_remembered(place, &sample) {
             self.counts.duplicated += 1;
             return;
         }
-        if at < self.held.len() {
-            self.counts.late += 1;
+        if self.behind.last().is_some_and(|(last, _)| !is_after(place, *last)) {
+            self.forget_behind();
         }
-        self.held.insert(at, (place, sample));
-        self.newest = self.held.back().map(|(place, _)| *place);
-        while self.held.len() > self.wait || self.is_next() {
+        self.behind.push((place, sample));
+        if self.behind.len() <= self.settings.wait.max(LEAST_BACK) {
+            return;
+        }
+        let new = std::mem::take(&mut self.behind);
+        self.pass_held(each);
+        self.counts.misplaced += self.ahead.len() as u64;
+        self.ahead.clear();
+        self.remembered.clear();
+        self.passed = None;
+        each(Ordered::Restart { missing: 0, back: true });
+        for (place, sample) in new {
+            insert(&mut self.held, place, sample, &mut self.counts);
+            self.pass_ready(each);
+        }
+    }
+
+    /// Takes a sample far ahead of the course.
+    fn take_ahead(&mut self, place: Place, sample: Sample, each: &mut impl FnMut(Ordered)) {
+        if self.ahead.is_empty() {
+            self.since = 0;
+        }
+        insert(&mut self.ahead, place, sample, &mut self.counts);
+        if self.ahead.len() > self.settings.wait {
+            self.pass_held(each);
+            self.held = std::mem::take(&mut self.ahead);
+            self.pass_ready(each);
+        }
+    }
+
+    /// What came first and lies far ahead of what came after it was not on the course.
+    fn part_at(&mut self, at: usize) {
+        let behind = self.held.get(at + 1).map(|(place, _)| *place);
+        if let (Some((here, _)), Some(behind)) = (self.held.get(at), behind)
+            && self.is_far(*here, behind)
+        {
+            let mut far = self.held.split_off(at + 1);
+            far.append(&mut self.ahead);
+            (self.ahead, self.since) = (far, 0);
+            self.counts.late = self.counts.late.saturating_sub(1);
+        }
+    }
+
+    /// Takes samples that the course has reached from those far ahead of it.
+    fn catch_up(&mut self) {
+        while let (Some((newest, _)), Some((next, _))) = (self.held.back(), self.ahead.front()) {
+            if self.is_far(*newest, *next) {
+                break;
+            }
+            if let Some((place, sample)) = self.ahead.pop_front() {
+                insert(&mut self.held, place, sample, &mut self.counts);
+            }
+        }
+    }
+
+    /// Those behind the course are no new one.
+    fn forget_behind(&mut self) {
+        self.counts.too_late += self.behind.len() as u64;
+        self.behind.clear();
+    }
+
+    fn is_far(&self, newest: Place, place: Place) -> bool {
+        missing(newest, place) > self.settings.wait as u64
+    }
+
+    const fn place_is_known(&self) -> bool {
+        self.settings.bits.is_some() || self.settings.time.is_some()
+    }
+
+    /// Whether a sample was passed on with the same numbers, not long ago.
+    fn is_remembered(&self, place: Place, sample: &Sample) -> bool {
+        let from = self.remembered.partition_point(|(other, _)| is_after(place, *other));
+        let same = self.remembered.get(from).filter(|(other, _)| is_same(place, *other));
+        same.is_some_and(|(_, digest)| *digest == digest_of(sample))
+    }
+
+    fn pass_ready(&mut self, each: &mut impl FnMut(Ordered)) {
+        while self.held.len() > self.settings.wait || self.is_next() {
             self.pass(each);
         }
     }
 
-    /// Passes on what waits.
-    pub fn finish(&mut self, each: &mut impl FnMut(Sample)) {
+    fn pass_held(&mut self, each: &mut impl FnMut(Ordered)) {
         while !self.held.is_empty() {
             self.pass(each);
         }
@@ -115,41 +269,82 @@ impl Order {
         missing(passed, *first) == 0
     }
 
-    fn pass(&mut self, each: &mut impl FnMut(Sample)) {
+    fn pass(&mut self, each: &mut impl FnMut(Ordered)) {
         let Some((place, sample)) = self.held.pop_front() else { return };
         if let Some(passed) = self.passed {
             let dropped = missing(passed, place);
-            self.counts.dropped += dropped;
+            self.counts.dropped = self.counts.dropped.saturating_add(dropped);
             // Where the clock counts rows, each that is missing is one.
-            for _ in 0..if self.time.is_none() { dropped.min(LONGEST_GAP) } else { 0 } {
-                each(Sample { sequence: None, numbers: vec![f64::NAN; sample.numbers.len()] });
+            if self.settings.time.is_none() {
+                self.stand_in(dropped, sample.numbers.len(), each);
             }
         }
         self.passed = Some(place);
         self.counts.passed += 1;
-        each(sample);
+        if self.remembered.len() == REMEMBERED {
+            self.remembered.pop_front();
+        }
+        self.remembered.push_back((place, digest_of(&sample)));
+        each(Ordered::Sample(sample));
+    }
+
+    /// Rows without numbers for samples that are missing, if they are not too many.
+    fn stand_in(&self, missing: u64, numbers: usize, each: &mut impl FnMut(Ordered)) {
+        if missing > self.settings.longest_gap {
+            each(Ordered::Restart { missing, back: false });
+            return;
+        }
+        for _ in 0..missing {
+            each(Ordered::Sample(Sample { sequence: None, numbers: vec![f64::NAN; numbers] }));
+        }
     }
 
     /// Where a sample stands, counted on where the number begins again.
     fn place(&self, sample: &Sample) -> Option<Place> {
-        if let (Some(number), Some(bits)) = (sample.sequence, self.bits) {
-            let Some(Place::Number(before)) = self.newest.or(self.passed) else {
-                return Some(Place::Number(number));
-            };
+        if let (Some(number), Some(bits)) = (sample.sequence, self.settings.bits) {
             if bits >= 64 {
                 return Some(Place::Number(number));
             }
             let (size, half) = (1_u64 << bits, 1_u64 << (bits - 1));
+            let newest = self.held.back().map(|(place, _)| *place).or(self.passed);
+            let Some(Place::Number(before)) = newest else {
+                // There is room before it for one that comes late.
+                return Some(Place::Number(number + size));
+            };
             // The nearest number to that before which ends with these bits.
             let ahead = number.wrapping_sub(before) & (size - 1);
             let place =
-                if ahead < half { before.wrapping_add(ahead) } else { before.wrapping_sub(size - ahead) };
+                if ahead < half { before.wrapping_add(ahead) } else { before.saturating_sub(size - ahead) };
             return Some(Place::Number(place));
         }
-        let (at, per_interval) = self.time?;
+        let (at, per_interval) = self.settings.time?;
         let time = sample.numbers.get(at).copied().filter(|time| time.is_finite())?;
         Some(Place::Time(time / per_interval))
     }
+}
+
+/// Puts a sample in its place, which is given; not where one is there.
+fn insert(
+    samples: &mut VecDeque<(Place, Sample)>,
+    place: Place,
+    sample: Sample,
+    counts: &mut OrderCounts,
+) -> Option<usize> {
+    let at = samples.partition_point(|(other, _)| is_after(place, *other));
+    if samples.get(at).is_some_and(|(other, _)| is_same(place, *other)) {
+        counts.duplicated += 1;
+        return None;
+    }
+    counts.late += u64::from(at < samples.len());
+    samples.insert(at, (place, sample));
+    Some(at)
+}
+
+/// A digest of a sample's numbers, by FNV's rule over their bits.
+fn digest_of(sample: &Sample) -> u64 {
+    sample.numbers.iter().fold(0xcbf2_9ce4_8422_2325, |digest: u64, number| {
+        (digest ^ number.to_bits()).wrapping_mul(0x0100_0000_01b3).rotate_left(29)
+    })
 }
 
 fn is_same(a: Place, b: Place) -> bool {
@@ -183,10 +378,20 @@ mod tests {
         Sample { sequence: Some(number & 0xff), numbers: vec![number as f64 * 1e-6] }
     }
 
-    fn run(order: &mut Order, numbers: &[u64]) -> Vec<u64> {
-        let mut out = Vec::new();
+    fn order(wait: usize, bits: Option<u32>) -> Order {
+        Order::new(OrderSettings { wait, bits, time: Some((0, 1e-6)), longest_gap: 1000 })
+    }
+
+    /// What is passed on, the beginnings apart.
+    fn run(order: &mut Order, numbers: &[u64]) -> Vec<Vec<u64>> {
+        let mut out = vec![Vec::new()];
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small whole numbers
-        let mut each = |sample: Sample| out.push((sample.numbers[0] * 1e6).round() as u64);
+        let mut each = |next: Ordered| match next {
+            Ordered::Sample(sample) => {
+                out.last_mut().unwrap().push((sample.numbers[0] * 1e6).round() as u64);
+            }
+            Ordered::Restart { .. } => out.push(Vec::new()),
+        };
         for number in numbers {
             order.take(sample(*number), &mut each);
         }
@@ -200,35 +405,122 @@ mod tests {
         let mut sent: Vec<u64> = vec![0, 1, 2, 5, 6, 6, 7, 10, 8, 11, 12, 13, 14, 15, 16, 9, 17];
         sent.extend(18..700);
         let expected: Vec<u64> = (0..700).filter(|k| ![3, 4, 9].contains(k)).collect();
-        let counts =
-            OrderCounts { passed: 697, dropped: 3, duplicated: 1, late: 1, too_late: 1, without_time: 0 };
+        let counts = OrderCounts {
+            passed: 697,
+            dropped: 3,
+            duplicated: 1,
+            late: 1,
+            too_late: 1,
+            ..OrderCounts::default()
+        };
         for bits in [Some(8), None] {
-            let mut order = Order::new(4, bits, Some((0, 1e-6)));
-            assert_eq!(run(&mut order, &sent), expected);
+            let mut order = order(4, bits);
+            assert_eq!(run(&mut order, &sent), [expected.as_slice()]);
             assert_eq!(order.counts(), counts);
         }
     }
 
     #[test]
-    fn where_the_clock_counts_rows_one_stands_for_each_that_is_missing() {
-        let (mut order, mut rows) = (Order::new(4, Some(8), None), Vec::new());
-        for number in [250, 251, 254, 258, 257] {
-            order.take(sample(number), &mut |sample| rows.push(sample.numbers[0].is_finite()));
+    fn a_clock_that_goes_back_begins_anew_as_soon_as_it_is_known() {
+        let sent: Vec<u64> = (5000..9000).chain(2000..4000).collect();
+        let mut order = order(4, None);
+        let mut begun = 0;
+        for (count, number) in sent.iter().enumerate() {
+            order.take(sample(*number), &mut |next| {
+                if next == (Ordered::Restart { missing: 0, back: true }) {
+                    assert_eq!(begun, 0);
+                    begun = count;
+                }
+            });
         }
-        order.finish(&mut |sample| rows.push(sample.numbers[0].is_finite()));
-        assert_eq!(rows, [true, true, false, false, true, false, false, true, true]);
+        assert_eq!(begun, 4000 + LEAST_BACK);
+        let mut order = tests::order(4, None);
+        let beginnings = run(&mut order, &sent);
+        assert_eq!(beginnings, [&sent[..4000], &sent[4000..]]);
+        let counts = order.counts();
+        assert_eq!((counts.passed, counts.too_late, counts.duplicated, counts.late), (6000, 0, 0, 0));
+    }
+
+    #[test]
+    fn samples_that_are_sent_again_are_no_clock_that_goes_back() {
+        let sent: Vec<u64> = (0..5000).chain(3000..6000).collect();
+        let mut order = order(32, None);
+        assert_eq!(run(&mut order, &sent), [(0..6000).collect::<Vec<_>>()]);
+        assert_eq!(order.counts(), OrderCounts { passed: 6000, duplicated: 2000, ..OrderCounts::default() });
+    }
+
+    #[test]
+    fn one_time_that_is_far_off_leaves_the_others_as_they_are() {
+        let absurd = |place: usize, number: u64| {
+            let mut sent: Vec<u64> = (0..1000).collect();
+            sent.insert(place, number);
+            let mut order = order(4, None);
+            assert_eq!(run(&mut order, &sent), [(0..1000).collect::<Vec<_>>()], "{place} {number}");
+            let counts = order.counts();
+            assert_eq!((counts.misplaced, counts.dropped, counts.late), (1, 0, 0), "{place} {number}");
+        };
+        for place in [0, 1, 500, 1000] {
+            absurd(place, 86_400_000_000);
+            absurd(place, 1200);
+        }
+        let mut order = order(4, None);
+        let mut each = |_: Ordered| {};
+        for number in 0..100 {
+            order.take(sample(number), &mut each);
+            if number == 50 {
+                order.take(Sample { sequence: None, numbers: vec![1e300] }, &mut each);
+            }
+        }
+        order.finish(&mut each);
+        let counts = order.counts();
+        assert_eq!((counts.passed, counts.misplaced, counts.dropped), (100, 1, 0));
+    }
+
+    #[test]
+    fn a_long_gap_is_one_and_what_is_late_at_its_end_finds_its_place() {
+        let mut sent: Vec<u64> = (0..100).chain(10_000..10_100).collect();
+        sent.swap(102, 103);
+        let expected: Vec<u64> = (0..100).chain(10_000..10_100).collect();
+        let mut order = order(8, None);
+        assert_eq!(run(&mut order, &sent), [expected]);
+        let counts = order.counts();
+        assert_eq!((counts.dropped, counts.late, counts.misplaced), (9900, 1, 0));
+    }
+
+    #[test]
+    fn where_the_clock_counts_rows_one_stands_for_each_that_is_missing_of_a_gap_that_is_not_too_long() {
+        let settings = OrderSettings { wait: 4, bits: Some(16), time: None, longest_gap: 1000 };
+        let numbered = |number: u64| Sample { sequence: Some(number & 0xffff), numbers: vec![number as f64] };
+        let rows = |sent: &[u64]| {
+            let (mut order, mut rows, mut missed) = (Order::new(settings), Vec::new(), Vec::new());
+            let mut each = |next| match next {
+                Ordered::Sample(sample) => rows.push(sample.numbers[0].is_finite()),
+                Ordered::Restart { missing, .. } => missed.push(missing),
+            };
+            sent.iter().for_each(|number| order.take(numbered(*number), &mut each));
+            order.finish(&mut each);
+            (rows, missed)
+        };
+        let (found, missed) = rows(&[65_530, 65_531, 65_534, 65_538, 65_537]);
+        assert_eq!(found, [true, true, false, false, true, false, false, true, true]);
+        assert!(missed.is_empty());
+        let sent: Vec<u64> = (0..10).chain(20_000..20_010).collect();
+        let (found, missed) = rows(&sent);
+        assert!(found.len() == 20 && missed == [19_990], "{found:?} {missed:?}");
     }
 
     proptest! {
-        /// Whatever comes in whatever order: what is passed on increases, and nothing is passed on twice.
+        /// Whatever comes in whatever order: what is passed on increases from beginning to beginning, nothing is passed on
+        /// twice, and each sample is counted once.
         #[test]
         fn what_is_passed_on_increases(sent in prop::collection::vec(0_u64..200, 0..300), wait in 0_usize..20) {
-            let mut order = Order::new(wait, None, Some((0, 1e-6)));
+            let mut order = order(wait, None);
             let out = run(&mut order, &sent);
-            prop_assert!(out.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!(out.iter().flat_map(|out| out.windows(2)).all(|pair| pair[0] < pair[1]));
             let counts = order.counts();
-            prop_assert_eq!(counts.passed, out.len() as u64);
-            prop_assert_eq!(sent.len() as u64, counts.passed + counts.duplicated + counts.too_late);
+            prop_assert_eq!(counts.passed, out.iter().map(Vec::len).sum::<usize>() as u64);
+            let out = counts.duplicated + counts.too_late + counts.misplaced;
+            prop_assert_eq!(sent.len() as u64, counts.passed + out);
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The estimates of a stream, as lines and as frames.
 
-use super::Event;
 use crate::estimate::{Foretold, Trajectory};
 use crate::recording::Origin;
+use serde::Serialize;
 use std::io::{self, Write};
 
 /// What each frame of an estimate begins with.
@@ -18,6 +18,8 @@ pub struct Outputs {
     pub lines: Option<Box<dyn Write>>,
     /// Frames of estimates in binary.
     pub frames: Option<Box<dyn Write>>,
+    /// What is told of the stream itself, its connection and its health, where no lines are written.
+    pub notices: Option<Box<dyn Write>>,
 }
 
 /// Writes the estimates of all answers at the wanted rate.
@@ -126,16 +128,16 @@ impl Writer {
     }
 
     /// Writes what happened, in an answer where it is one's: a line `event,{…}`.
-    pub(super) fn events(&mut self, key: Option<&str>, events: &[Event]) -> io::Result<()> {
-        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
-        for event in events {
-            let mut value = serde_json::to_value(event)?;
-            if let (Some(key), Some(object)) = (key, value.as_object_mut()) {
-                object.insert("estimator".to_owned(), key.into());
-            }
-            writeln!(lines, "event,{value}")?;
-        }
-        Ok(())
+    pub(super) fn events(&mut self, key: Option<&str>, events: &[impl Serialize]) -> io::Result<()> {
+        self.outputs.lines.as_mut().map_or(Ok(()), |lines| write_events(lines, key, events))
+    }
+
+    /// Writes what is told of the stream itself, likewise, and where there are no lines beside the frames.
+    pub(super) fn notice(&mut self, notice: &impl Serialize) -> io::Result<()> {
+        let Outputs { lines, notices, .. } = &mut self.outputs;
+        let Some(output) = lines.as_mut().or(notices.as_mut()) else { return Ok(()) };
+        write_events(output, None, std::slice::from_ref(notice))?;
+        output.flush()
     }
 
     /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
@@ -169,4 +171,15 @@ impl Writer {
         }
         Ok(())
     }
+}
+
+fn write_events(output: &mut impl Write, key: Option<&str>, events: &[impl Serialize]) -> io::Result<()> {
+    for event in events {
+        let mut value = serde_json::to_value(event)?;
+        if let (Some(key), Some(object)) = (key, value.as_object_mut()) {
+            object.insert("estimator".to_owned(), key.into());
+        }
+        writeln!(output, "event,{value}")?;
+    }
+    Ok(())
 }

@@ -114,6 +114,12 @@ impl Keeper {
         Self { path, experiment, columns, waiting: Vec::new(), given_s: Vec::new(), written: Instant::now() }
     }
 
+    /// A new stretch begins, whose times may be earlier.
+    pub(super) fn begin(&mut self) {
+        self.waiting.clear();
+        self.given_s.clear();
+    }
+
     /// Hears that the answers of some samples were given: the last of these at `time_s`. Writes the state where it is time;
     /// the time that is acknowledged then.
     pub(super) fn given(

@@ -1,8 +1,10 @@
 //! Samples that arrive, as a table.
 
-use super::decode::{Damage, Decoder, Sample};
+use super::connection::{Connection, Link, Received};
+use super::decode::{Decoder, Sample};
 use super::latency::Arrivals;
-use super::order::{Order, OrderCounts};
+use super::order::{Order, OrderSettings, Ordered};
+use super::shared::{Break, Notice, Shared};
 use super::state::State;
 use crate::config::StreamFormat;
 use crate::recording::names_a_time;
@@ -11,45 +13,28 @@ use kalmems_formats::{
     Wanted,
 };
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 /// Bytes that are read at once at most.
 const PIECE: usize = 1 << 16;
 
-/// What has been counted on the way, as the reading thread has it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct WayCounts {
-    /// What the way has made of the samples.
-    #[serde(flatten)]
-    pub order: OrderCounts,
-    /// Lines that are no samples.
-    pub damaged_lines: u64,
-    /// Bytes between frames.
-    pub damaged_bytes: u64,
-    /// Samples that an earlier run had acknowledged.
-    pub passed_over: u64,
+/// What a table of samples that arrive needs to know beside their format.
+pub(super) struct LiveSettings {
+    /// For how many later samples one is waited for.
+    pub wait: usize,
+    /// The place of the time among the numbers. It tells samples apart whose frames do not count.
+    pub time: Option<usize>,
+    /// The interval between samples in s.
+    pub interval_s: f64,
+    /// The most missing samples that rows stand for where there are no times.
+    pub longest_gap: u64,
+    /// For how long a connection that broke is tried again.
+    pub reconnect: Option<Duration>,
 }
 
-/// The counts, for both threads.
-#[derive(Clone, Debug, Default)]
-pub struct SharedCounts(Arc<Mutex<WayCounts>>);
-
-impl SharedCounts {
-    /// As they are now.
-    pub fn now(&self) -> WayCounts {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn tell(&self, order: OrderCounts, damage: Damage, passed_over: u64) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
-            WayCounts { order, damaged_lines: damage.lines, damaged_bytes: damage.bytes, passed_over };
-    }
-}
-
-/// A table whose rows are the samples of an input in order; a block holds what has arrived.
-pub struct LiveTable {
-    input: Box<dyn Read + Send>,
+/// A table whose rows are the samples of a connection in order; a block holds what has arrived.
+pub(super) struct LiveTable {
+    link: Link,
     piece: Box<[u8]>,
     description: Description,
     format: StreamFormat,
@@ -57,101 +42,181 @@ pub struct LiveTable {
     order: Order,
     /// Which of the numbers each column of a block is.
     wanted: Vec<usize>,
-    ready: VecDeque<Sample>,
+    ready: Ready,
     arrivals: Arrivals,
-    counts: SharedCounts,
+    shared: Shared,
+    /// Rows that were given.
     rows: u64,
     bytes: u64,
     ended: bool,
-    /// The place of the time among the numbers, and until when samples were taken by another run.
-    taken: Option<(usize, f64)>,
-    time: Option<usize>,
     /// Where the times count from, where another run has said it.
     origin: Option<Instant>,
-    interval_s: f64,
-    /// Samples that another run took.
+    /// Until when samples were taken by another run, and how many of them have come again.
+    taken_s: Option<f64>,
     passed_over: u64,
+    interval_s: f64,
+}
+
+/// Samples in order that wait to be asked for.
+struct Ready {
+    samples: VecDeque<Sample>,
+    /// Rows that do not go on from those before them, and how many are missing between; where no times tell it.
+    breaks: VecDeque<(u64, u64)>,
+    /// Rows so far, those that were given included.
+    rows: u64,
+    /// The place of the time among the numbers, in s, and the time of the last sample.
+    time: Option<usize>,
+    last_s: Option<f64>,
+    shared: Shared,
+}
+
+impl Ready {
+    fn put(&mut self, next: Ordered) {
+        let sample = match next {
+            Ordered::Sample(sample) => sample,
+            Ordered::Restart { missing, back } => {
+                // Times tell it themselves.
+                if self.time.is_none() {
+                    self.breaks.push_back((self.rows, missing));
+                    if back {
+                        self.shared.notice(Notice::ClockBack { times_s: None });
+                    }
+                }
+                return;
+            }
+        };
+        if let Some(now_s) = self.time.and_then(|place| sample.numbers.get(place).copied()) {
+            match self.last_s {
+                // Frames that count may have one time.
+                Some(last_s) if now_s == last_s => return self.shared.same_time(),
+                Some(last_s) if now_s < last_s => {
+                    self.shared.notice(Notice::ClockBack { times_s: Some([last_s, now_s]) });
+                }
+                _ => {}
+            }
+            self.last_s = Some(now_s);
+        }
+        self.rows += 1;
+        self.samples.push_back(sample);
+    }
 }
 
 impl LiveTable {
-    /// The samples of this input. `wait` is for how many later samples one is waited for; the column of the time, by its
-    /// place, tells samples apart whose frames do not count, `interval_s` apart.
-    pub fn new(
-        input: Box<dyn Read + Send>,
+    /// The samples of this connection.
+    pub(super) fn new(
+        connection: Box<dyn Connection>,
         format: &StreamFormat,
-        (wait, time, interval_s): (usize, Option<usize>, f64),
-        (arrivals, counts): (Arrivals, SharedCounts),
+        settings: &LiveSettings,
+        (arrivals, shared): (Arrivals, Shared),
     ) -> Self {
         let names = format.columns();
         let what = match format {
             StreamFormat::Text { .. } => "lines of numbers separated by commas",
             StreamFormat::Frames { .. } => "frames",
         };
+        let LiveSettings { wait, time, interval_s, longest_gap, reconnect } = *settings;
+        let order = OrderSettings {
+            wait,
+            bits: format.sequence_bits(),
+            time: time.map(|time| (time, interval_s)),
+            longest_gap,
+        };
+        let ready = Ready {
+            samples: VecDeque::new(),
+            breaks: VecDeque::new(),
+            rows: 0,
+            time,
+            last_s: None,
+            shared: shared.clone(),
+        };
         Self {
-            input,
+            link: Link::new(connection, reconnect),
             piece: vec![0; PIECE].into_boxed_slice(),
             description: Description {
                 format: "stream",
                 recognised: format!("{what}, as the experiment says"),
-                columns: names.iter().map(|name| Column { name: name.clone(), place: None }).collect(),
+                columns: names.iter().map(|name| Column::new(name)).collect(),
                 rows: None,
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),
             format: format.clone(),
-            order: Order::new(wait, format.sequence_bits(), time.map(|time| (time, interval_s))),
+            order: Order::new(order),
             wanted: Vec::new(),
-            ready: VecDeque::new(),
+            ready,
             arrivals,
-            counts,
+            shared,
             rows: 0,
             bytes: 0,
             ended: false,
-            taken: None,
-            time,
             origin: None,
-            interval_s,
+            taken_s: None,
             passed_over: 0,
+            interval_s,
         }
     }
 
     /// Begins with the samples that another run left, and passes over those that it took.
     pub(super) fn go_on(&mut self, left: &State) {
         let names: Vec<String> = self.description.columns.iter().map(|column| column.name.clone()).collect();
-        self.ready.extend(left.samples(&names));
+        left.samples(&names).into_iter().for_each(|sample| self.ready.put(Ordered::Sample(sample)));
         self.origin = Some(left.origin());
-        self.taken = self.time.map(|time| (time, left.acknowledged_s()));
+        self.taken_s = self.ready.time.map(|_| left.acknowledged_s());
     }
 
-    /// Waits for bytes, and takes them.
+    /// Waits for bytes and takes them, or for what happens to the connection.
     fn receive(&mut self) -> Result<(), FormatError> {
-        let count = match self.input.read(&mut self.piece) {
-            Ok(count) => count,
-            Err(e) if e.kind() == ErrorKind::Interrupted => return Ok(()),
-            // A connection that breaks is an end of the input like others.
-            Err(e) if matches!(e.kind(), ErrorKind::ConnectionReset | ErrorKind::BrokenPipe) => 0,
-            Err(e) => return Err(e.into()),
-        };
-        let (order, ready) = (&mut self.order, &mut self.ready);
-        let (taken, half, passed_over) = (self.taken, 0.5 * self.interval_s, &mut self.passed_over);
-        let mut each = |sample: Sample| {
-            let time_s = |place: usize| sample.numbers.get(place).copied().unwrap_or(f64::NAN);
-            if taken.is_some_and(|(place, until_s)| time_s(place) < until_s + half) {
+        let received = self.link.receive(&mut self.piece)?;
+        if self.shared.is_stopped() {
+            self.end();
+        }
+        match received {
+            Received::Bytes(count) => self.take(count),
+            Received::Nothing => {}
+            Received::Broken(why) => {
+                self.decoder.cut_off();
+                self.shared.notice(Notice::Disconnected(self.broken(why)));
+            }
+            Received::Again { attempts, after_s } => {
+                self.order.interrupt(&mut |next| self.ready.put(next));
+                self.shared.notice(Notice::Reconnected { attempts, after_s });
+            }
+            Received::Over(why) => {
+                self.shared.broke(self.broken(why));
+                self.end();
+            }
+            Received::End => self.end(),
+        }
+        self.shared.received(self.order.counts(), self.decoder.damage(), self.passed_over);
+        self.arrivals.tell(self.rows + self.ready.samples.len() as u64);
+        Ok(())
+    }
+
+    /// Takes so many bytes that came.
+    fn take(&mut self, count: usize) {
+        let (time, half) = (self.ready.time, 0.5 * self.interval_s);
+        let until_s = self.taken_s.map(|taken_s| taken_s + half);
+        let (order, ready, passed_over) = (&mut self.order, &mut self.ready, &mut self.passed_over);
+        self.decoder.take(&self.piece[..count], &mut |sample| {
+            let time_s = time.and_then(|place| sample.numbers.get(place).copied());
+            if until_s.zip(time_s).is_some_and(|(until_s, time_s)| time_s < until_s) {
                 *passed_over += 1;
             } else {
-                order.take(sample, &mut |sample| ready.push_back(sample));
+                order.take(sample, &mut |next| ready.put(next));
             }
-        };
-        if count == 0 {
-            self.decoder.finish(&mut each);
-            order.finish(&mut |sample| ready.push_back(sample));
-            self.ended = true;
-        } else {
-            self.decoder.take(&self.piece[..count], &mut each);
-            self.bytes += count as u64;
-        }
-        self.counts.tell(self.order.counts(), self.decoder.damage(), self.passed_over);
-        self.arrivals.tell(self.rows + self.ready.len() as u64);
-        Ok(())
+        });
+        self.bytes += count as u64;
+        self.shared.heard();
+    }
+
+    fn end(&mut self) {
+        self.decoder.cut_off();
+        self.order.finish(&mut |next| self.ready.put(next));
+        self.ended = true;
+    }
+
+    /// What broke, with where it did.
+    fn broken(&self, why: String) -> Break {
+        Break { why, samples: self.order.counts().passed, time_s: self.ready.last_s }
     }
 }
 
@@ -196,12 +261,15 @@ impl Table for LiveTable {
 
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.wanted.len(), 0);
-        while self.ready.is_empty() && !self.ended {
+        while self.ready.samples.is_empty() && !self.ended {
             self.receive()?;
         }
         block.lines.push((0, self.rows + 1));
         while block.rows < block.capacity {
-            let Some(sample) = self.ready.pop_front() else { break };
+            let Some(sample) = self.ready.samples.pop_front() else { break };
+            while self.ready.breaks.front().is_some_and(|(row, _)| *row <= self.rows) {
+                block.breaks.extend(self.ready.breaks.pop_front().map(|(_, missing)| (block.rows, missing)));
+            }
             for (i, column) in self.wanted.iter().enumerate() {
                 let number = sample.numbers.get(*column).copied().unwrap_or(f64::NAN);
                 block.numbers[i].push(number);
@@ -224,7 +292,7 @@ impl Table for LiveTable {
     fn time_kind(&self, column: usize) -> Option<TimeKind> {
         let name = &self.description.columns.get(column)?.name;
         let text = matches!(self.format, StreamFormat::Text { .. });
-        (text && self.time == Some(column) && !names_a_time(name)).then_some(TimeKind::Calendar)
+        (text && self.ready.time == Some(column) && !names_a_time(name)).then_some(TimeKind::Calendar)
     }
 
     fn progress(&self) -> (u64, u64) {

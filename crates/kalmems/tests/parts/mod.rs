@@ -6,7 +6,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{Crossing, LockEvent, Part, Silent, Trajectory};
 use kalmems::recording::Recording;
 use kalmems::rigs;
-use kalmems::stream::{Outputs, StreamError, StreamSummary, stream};
+use kalmems::stream::{Connection, Opened, Outputs, StreamError, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::cell::RefCell;
@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What came of a recording in parts, put together.
 pub struct InParts {
@@ -130,30 +132,48 @@ impl Read for Pieces {
     }
 }
 
-/// Gives bytes slowly, and breaks at a place.
-pub struct Broken(pub Pieces, pub usize);
+/// Gives bytes slowly, and kills the run that reads them at a place: from then on it writes nothing.
+pub struct Killing {
+    pieces: Pieces,
+    place: usize,
+    killed: Arc<AtomicBool>,
+}
 
-impl Read for Broken {
+impl Killing {
+    pub fn at(pieces: Pieces, place: usize) -> Self {
+        Self { pieces, place, killed: Arc::default() }
+    }
+}
+
+impl Read for Killing {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.0.at >= self.1 {
-            return Err(io::Error::other("the cable was pulled"));
+        if self.pieces.at >= self.place {
+            self.killed.store(true, Ordering::SeqCst);
+            return Ok(0);
         }
         std::thread::sleep(std::time::Duration::from_millis(2));
-        self.0.read(buffer)
+        self.pieces.read(buffer)
     }
 }
 
 /// Memory that is read while somebody else holds it.
 #[derive(Clone, Default)]
-struct Shared(Rc<RefCell<Vec<u8>>>);
+struct Shared {
+    bytes: Rc<RefCell<Vec<u8>>>,
+    killed: Arc<AtomicBool>,
+}
 
 impl Write for Shared {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.borrow_mut().extend_from_slice(bytes);
+        self.flush()?;
+        self.bytes.borrow_mut().extend_from_slice(bytes);
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
+        if self.killed.load(Ordering::SeqCst) {
+            return Err(io::Error::other("the run was killed"));
+        }
         Ok(())
     }
 }
@@ -171,11 +191,31 @@ pub struct Streamed {
 }
 
 /// Estimates samples while they arrive.
-pub fn streamed(experiment: &Experiment, input: Box<dyn Read + Send>, state: Option<&Path>) -> Streamed {
-    let lines = Shared::default();
-    let outputs = Outputs { lines: Some(Box::new(lines.clone())), frames: None };
-    let ended = stream(experiment, input, outputs, state, &|| false);
-    let text = String::from_utf8(lines.0.borrow().clone()).unwrap();
+pub fn streamed(
+    experiment: &Experiment,
+    input: impl Read + Send + 'static,
+    state: Option<&Path>,
+) -> Streamed {
+    connected(experiment, Box::new(Opened::new(input)), state, Arc::default())
+}
+
+/// Estimates samples while they arrive, until the run is killed.
+pub fn killed(experiment: &Experiment, input: Killing, state: &Path) -> Streamed {
+    let killed = input.killed.clone();
+    connected(experiment, Box::new(Opened::new(input)), Some(state), killed)
+}
+
+/// Estimates the samples of a connection while they arrive; from when on the run is killed, it writes nothing.
+pub fn connected(
+    experiment: &Experiment,
+    connection: Box<dyn Connection>,
+    state: Option<&Path>,
+    killed: Arc<AtomicBool>,
+) -> Streamed {
+    let lines = Shared { bytes: Rc::default(), killed };
+    let outputs = Outputs { lines: Some(Box::new(lines.clone())), ..Outputs::default() };
+    let ended = stream(experiment, connection, outputs, state, &|| false);
+    let text = String::from_utf8(lines.bytes.borrow().clone()).unwrap();
     let (mut answers, mut events) = (BTreeMap::<_, Vec<_>>::new(), Vec::new());
     let (mut acknowledged_s, mut origin) = (None, None);
     for line in text.lines().filter(|line| !line.starts_with('#')) {
@@ -202,7 +242,7 @@ pub fn same_bits_in_a_stream(
     let rig = rigs::of(experiment).unwrap();
     let whole = &rig.estimate(experiment, 0, recording, &Silent).unwrap()[0].trajectories;
     let Streamed { answers, events, origin, ended, .. } =
-        streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), longest)), None);
+        streamed(experiment, Pieces::of(bytes.to_vec(), longest), None);
     let summary = ended.unwrap_or_else(|e| panic!("{e}"));
     let said = summary.origin.as_ref().map(|origin| origin.seconds.as_str());
     assert_eq!(origin.as_deref().and_then(|origin| origin.split(',').next()), said);
@@ -234,18 +274,18 @@ pub fn goes_on_after_a_kill(
 ) -> [Vec<serde_json::Value>; 3] {
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
-    let uncut = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), None);
+    let uncut = streamed(experiment, Pieces::of(bytes.to_vec(), 1000), None);
     let whole = uncut.answers;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place among the bytes
     let place = (at * bytes.len() as f64) as usize;
     // In some hundred pieces, so that the state is written several times.
-    let broken = Broken(Pieces::of(bytes.to_vec(), bytes.len() as u64 / 300), place);
-    let first = streamed(experiment, Box::new(broken), Some(&state));
-    assert!(first.ended.as_ref().unwrap_err().to_string().contains("the cable was pulled"));
+    let killing = Killing::at(Pieces::of(bytes.to_vec(), bytes.len() as u64 / 300), place);
+    let first = killed(experiment, killing, &state);
+    assert!(first.ended.as_ref().unwrap_err().to_string().contains("the run was killed"));
     let acknowledged_s = first.acknowledged_s.expect("nothing was acknowledged");
     assert!(acknowledged_s > acknowledged_after_s, "{acknowledged_s}");
     // The sender sends all of it again; what was acknowledged is passed over.
-    let second = streamed(experiment, Box::new(Pieces::of(bytes.to_vec(), 1000)), Some(&state));
+    let second = streamed(experiment, Pieces::of(bytes.to_vec(), 1000), Some(&state));
     let passed_over = second.ended.as_ref().unwrap_or_else(|e| panic!("{e}")).received.passed_over;
     assert!(!whole.is_empty());
     for (key, whole) in &whole {

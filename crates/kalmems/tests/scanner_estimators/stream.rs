@@ -1,7 +1,9 @@
 //! Samples that are estimated while they arrive.
 
 use super::example;
-use super::parts::{Broken, Pieces, Streamed, goes_on_after_a_kill, same_bits_in_a_stream, streamed};
+use super::parts::{
+    Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
+};
 use kalmems::config::Experiment;
 use kalmems::recording::Recording;
 use kalmems::rigs;
@@ -81,8 +83,7 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
         held = waiting;
         frames.extend(ready.into_iter().map(|(_, frame): (usize, Vec<u8>)| frame));
     }
-    let Streamed { answers, ended, .. } =
-        streamed(&experiment, Box::new(Pieces::of(frames.concat(), 300)), None);
+    let Streamed { answers, ended, .. } = streamed(&experiment, Pieces::of(frames.concat(), 300), None);
     let summary = ended.unwrap_or_else(|e| panic!("{e}"));
     let order = summary.received.order;
     assert_eq!((order.dropped, order.duplicated, order.late, order.too_late), (dropped, duplicated, late, 0));
@@ -118,13 +119,14 @@ fn what_a_bad_way_makes_of_the_samples_is_put_right_and_counted() {
 #[test]
 fn what_cannot_be_streamed_is_refused_with_what_to_do() {
     let said = |changes: &[(&str, &str)], words: &[&str]| {
-        let input = Box::new(Pieces::of(Vec::new(), 10));
+        let input = Pieces::of(Vec::new(), 10);
         let error = streamed(&experiment(changes), input, None).ended.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
     said(&[("smooth_lag = \"100 us\"", "smooth = true")], &["whole recordings", "kalmems estimate"]);
     said(&[("[\"time_s\", \"drive_V\", \"cap_V\"]", "[\"drive_V\", \"cap_V\"]")], &["clock", "time_s"]);
     said(&[("[\"time_s\", \"drive_V\", \"cap_V\"]", "[\"time_s\", \"drive_V\"]")], &["cap_V"]);
+    said(&[("every = 10", "heartbeat = \"1 ms\"")], &["stream.heartbeat", "0.1 s"]);
     // Nothing came.
     said(&[], &["no row"]);
 }
@@ -145,7 +147,7 @@ fn another_experiment_does_not_go_on() {
     let state = folder.path().join("state.json");
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let run = |experiment: &Experiment| {
-        streamed(experiment, Box::new(Pieces::of(bytes.clone(), 100_000)), Some(&state)).ended
+        streamed(experiment, Pieces::of(bytes.clone(), 100_000), Some(&state)).ended
     };
     run(&experiment(&[])).unwrap_or_else(|e| panic!("{e}"));
     let ended = run(&experiment(&[("every = 10", "every = 1")]));
@@ -232,7 +234,10 @@ fn normalised(told: &[ZeroPhase], passages: &[(f64, bool)], (from_s, to_s): (f64
 }
 
 /// What is told of a stream that ends well.
-fn run(experiment: &Experiment, input: Box<dyn Read + Send>) -> (Vec<serde_json::Value>, StreamSummary) {
+fn run(
+    experiment: &Experiment,
+    input: impl Read + Send + 'static,
+) -> (Vec<serde_json::Value>, StreamSummary) {
     let run = streamed(experiment, input, None);
     (run.events, run.ended.unwrap_or_else(|e| panic!("{e}")))
 }
@@ -246,7 +251,7 @@ fn zero_phases_are_told_before_they_happen_each_once() {
         let experiment = foretelling(text, "", &[]);
         let mut whole = None;
         for longest in [60, 1000, 100_000] {
-            let (events, summary) = run(&experiment, Box::new(Pieces::of(bytes.clone(), longest)));
+            let (events, summary) = run(&experiment, Pieces::of(bytes.clone(), longest));
             let told = ahead(&events);
             let counts = summary.ahead.unwrap().counts;
             let h = 1e-6;
@@ -279,7 +284,7 @@ fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
     let passages: Vec<(f64, bool)> = passages(&truth()).into_iter().filter(|(_, rising)| !rising).collect();
     let both = |changes: &[(&str, &str)], more| {
         let experiment = foretelling("10 us", more, changes);
-        ahead(&run(&experiment, Box::new(Pieces::of(bytes.clone(), 5000))).0)
+        ahead(&run(&experiment, Pieces::of(bytes.clone(), 5000)).0)
     };
     let told = both(&one, "direction = \"falling\"");
     assert!(told.len() > 249 && told.iter().all(|told| !told.rising));
@@ -293,7 +298,7 @@ fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
 fn the_phase_stands_behind_the_states_with_its_deviation() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let experiment = experiment(&[("every = 10", "every = 1")]);
-    let answers = streamed(&experiment, Box::new(Pieces::of(bytes, 5000)), None).answers;
+    let answers = streamed(&experiment, Pieces::of(bytes, 5000), None).answers;
     let truth = truth();
     let rate = std::f64::consts::PI * 31_350.0;
     for (key, lines) in &answers {
@@ -326,16 +331,13 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
-    let told_by = |input: Box<dyn Read + Send>, state: Option<&std::path::Path>| {
-        let run = streamed(&experiment, input, state);
-        (ahead(&run.events), run.acknowledged_s)
-    };
-    let (whole, _) = told_by(Box::new(Pieces::of(bytes.clone(), 1000)), None);
-    let broken = Broken(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
-    let (first, acknowledged) = told_by(Box::new(broken), Some(&state));
+    let whole = ahead(&streamed(&experiment, Pieces::of(bytes.clone(), 1000), None).events);
+    let killing = Killing::at(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
+    let first = killed(&experiment, killing, &state);
+    let (first, acknowledged) = (ahead(&first.events), first.acknowledged_s);
     let acknowledged = acknowledged.expect("nothing was acknowledged");
     assert!(acknowledged > 9e-3, "{acknowledged}");
-    let (second, _) = told_by(Box::new(Pieces::of(bytes, 1000)), Some(&state));
+    let second = ahead(&streamed(&experiment, Pieces::of(bytes, 1000), Some(&state)).events);
     // As with estimates: what was told from samples that were acknowledged is told for good, the rest is told again.
     assert!(second.iter().all(|told| told.told_s > acknowledged));
     let mut both: Vec<ZeroPhase> = first.into_iter().filter(|told| told.told_s <= acknowledged).collect();
@@ -356,7 +358,7 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
 #[test]
 fn what_cannot_be_foretold_is_refused_or_counted() {
     let said = |more: &str, changes: &[(&str, &str)], words: &[&str]| {
-        let input = Box::new(Pieces::of(Vec::new(), 10));
+        let input = Pieces::of(Vec::new(), 10);
         let error = streamed(&foretelling("10 us", more, changes), input, None).ended;
         let error = error.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
@@ -370,7 +372,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
     let text = std::fs::read_to_string(&path).unwrap();
     let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
     let other = Experiment::parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
-    let input = Box::new(Pieces::of(Vec::new(), 10));
+    let input = Pieces::of(Vec::new(), 10);
     let error = streamed(&other, input, None).ended.unwrap_err().to_string();
     assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
 
@@ -387,7 +389,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
         })
         .collect();
     let experiment = foretelling("10 us", "", &[]);
-    let input = Box::new(Pieces::of(changed.join("\n").into_bytes(), 5000));
+    let input = Pieces::of((changed.join("\n") + "\n").into_bytes(), 5000);
     let (events, summary) = run(&experiment, input);
     let counts = summary.ahead.unwrap().counts;
     let told = ahead(&events);
@@ -431,7 +433,7 @@ fn judged(experiment: &Experiment, seeds: u64) -> [f64; 3] {
     let (mut nees, mut within, mut count) = (Vec::new(), 0, 0);
     for seed in 1..=seeds {
         let (samples, truth) = simulated(seed);
-        let (events, _) = run(experiment, Box::new(Pieces::of(samples, 10_000)));
+        let (events, _) = run(experiment, Pieces::of(samples, 10_000));
         let errors = normalised(&ahead(&events), &passages(&truth), (8e-3, 24e-3 - 2e-6));
         nees.push(errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64);
         within += errors.iter().filter(|e| e.abs() <= 3.0).count();
@@ -473,4 +475,99 @@ fn slow_the_times_ahead_are_as_uncertain_as_they_say() {
             }
         }
     }
+}
+
+/// The example's drive with this signal, made of nothing but noise.
+fn noise(rows: usize) -> Vec<u8> {
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let mut chance = Pcg64::new(21, 22);
+    let mut uniform = || (chance.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut lines = String::new();
+    for line in text.lines().skip(1).take(rows) {
+        let normal = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let (time_and_drive, _) = line.rsplit_once(',').unwrap();
+        lines += &format!("{time_and_drive},{:.5}\n", 1.3 + 0.0139 * normal);
+    }
+    lines.into_bytes()
+}
+
+#[test]
+fn a_stream_of_noise_says_so_and_tells_no_zero_phases() {
+    let run = streamed(&experiment(&[]), Pieces::of(noise(24_001), 5000), None);
+    let summary = run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let count = |kind: &str| run.events.iter().filter(|event| event["event"] == kind).count();
+    assert_eq!(["noise_only", "noise_only_over", "zero_phase", "zero_phase_ahead"].map(count), [1, 0, 0, 0]);
+    assert!(summary.noise_only == 1 && summary.withheld > 0, "{}", summary.withheld);
+    let alarm = run.events.iter().find(|event| event["event"] == "noise_only").unwrap();
+    let cycles = alarm["time_s"].as_f64().unwrap() * 15_675.0;
+    assert!(cycles < 100.0, "{cycles}");
+    // Of the device itself nothing of the kind is said.
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let run = streamed(&experiment(&[]), Pieces::of(bytes, 5000), None);
+    assert!(run.events.iter().all(|event| event["event"] != "noise_only"));
+    assert_eq!(run.ended.unwrap().withheld, 0);
+}
+
+#[test]
+fn a_last_line_that_is_cut_off_is_no_sample() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    // `1` of such as `1.02887`, and a line that is whole but for its end.
+    for cut in [5, 1] {
+        let bytes = bytes[..bytes.len() - cut].to_vec();
+        let Streamed { answers, ended, .. } =
+            streamed(&experiment(&[("every = 10", "every = 1")]), Pieces::of(bytes, 5000), None);
+        let summary = ended.unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((summary.estimated, summary.received.cut_off), (24_000, 1));
+        assert_eq!(answers["ekf"].last().unwrap()[0], 23_999e-6);
+    }
+}
+
+#[test]
+fn a_clock_that_goes_back_begins_the_estimate_anew_and_one_absurd_time_does_not() {
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let rows: Vec<&str> = text.lines().skip(1).collect();
+    // The last 12 ms again, after all.
+    let lines: Vec<&str> = rows.iter().chain(&rows[12_000..]).copied().collect();
+    let changed: Vec<String> = (lines.iter().enumerate())
+        .map(|(k, line)| match line.split_once(',') {
+            Some((_, rest)) if k == 5000 => format!("1e300,{rest}"),
+            // Other noise than before: they are not sent again.
+            Some((time, rest)) if k >= rows.len() => format!("{time},{rest}1"),
+            _ => (*line).to_owned(),
+        })
+        .collect();
+    let run = streamed(&experiment(&[]), Pieces::of((changed.join("\n") + "\n").into_bytes(), 5000), None);
+    let summary = run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let received = summary.received;
+    assert_eq!((received.order.misplaced, received.order.dropped, received.steps_back), (1, 1, 1));
+    assert_eq!((summary.estimated, summary.stretches.restarts), (24_000 + 12_001, 1));
+    let back: Vec<_> = run.events.iter().filter(|event| event["event"] == "clock_back").collect();
+    assert_eq!(back.len(), 1);
+    assert_eq!((&back[0]["from_s"], &back[0]["to_s"]), (&0.024.into(), &0.012.into()));
+}
+
+#[test]
+fn health_is_told_by_the_time_of_day_when_nothing_arrives() {
+    /// Says nothing for a second from the first read on, then ends.
+    struct Silent(Option<std::time::Instant>);
+    impl Read for Silent {
+        fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            if self.0.get_or_insert_with(std::time::Instant::now).elapsed().as_secs_f64() < 1.0 {
+                return Err(std::io::ErrorKind::WouldBlock.into());
+            }
+            Ok(0)
+        }
+    }
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let experiment = experiment(&[("every = 10", "every = 10\nheartbeat = \"0.2 s\"")]);
+    let input = Pieces::of(bytes, 5000).chain(Silent(None));
+    let run = streamed(&experiment, input, None);
+    run.ended.unwrap_or_else(|e| panic!("{e}"));
+    let health: Vec<_> = run.events.iter().filter(|event| event["event"] == "health").collect();
+    assert!(health.len() >= 2, "{health:?}");
+    let last = health.last().unwrap();
+    assert_eq!(last["passed"], 24_001);
+    assert_eq!((&last["noise_only"], &last["filters"][0]["lock"]), (&false.into(), &"held".into()));
+    assert!(last["filters"][0]["mean_nis"].as_f64().is_some_and(|nis| (0.5..2.0).contains(&nis)), "{last}");
 }

@@ -7,7 +7,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{Crossing, Silent};
 use kalmems::recording::Recording;
 use kalmems::rigs;
-use kalmems::stream::{Outputs, stream};
+use kalmems::stream::{Opened, Outputs, stream};
 use kalmems::workflow::{PartsError, estimate_in_parts};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -205,8 +205,7 @@ fn the_crossings_of_a_stream_are_those_of_the_mirror() {
     let right = [("0.21 pF", "0.2 pF")];
     let changes: Vec<(&str, &str)> = DRIVEN.into_iter().chain(right).collect();
     let experiment = experiment(Path::new("."), &changes, &filter("late", "threshold = { gate = 4 }"));
-    let Streamed { events, ended, .. } =
-        streamed(&experiment, Box::new(Pieces::of(text.into_bytes(), 900)), None);
+    let Streamed { events, ended, .. } = streamed(&experiment, Pieces::of(text.into_bytes(), 900), None);
     ended.unwrap();
     let passes: Vec<f64> = (truth.windows(2))
         .filter(|pair| (pair[0][1] < 3.7e-3) != (pair[1][1] < 3.7e-3))
@@ -258,7 +257,7 @@ fn what_cannot_be_streamed_is_refused_by_name() {
     let folder = example("");
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
         let (experiment, input) =
-            (experiment(&folder, changes, ""), Box::new(Pieces::of(bytes.to_vec(), 1000)));
+            (experiment(&folder, changes, ""), Box::new(Opened::new(Pieces::of(bytes.to_vec(), 1000))));
         let error = stream(&experiment, input, Outputs::default(), None, &|| false).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };

@@ -51,6 +51,7 @@ impl Input<'_> {
             columns: Some(vec![of.wavenumber.clone(), of.column.clone()]),
             hints: Hints::default(),
             origin: None,
+            restarts: None,
         };
         let recording = self.read("reference.spectrum", &of.file, layout)?;
         // A name's ending that is an inverse unit alone is no unit of a recording.

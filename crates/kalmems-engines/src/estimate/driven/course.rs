@@ -1,7 +1,7 @@
 //! A driven device on its way through one segment.
 
 use super::{Drive, DrivenSegment, Plant};
-use crate::estimate::{Counts, Course, Derived, Foreteller};
+use crate::estimate::{Bridge, Counts, Course, Derived, Foreteller};
 use crate::signal::Sine;
 use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
@@ -132,14 +132,12 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
         }
         // A gap: steps of about the usual length, driven by the sine that the drive follows. Where it follows
         // none, the recording was refused before it came here.
-        let steps = (interval / self.data.interval_s).round().max(1.0);
+        let Bridge { missing, steps } = Bridge::over(interval, self.data.interval_s);
         // It could be made for the usual interval.
-        let each = self.plant.over(interval / steps).map_err(|_| FilterError::NonFiniteState)?;
+        let each = self.plant.over(interval / steps as f64).map_err(|_| FilterError::NonFiniteState)?;
         match self.data.drive.stand_in(to) {
-            Some(sine) if steps > 1.0 => {
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // rounded and positive
-                let steps = steps as usize;
-                counts.bridged += steps - 1;
+            Some(sine) if steps > 1 => {
+                counts.bridged = counts.bridged.saturating_add(missing);
                 for i in 0..steps {
                     let at = |i: usize| from_s + interval * i as f64 / steps as f64;
                     predict(filter, &each, &Drive::nodes_from_sine(sine, at(i), at(i + 1)))?;

@@ -32,6 +32,8 @@ pub const BLOCK: usize = 4096;
 pub struct DrivePast {
     sine: Option<Sine>,
     first_sine: Option<Sine>,
+    /// The constant that its first rows are, where they follow no sine.
+    first_level: Option<Sine>,
     /// Rows of the segment before the new ones of the next part.
     rows: usize,
     /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
@@ -54,8 +56,39 @@ struct Block {
 impl Block {
     /// The sine near one that came before.
     fn sine_like(&self, before: Option<&Sine>) -> Option<Sine> {
-        fit_sine_near(&self.time_s, &self.volts, before?.frequency_hz).filter(Sine::is_steady)
+        let before = before.filter(|sine| sine.amplitude > 0.0)?;
+        fit_sine_near(&self.time_s, &self.volts, before.frequency_hz).filter(Sine::is_steady)
     }
+}
+
+/// Rows by which a drive that is no more than a constant and noise may hang on itself.
+const LAGS: usize = 8;
+
+/// The constant that a drive is, such as that of a free decay, which is nothing: a sine without amplitude. `None` where its
+/// rows hang on each other, so that they tell more than their mean does.
+fn level(volts: &[f64]) -> Option<Sine> {
+    let known = || volts.iter().copied().filter(|v| v.is_finite());
+    let count = known().count();
+    if count < 4 * LAGS {
+        return None;
+    }
+    let offset = known().sum::<f64>() / count as f64;
+    let product = |lag: usize| {
+        let pairs = volts.iter().zip(volts.iter().skip(lag)).map(|(a, b)| (a - offset) * (b - offset));
+        pairs.filter(|product| product.is_finite()).sum::<f64>()
+    };
+    let (variance, bound) = (product(0), 4.0 / (count as f64).sqrt());
+    // A constant whose mean is rounded has no variance to speak of.
+    let constant = variance <= count as f64 * (4.0 * f64::EPSILON * offset).powi(2);
+    let white = || (1..=LAGS).all(|lag| product(lag).abs() <= bound * variance);
+    let residual_rms = (variance / count as f64).sqrt();
+    (constant || white()).then_some(Sine {
+        offset,
+        amplitude: 0.0,
+        frequency_hz: 0.0,
+        phase_rad: 0.0,
+        residual_rms,
+    })
 }
 
 impl DrivePast {
@@ -68,7 +101,8 @@ impl DrivePast {
     /// The sine that the drive was last known to follow.
     pub(crate) fn known(&self) -> Option<Sine> {
         let coming = self.coming.iter().rev().find_map(|(_, sine)| *sine);
-        coming.or(self.fitted.get().copied().flatten()).or(self.sine)
+        let fitted = self.fitted.get().copied().flatten().filter(|sine| sine.amplitude > 0.0);
+        coming.or(fitted).or(self.sine)
     }
 
     /// Finds the sine that tells what the drive will do from the rows of a new block on: that of the block before. Of the
@@ -116,10 +150,11 @@ impl DrivePast {
         }
         let begins = self.rows - self.present.time_s.len();
         let sine = if begins == 0 {
-            self.first_sine
+            self.first_sine.or(self.first_level)
         } else {
             let before = self.stand_ins.last().map(|(_, sine)| sine).or(self.first_sine.as_ref());
-            *self.fitted.get_or_init(|| self.last.sine_like(before))
+            let fitted = || self.last.sine_like(before).or_else(|| level(&self.last.volts));
+            *self.fitted.get_or_init(fitted)
         };
         // Where a block follows no sine, what the blocks before it followed stands in.
         if let Some(sine) = sine {
@@ -152,6 +187,7 @@ impl<'a> Drive<'a> {
             };
             let end = fresh.end.min(fresh.start + BLOCK);
             past.first_sine = fit(fresh.start..end);
+            past.first_level = past.first_sine.is_none().then(|| level(&volts[fresh.start..end])).flatten();
             past.sine = if end == fresh.end { past.first_sine } else { fit(fresh.clone()) };
         }
         // What no later part asks for is forgotten; that of the block before the first row may still be.
@@ -288,5 +324,21 @@ mod tests {
         let drive = Drive::new(&time, &sweep, 1e-6);
         assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
         assert_eq!(drive.unknown(), Some((time[5], 1)));
+    }
+
+    #[test]
+    fn a_drive_that_is_off_stays_off_over_a_gap() {
+        let time: Vec<f64> =
+            (0..9000).map(|k| f64::from(k) * 1e-6 + if k > 6000 { 2e-4 } else { 0.0 }).collect();
+        // Exactly nothing, a constant, and the noise of a converter about it.
+        let noise = |k: u32| f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 - 0.5;
+        for (level, scale) in [(0.0, 0.0), (12.3, 0.0), (0.0, 1e-3), (-4.0, 0.2)] {
+            let mut v: Vec<f64> = (0..9000).map(|k| level + scale * noise(k)).collect();
+            v[100] = f64::NAN;
+            let drive = Drive::new(&time, &v, 1e-6);
+            assert!(drive.sine().is_none() && drive.unknown().is_none(), "{level} {scale}");
+            let over = Drive::nodes_from_sine(drive.stand_in(6001).unwrap(), time[6000], time[6001]);
+            assert!((over.middle - level).abs() <= 0.1 * scale, "{level} {scale}: {}", over.middle);
+        }
     }
 }

@@ -1,18 +1,30 @@
 //! A line of names, perhaps a line of units, and rows: what most programs write.
 
+use super::comments::{Comments, unmarked};
 use super::head::{Head, text};
+use super::marks::is_number;
 use super::units::{column_name, unit_cell};
-use super::{Found, Origin, marks};
-use crate::csv::split::Split;
+use super::{Found, Origin, Records, marks};
+use crate::csv::split::{BLANKS, Split};
 use crate::{FormatError, Hints};
 
 /// Rows that are looked at.
 const ROWS: usize = 64;
 
-/// The dialect of a text whose names are in the line `header` of its head.
-pub(super) fn find(head: &Head, header: usize, hints: &Hints) -> Result<Found, FormatError> {
+/// The dialect of a text whose names are in a comment before the first line of its head, or else in the line `header`.
+pub(super) fn find(
+    head: &Head,
+    header: usize,
+    comments: &Comments,
+    hints: &Hints,
+) -> Result<Found, FormatError> {
+    if hints.csv.header_line.is_none()
+        && let Some(found) = below_comments(head, comments, hints)?
+    {
+        return Ok(found);
+    }
     let separator = marks::separator(head, header, &hints.csv)?;
-    let (names, header_lines) = names(head, header, separator);
+    let (names, header_lines) = names(head, header, separator)?;
     let after = header + header_lines;
     let units_index = match hints.csv.units_line {
         Some(line) => Some(line_index(head, line, "units_line")?),
@@ -37,13 +49,15 @@ pub(super) fn find(head: &Head, header: usize, hints: &Hints) -> Result<Found, F
         .collect();
     let joined = columns.iter().zip(&names).any(|((joined, _), name)| joined != name);
     Ok(Found {
-        instrument: None,
+        instrument: comments.instrument,
         separator,
-        point: marks::point(head, first_row, separator, &hints.csv)?,
-        header,
+        point: Some(marks::point(head, first_row, separator, &hints.csv)?),
+        header_line: head.number(header),
         first_row,
         cells,
         trailing,
+        remarks: false,
+        records: Records::One,
         columns,
         units: match units_index {
             Some(index) => format!("units in line {}", head.number(index)),
@@ -53,16 +67,72 @@ pub(super) fn find(head: &Head, header: usize, hints: &Hints) -> Result<Found, F
     })
 }
 
+/// The dialect of rows of numbers below comments, one of which holds the names; `None` where the first line is no row,
+/// or no comment has as many words.
+fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Option<Found>, FormatError> {
+    let Some((separator, count)) = marks::separator_of_rows(head, &hints.csv) else { return Ok(None) };
+    let first_row = head.filled(0);
+    if !head.cells(first_row, separator).iter().any(|cell| is_number(cell)) {
+        return Ok(None);
+    }
+    let Some(said) = comments.names(separator, count) else { return Ok(None) };
+    let unit = |index: usize| said.units.as_ref().and_then(|(_, units)| unit_cell(units.get(index)?));
+    let named = |(index, name): (usize, &String)| {
+        (column_name(name, unit(index).as_deref(), index), Origin::Cell(index))
+    };
+    let columns: Vec<(String, Origin)> = said.columns.iter().enumerate().map(named).collect();
+    let joined = columns.iter().zip(&said.columns).any(|((joined, _), name)| joined != name);
+    Ok(Some(Found {
+        instrument: comments.instrument,
+        separator,
+        point: Some(marks::point(head, first_row, separator, &hints.csv)?),
+        header_line: said.line,
+        first_row,
+        cells: count,
+        trailing: false,
+        remarks: false,
+        records: Records::One,
+        columns,
+        units: match said.units {
+            Some((line, _)) => format!("names and units in comments, units in line {line}"),
+            None if joined => "names in a comment, units in the names".to_owned(),
+            None => "names in a comment".to_owned(),
+        },
+    }))
+}
+
 /// The names, and how many lines they take: a quoted name may hold a line end.
-fn names(head: &Head, header: usize, separator: u8) -> (Vec<String>, usize) {
+fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usize), FormatError> {
+    let line = head.line(header);
+    let line = unmarked(line.trim_ascii()).unwrap_or(line);
+    if separator == BLANKS
+        && let Some(count) = marks::cells_of_rows(head, header + 1, separator)
+    {
+        let words = head.cells(header, separator);
+        return match marks::names(line, separator, count) {
+            Some(names) => Ok((names, 1)),
+            // Rows of numbers from the first line on, whose names the experiment file may have.
+            None if words.len() == count => Ok((words, 1)),
+            None => Err(FormatError::NotRecognised {
+                found: format!(
+                    "{} words in line {} above rows of {count} numbers between blanks",
+                    words.len(),
+                    head.number(header)
+                ),
+                expected: "a name for each column, in the file or in the experiment file: `format = { kind = \"csv\", \
+                           columns = [\"time_s\", …] }` in its [[recording]]"
+                    .to_owned(),
+            }),
+        };
+    }
     let mut split = Split::default();
-    let mut row = head.line(header).to_vec();
+    let mut row = line.to_vec();
     let mut lines = 1;
     loop {
         row.push(b'\n');
         let last = header + lines >= head.len();
         if split.row(&row, separator, last).is_some() {
-            return (split.iter().map(text).collect(), lines);
+            return Ok((split.iter().map(text).collect(), lines));
         }
         row.extend_from_slice(head.line(header + lines));
         lines += 1;
@@ -74,10 +144,6 @@ fn line_index(head: &Head, line: u64, key: &str) -> Result<usize, FormatError> {
         found: format!("`{key} = {line}` in the experiment file"),
         expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
     })
-}
-
-fn is_number(cell: &str) -> bool {
-    fast_float2::parse::<f64, _>(cell.replace(',', ".")).is_ok()
 }
 
 /// Whether a line holds units for these names and nothing else.
@@ -119,7 +185,7 @@ fn refuse_preamble(
         return Ok(());
     }
     for candidate in head.rows(header + 1) {
-        for separator in [b',', b';', b'\t', b'|'] {
+        for separator in marks::BYTES.into_iter().chain([BLANKS]) {
             let cells = head.cells(candidate, separator);
             let rows: Vec<Vec<String>> =
                 head.rows(candidate + 1).take(4).map(|row| head.cells(row, separator)).collect();

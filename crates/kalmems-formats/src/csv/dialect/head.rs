@@ -74,7 +74,7 @@ impl<'a> Head<'a> {
 }
 
 /// The cells of a line as text.
-fn cells(line: &[u8], separator: u8) -> Vec<String> {
+pub(super) fn cells(line: &[u8], separator: u8) -> Vec<String> {
     let mut split = Split::default();
     split.row(line, separator, true);
     split.iter().map(text).collect()

@@ -1,11 +1,15 @@
 //! What separates cells, and the decimal mark.
 
-use super::head::Head;
-use crate::csv::split::Split;
+use super::head::{Head, cells, text};
+use crate::csv::split::{BLANKS, Split};
 use crate::{CsvHints, FormatError};
 
 /// What can separate cells, and what it is called.
-const SEPARATORS: [(u8, &str); 4] = [(b',', "commas"), (b';', "semicolons"), (b'\t', "tabs"), (b'|', "bars")];
+const SEPARATORS: [(u8, &str); 5] =
+    [(b',', "commas"), (b';', "semicolons"), (b'\t', "tabs"), (b'|', "bars"), (BLANKS, "blanks")];
+
+/// Those that are bytes.
+pub(super) const BYTES: [u8; 4] = [b',', b';', b'\t', b'|'];
 
 /// Rows that are looked at.
 const ROWS: usize = 64;
@@ -15,8 +19,63 @@ pub(super) fn name(separator: u8) -> &'static str {
     SEPARATORS.iter().find(|(byte, _)| *byte == separator).map_or("?", |(_, name)| name)
 }
 
-/// What separates the names in a line: what the experiment file says, else the only one of the known ones that occurs, or
-/// the only one by which the rows have as many cells.
+/// The separator that a line for spreadsheets says: `sep=;`.
+pub(super) fn said(line: &[u8]) -> Option<char> {
+    let line = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(line);
+    let (key, said) = line.split_at_checked(4)?;
+    let said = if key.eq_ignore_ascii_case(b"sep=") { said } else { return None };
+    match said {
+        // The tab is white space at the end of the line.
+        b"" | b"\\t" => Some('\t'),
+        [byte] if BYTES.contains(byte) => Some(char::from(*byte)),
+        _ => None,
+    }
+}
+
+/// Whether a cell is a number, with whichever decimal mark.
+pub(super) fn is_number(cell: &str) -> bool {
+    let plain = !cell.ends_with(',') && !cell.is_empty();
+    plain && fast_float2::parse::<f64, _>(cell.replace(',', ".").replace('−', "-")).is_ok()
+}
+
+/// How many cells the rows from a line on have, where all have as many and at least half of them are numbers; a line
+/// without any number may come first.
+pub(super) fn cells_of_rows(head: &Head, from: usize, separator: u8) -> Option<usize> {
+    let numbers = |row: &Vec<String>| row.iter().filter(|cell| is_number(cell)).count();
+    let mut rows = head.rows(from).take(ROWS).map(|row| head.cells(row, separator)).peekable();
+    rows.next_if(|row| numbers(row) == 0);
+    let count = rows.peek()?.len();
+    rows.all(|row| row.len() == count && numbers(&row) * 2 >= count).then_some(count)
+}
+
+/// As many names in a line, whichever of several ways it is written in.
+pub(super) fn names(line: &[u8], separator: u8, count: usize) -> Option<Vec<String>> {
+    let wide = || String::from_utf8_lossy(line).replace("  ", "\t");
+    let ways: [&dyn Fn() -> Vec<String>; 4] = [
+        &|| cells(line, separator),
+        &|| {
+            BYTES.iter().map(|byte| cells(line, *byte)).find(|cells| cells.len() == count).unwrap_or_default()
+        },
+        // `Time (s) Input (V)`
+        &|| {
+            let mut words: Vec<String> = Vec::new();
+            for word in cells(line, BLANKS) {
+                match words.last_mut() {
+                    Some(last) if word.starts_with(['(', '[']) => *last = format!("{last} {word}"),
+                    _ => words.push(word),
+                }
+            }
+            words
+        },
+        &|| cells(wide().as_bytes(), b'\t').into_iter().filter(|cell| !cell.is_empty()).collect(),
+    ];
+    let names = ways.iter().map(|way| way()).find(|names| names.len() == count)?;
+    (!names.iter().all(|name| is_number(name)) && names.iter().any(|name| !name.is_empty())).then_some(names)
+}
+
+/// What separates the cells below the names in a line: what the experiment file says, else the only one of the known ones
+/// that occurs in the names, or the only one by which the rows have as many cells. Blanks separate what is numbers by
+/// them and by nothing else.
 pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<u8, FormatError> {
     if let Some(hint) = hints.separator {
         return u8::try_from(hint)
@@ -24,15 +83,19 @@ pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<
             .filter(|byte| SEPARATORS.iter().any(|(known, _)| known == byte))
             .ok_or_else(|| FormatError::NotRecognised {
                 found: format!("`separator = {hint:?}` in the experiment file"),
-                expected: "\",\", \";\", \"|\" or \"\\t\"".to_owned(),
+                expected: "\",\", \";\", \"|\", \"\\t\" or \" \"".to_owned(),
             });
     }
     let count = |index: usize, separator: u8| head.cells(index, separator).len();
-    let found: Vec<u8> =
-        SEPARATORS.iter().map(|(byte, _)| *byte).filter(|byte| count(header, *byte) > 1).collect();
+    let found: Vec<u8> = BYTES.into_iter().filter(|byte| count(header, *byte) > 1).collect();
+    let blanks = || cells_of_rows(head, header + 1, BLANKS).filter(|cells| *cells > 1);
     let (first, others) = match found.as_slice() {
-        [] => return Ok(b','),
-        [only] => return Ok(*only),
+        [] => return Ok(if blanks().is_some() { BLANKS } else { b',' }),
+        [only] => {
+            let by_blanks = blanks().is_some_and(|cells| cells == count(header, *only));
+            let one_cell = head.rows(header + 1).take(ROWS).all(|row| count(row, *only) == 1);
+            return Ok(if by_blanks && one_cell { BLANKS } else { *only });
+        }
         [first, others @ ..] => (*first, others),
     };
     let fits = |separator: &u8| {
@@ -56,6 +119,27 @@ pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<
                    [[recording]]"
                 .to_owned(),
     })
+}
+
+/// What separates the cells of rows without names above them, and how many they are.
+pub(super) fn separator_of_rows(head: &Head, hints: &CsvHints) -> Option<(u8, usize)> {
+    let numbers = |separator: &u8| {
+        let all =
+            head.rows(0).take(ROWS).all(|row| head.cells(row, *separator).iter().all(|cell| is_number(cell)));
+        all.then(|| cells_of_rows(head, 0, *separator)).flatten()
+    };
+    let count = |separator: u8| cells_of_rows(head, 0, separator).map(|cells| (separator, cells));
+    if let Some(hint) = hints.separator {
+        return count(u8::try_from(hint).ok()?);
+    }
+    // All numbers first, so that decimal commas between blanks are not taken for separators.
+    let several =
+        |separator: &u8| numbers(separator).filter(|cells| *cells > 1).map(|cells| (*separator, cells));
+    let ways = || BYTES.iter().copied().chain([BLANKS]);
+    ways()
+        .find_map(|separator| several(&separator))
+        .or_else(|| ways().find_map(|separator| count(separator).filter(|(_, cells)| *cells > 1)))
+        .or_else(|| count(b','))
 }
 
 /// The decimal mark of the rows from a line on.
@@ -88,10 +172,9 @@ pub(super) fn point(
         split.row(head.line(row), separator, true);
         for cell in split.iter() {
             let comma = usize::from(cell.contains(&b','));
-            let number: Vec<u8> = cell.iter().map(|b| if *b == b',' { b'.' } else { *b }).collect();
-            if (comma == 1) != cell.contains(&b'.') && fast_float2::parse::<f64, _>(&number).is_ok() {
+            if (comma == 1) != cell.contains(&b'.') && is_number(&text(cell)) {
                 let example = found.get_mut(comma);
-                example.map(|e| e.get_or_insert_with(|| (super::head::text(cell), head.number(row))));
+                example.map(|e| e.get_or_insert_with(|| (text(cell), head.number(row))));
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Which dialect a text is written in, told from its beginning.
 
+mod comments;
 mod generic;
 mod head;
 mod instruments;
-mod labview;
 mod marks;
 mod units;
 
@@ -11,7 +11,9 @@ use super::input::Input;
 use super::split::Split;
 use crate::time::{IsoTime, TimeKind, parse_iso};
 use crate::{Column, FormatError, Hints};
+use comments::Comments;
 use head::Head;
+pub(super) use instruments::Heading;
 
 /// As many lines are looked at, or as many bytes where lines are long.
 const LINES: usize = 128;
@@ -33,7 +35,10 @@ pub(super) struct Dialect {
     pub(super) cells: usize,
     /// Whether a separator may stand at the end of a row, with nothing behind it.
     pub(super) trailing: bool,
+    /// Whether remarks may stand behind that separator.
+    pub(super) remarks: bool,
     pub(super) columns: Vec<DialectColumn>,
+    pub(super) records: Records,
     /// All of this for people.
     pub(super) recognised: String,
 }
@@ -54,8 +59,21 @@ pub(super) enum Origin {
     Cell(usize),
     /// A cell times a step that the header states, after a start.
     Affine { cell: usize, start: f64, step: f64 },
-    /// The rows, counted from 0, times a step that the header states, after a start.
+    /// The rows of the record, counted from 0, times a step that the header states, after a start.
     Counted { start: f64, step: f64 },
+    /// The number of the record in the file, counted from 1.
+    Record,
+}
+
+/// How rows make records, where a file tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Records {
+    /// All rows are one, or a column tells them apart.
+    One,
+    /// So many rows each.
+    OfRows(u64),
+    /// Each begins with a header of its own.
+    Headed(Heading),
 }
 
 impl Origin {
@@ -63,16 +81,26 @@ impl Origin {
     pub(super) const fn cell(self) -> Option<usize> {
         match self {
             Self::Cell(cell) | Self::Affine { cell, .. } => Some(cell),
-            Self::Counted { .. } => None,
+            Self::Counted { .. } | Self::Record => None,
         }
     }
 }
 
 impl Dialect {
+    /// How many rows a record has, where that is stated.
+    pub(super) const fn record_rows(&self) -> Option<u64> {
+        match self.records {
+            Records::OfRows(rows) => Some(rows),
+            _ => None,
+        }
+    }
+
     /// Whether a row has as many cells as it should.
     pub(super) fn fits(&self, row: &Split) -> bool {
         row.len() == self.cells
-            || self.trailing && row.len() == self.cells + 1 && row.cell(self.cells).is_empty()
+            || self.trailing
+                && row.len() == self.cells + 1
+                && (self.remarks || row.cell(self.cells).is_empty())
     }
 }
 
@@ -81,17 +109,20 @@ struct Found {
     /// The instrument or program, where its preamble is known.
     instrument: Option<&'static str>,
     separator: u8,
-    point: u8,
-    /// The lines, counted in the head, of the names and of the first row.
-    header: usize,
+    /// The decimal mark, once it is known.
+    point: Option<u8>,
+    /// The line of the names in the file, and that of the first row in the head.
+    header_line: u64,
     first_row: usize,
-    /// How many cells a row has, and whether a separator may stand behind them.
+    /// How many cells a row has, and whether a separator, or one with remarks behind it, may stand behind them.
     cells: usize,
     trailing: bool,
+    remarks: bool,
     /// Names, units in them, and where their values come from.
     columns: Vec<(String, Origin)>,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
     units: String,
+    records: Records,
 }
 
 /// Tells the dialect and takes all that comes before the first row.
@@ -99,18 +130,12 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
     if !input.more()? {
         return Ok(nothing());
     }
-    let start = input.lines();
-    if start.starts_with(b"\xff\xfe") || start.starts_with(b"\xfe\xff") {
-        return Err(FormatError::Unsupported {
-            format: "CSV",
-            what: "text in UTF-16".to_owned(),
-            remedy: "save it as UTF-8".to_owned(),
-        });
-    }
-    if start.starts_with(b"\xef\xbb\xbf") {
+    if input.lines().starts_with(b"\xef\xbb\xbf") {
         input.take(3);
     }
     let mut line = 1;
+    let mut comments = Comments::default();
+    let mut csv = hints.csv.clone();
     // Comments and blank lines before the header, whose line may be said.
     while hints.csv.header_line.is_none() {
         let lines = input.lines();
@@ -120,13 +145,19 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
             }
             return Ok(nothing());
         };
-        if !lines.starts_with(b"#") && lines.get(..end).is_some_and(|first| !first.trim_ascii().is_empty()) {
+        let first = lines.get(..end).unwrap_or_default().trim_ascii();
+        if line == 1
+            && let Some(separator) = marks::said(first)
+        {
+            csv.separator = csv.separator.or(Some(separator));
+        } else if !first.is_empty() && !comments.take(first, line) {
             break;
         }
         input.take(end + 1);
         line += 1;
     }
-    let wanted = LINES + usize::try_from(hints.csv.header_line.unwrap_or(0)).unwrap_or(LINES).min(1 << 16);
+    let said = hints.csv.header_line.map_or(0, |line| usize::try_from(line).unwrap_or(LINES).min(1 << 16));
+    let wanted = LINES + said + instruments::lines(&Head::new(input.lines(), line, 2));
     while input.lines().len() < BYTES
         && memchr::memchr_iter(b'\n', input.lines()).count() < wanted
         && input.more()?
@@ -141,10 +172,11 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
     if head.len() == 0 {
         return Ok(nothing());
     }
+    let hints = &Hints { csv, ..hints.clone() };
     let found = match hints.csv.header_line {
         None => match instruments::find(&head, &hints.csv)? {
             Some(found) => found,
-            None => generic::find(&head, 0, hints)?,
+            None => generic::find(&head, 0, &comments, hints)?,
         },
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
@@ -152,10 +184,13 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
                 found: format!("`header_line = {header}` in the experiment file and {} lines", head.len()),
                 expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
             })?;
-            generic::find(&head, index, hints)?
+            generic::find(&head, index, &comments, hints)?
         }
     };
-    let (dialect, bytes) = finish(found, &head, hints)?;
+    let (mut dialect, bytes) = finish(found, &head, hints)?;
+    if input.is_wide() {
+        dialect.recognised = format!("UTF-16, {}", dialect.recognised);
+    }
     input.take(bytes);
     Ok(dialect)
 }
@@ -193,11 +228,12 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     } else {
         format!("separated by {}", marks::name(found.separator))
     });
-    if found.point == b',' {
+    let point = found.point.unwrap_or(b'.');
+    if point == b',' {
         words.push("decimal commas".to_owned());
     }
-    if head.number(found.header) != 1 && found.first_row > found.header {
-        words.push(format!("names in line {}", head.number(found.header)));
+    if found.header_line != 1 && found.header_line < head.number(found.first_row) {
+        words.push(format!("names in line {}", found.header_line));
     }
     if hints.columns.is_some() {
         words.push("names from the experiment file".to_owned());
@@ -206,7 +242,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     }
     for (name, origin) in &found.columns {
         match origin {
-            Origin::Cell(_) => {}
+            Origin::Cell(_) | Origin::Record => {}
             Origin::Affine { start, step, .. } | Origin::Counted { start, step } => {
                 words.push(format!("`{name}` from {start:?} on in steps of {step:?}, as the header says"));
             }
@@ -214,17 +250,19 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     }
     let times = times(head, &found);
     let column = |((name, origin), time): ((String, Origin), Option<TimeKind>)| DialectColumn {
-        column: Column { name, place: None },
+        column: Column::new(&name),
         origin,
         time,
     };
     let dialect = Dialect {
         separator: found.separator,
-        point: found.point,
-        header_line: head.number(found.header),
+        point,
+        header_line: found.header_line,
         first_row_line: head.number(found.first_row),
         cells: found.cells,
         trailing: found.trailing,
+        remarks: found.remarks,
+        records: found.records,
         columns: found.columns.into_iter().zip(times).map(column).collect(),
         recognised: words.join(", "),
     };
@@ -257,6 +295,8 @@ fn nothing() -> Dialect {
         first_row_line: 1,
         cells: 0,
         trailing: false,
+        remarks: false,
+        records: Records::One,
         columns: Vec::new(),
         recognised: "nothing".to_owned(),
     }

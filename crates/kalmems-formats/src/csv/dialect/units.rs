@@ -1,113 +1,45 @@
-//! Names with units, as the columns of the workbench have them.
+//! Names of columns with units, from one line or from two.
 
-/// Words that instruments write for units.
-const WORDS: [(&str, &str); 12] = [
-    ("second", "s"),
-    ("seconds", "s"),
-    ("sec", "s"),
-    ("volt", "V"),
-    ("volts", "V"),
-    ("amp", "A"),
-    ("amps", "A"),
-    ("ampere", "A"),
-    ("amperes", "A"),
-    ("hertz", "Hz"),
-    ("watt", "W"),
-    ("kelvin", "K"),
-];
+use crate::name::{in_brackets, join, parts, with_unit};
+use crate::unit_words::unit_ending;
 
-/// Units that are written otherwise than a name can hold them.
-const SIGNS: [(&str, &str); 10] = [
-    ("°", "deg"),
-    ("°/s", "deg_per_s"),
-    ("deg/s", "deg_per_s"),
-    ("rad/s", "rad_per_s"),
-    ("°C", "degC"),
-    ("Ω", "ohm"),
-    ("Ohm", "ohm"),
-    ("m/s", "m_per_s"),
-    ("m/s²", "m_per_s2"),
-    ("m/s^2", "m_per_s2"),
-];
-
-/// Units that take a prefix.
-const BASES: [&str; 14] = ["s", "V", "A", "Hz", "W", "F", "ohm", "m", "N", "Pa", "rad", "K", "g", "C"];
-/// Units that take none.
-const WHOLE: [&str; 6] = ["min", "deg", "dps", "bar", "deg_per_s", "rad_per_s"];
-
-/// The unit that a text is, as a name ends with it.
-pub(super) fn unit(text: &str) -> Option<String> {
-    let text: String = text.trim().chars().map(|c| if matches!(c, 'µ' | 'μ') { 'u' } else { c }).collect();
-    let lower = text.to_lowercase();
-    if let Some((_, unit)) = WORDS.iter().find(|(word, _)| *word == lower) {
-        return Some((*unit).to_owned());
-    }
-    if let Some((_, unit)) = SIGNS.iter().find(|(sign, _)| *sign == text) {
-        return Some((*unit).to_owned());
-    }
-    let prefixed = |prefix: &str| {
-        text.strip_prefix(prefix).and_then(|rest| {
-            let rest = if matches!(rest, "Ω" | "Ohm") { "ohm" } else { rest };
-            BASES.contains(&rest).then(|| format!("{prefix}{rest}"))
-        })
-    };
-    if WHOLE.contains(&text.as_str()) {
-        return Some(text);
-    }
-    ["", "p", "n", "u", "m", "k", "M", "G"].into_iter().find_map(prefixed)
-}
-
-/// The unit of a cell in a line of units: in brackets, or a unit by itself.
+/// The unit of a cell in a line of units: in brackets, or a unit by itself; empty where a mark says that there is none.
 pub(super) fn unit_cell(cell: &str) -> Option<String> {
     let cell = cell.trim();
     match in_brackets(cell) {
-        Some(("", inside)) => Some(unit(inside).unwrap_or_else(|| word(inside))),
+        Some(("", inside)) => Some(unit_ending(inside).unwrap_or_else(|| inside.trim().to_owned())),
         Some(_) => None,
-        None => unit(cell),
+        None if cell == "-" => Some(String::new()),
+        // A row of ones.
+        None if cell == "1" => None,
+        None => unit_ending(cell),
     }
-}
-
-/// What stands before brackets at the end and what in them.
-fn in_brackets(text: &str) -> Option<(&str, &str)> {
-    let (open, inside) = match text.strip_suffix(')') {
-        Some(inside) => ('(', inside),
-        None => ('[', text.strip_suffix(']')?),
-    };
-    let (before, inside) = inside.rsplit_once(open)?;
-    (!inside.trim().is_empty()).then_some((before.trim(), inside))
-}
-
-/// The name and the unit of a name that holds both: `Time (ms)`, `CH1 [V]`, `C1 in V`.
-fn parts(name: &str) -> Option<(&str, String)> {
-    let name = name.trim();
-    if let Some((before, inside)) = in_brackets(name) {
-        return Some((before, unit(inside)?));
-    }
-    if let Some(inside) = name.strip_prefix("in ") {
-        return Some(("", unit(inside)?));
-    }
-    let (before, inside) = name.rsplit_once(" in ")?;
-    Some((before, unit(inside)?))
 }
 
 /// The name of a column whose unit is in the name or stands elsewhere; a name that says no unit stays as it is.
 pub(super) fn column_name(name: &str, elsewhere: Option<&str>, index: usize) -> String {
-    let (before, unit) = match (parts(name), elsewhere) {
-        (Some((before, unit)), _) => (before, unit),
-        (None, Some(unit)) => (name, unit.to_owned()),
-        (None, None) => return name.trim().to_owned(),
-    };
-    let before = match before.trim() {
-        "" if unit.ends_with('s') && unit.len() <= 2 => "time".to_owned(),
-        "" => format!("column_{}", index + 1),
-        before => word(before),
-    };
-    if before.ends_with(&format!("_{unit}")) { before } else { format!("{before}_{unit}") }
+    let name = name.trim();
+    let elsewhere = elsewhere.filter(|unit| !unit.is_empty());
+    match (parts(name), elsewhere) {
+        (Some((before, unit)), _) => join(&unnamed(before, &unit, index), &unit),
+        (None, Some(unit)) => with_unit(&unnamed(name, unit, index), unit),
+        (None, None) => name.to_owned(),
+    }
 }
 
-/// A text without spaces.
-fn word(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join("_")
+/// Whether a name says its unit in any way: `cap_V`, `cap (V)`.
+pub(super) fn says_unit(name: &str) -> bool {
+    let ending = || name.rsplit_once('_').is_some_and(|(_, word)| unit_ending(word).is_some());
+    parts(name).is_some() || ending()
+}
+
+/// A name for what has none: what is in seconds is the time.
+fn unnamed(name: &str, unit: &str, index: usize) -> String {
+    match name.trim() {
+        "" if unit.ends_with('s') && unit.len() <= 2 => "time".to_owned(),
+        "" => format!("column_{}", index + 1),
+        name => name.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -115,42 +47,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_as_instruments_write_them() {
-        for (text, expected) in [
-            ("s", "s"),
-            ("second", "s"),
-            ("Volt", "V"),
-            ("VOLT", "V"),
-            ("mV", "mV"),
-            ("µs", "us"),
-            ("μV", "uV"),
-            ("kΩ", "kohm"),
-            ("m/s^2", "m_per_s2"),
-            ("°C", "degC"),
-        ] {
-            assert_eq!(unit(text).as_deref(), Some(expected), "{text}");
-        }
-        for text in ["", "1", "left", "ok", "V1", "x", "Time"] {
-            assert_eq!(unit(text), None, "{text}");
-        }
-    }
-
-    #[test]
     fn names_with_units() {
         for (name, elsewhere, expected) in [
             ("Time (ms)", None, "Time_ms"),
-            ("CH1 [V]", None, "CH1_V"),
-            ("CH1(V)", None, "CH1_V"),
-            ("C1 in V", None, "C1_V"),
+            ("CH1 [Volts]", None, "CH1_V"),
+            ("Ucap / V", None, "Ucap_V"),
             ("in s", None, "time_s"),
-            ("Channel A", Some("mV"), "Channel_A_mV"),
+            ("Channel A", Some("mV"), "Channel A_mV"),
+            ("Channel A", None, "Channel A"),
             ("cap_V", Some("V"), "cap_V"),
             ("cap_V", None, "cap_V"),
             ("CH1 (left)", None, "CH1 (left)"),
             ("drive in phase", None, "drive in phase"),
             ("", Some("V"), "column_3_V"),
+            ("index", Some(""), "index"),
         ] {
             assert_eq!(column_name(name, elsewhere, 2), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn cells_that_are_units() {
+        for (cell, unit) in [("(V)", "V"), ("[Volts]", "V"), ("mV", "mV"), ("(counts)", "counts"), ("-", "")]
+        {
+            assert_eq!(unit_cell(cell).as_deref(), Some(unit), "{cell}");
+        }
+        for cell in ["CH1 (V)", "1.5", "1", "left", ""] {
+            assert_eq!(unit_cell(cell), None, "{cell}");
         }
     }
 }

@@ -49,6 +49,7 @@ pub fn correction(
             time_s: &record.time_s,
             taken: estimate::Samples::whole(record.time_s.len(), read.interval_s),
             drive: &drive,
+            sines: &[],
             drive_hz: record.drive.frequency_hz,
             electrodes: &on.electrodes,
             signals: found.signals_without_drive(record, &on.electrodes),

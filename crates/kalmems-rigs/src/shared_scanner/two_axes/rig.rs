@@ -11,7 +11,7 @@ use crate::estimate::{Around, Axis, EstimateError, Part, Past, Progress, Segment
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::recording::Layout;
-use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, wanted};
+use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crate::{Estimator, Rig};
@@ -37,7 +37,8 @@ impl Rig for TwoAxesRig {
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        Ok(experiment.recording(index)?.layout(&columns(experiment, index)?))
+        let slowest_hz = resonances_hz(&Settings::of(experiment)?).into_iter().fold(f64::INFINITY, f64::min);
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, 1.0 / slowest_hz)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -113,6 +114,9 @@ impl Estimator for TwoAxesEstimator<'_> {
         segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
         let trajectories = estimate(settings, (&segment.place, &drive), data, past, self.progress)?;
         let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
-        Ok(segment.estimated_under(drive_column, (axis(0, x), vec![axis(1, y)]), trajectories))
+        let calibrated = settings.first_peak_positive.iter().any(Option::is_some);
+        let remarks = sign_after_restart(part, calibrated);
+        let axes = (axis(0, x), vec![axis(1, y)]);
+        Ok(SegmentEstimate { remarks, ..segment.estimated_under(drive_column, axes, trajectories) })
     }
 }

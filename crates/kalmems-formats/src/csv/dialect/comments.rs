@@ -1,0 +1,66 @@
+//! Lines before the rows that are marked as comments, among which names of columns may stand.
+
+use super::head::cells;
+use super::marks;
+use super::units::{says_unit, unit_cell};
+
+/// As many are kept, the last ones.
+const KEPT: usize = 16;
+
+/// Comments, of which the last may be names: `# time_s cap_V` of `numpy.savetxt`, `% Time (s), Input 1 (V)` of Moku.
+#[derive(Default)]
+pub(super) struct Comments {
+    /// Whether the first says that a Moku wrote it.
+    pub(super) instrument: Option<&'static str>,
+    /// Their lines, without the mark.
+    lines: Vec<(u64, Vec<u8>)>,
+}
+
+/// Names, and units where they have a line of their own, that comments hold.
+pub(super) struct Names {
+    pub(super) line: u64,
+    pub(super) columns: Vec<String>,
+    pub(super) units: Option<(u64, Vec<String>)>,
+}
+
+impl Comments {
+    /// Keeps a line if it is a comment.
+    pub(super) fn take(&mut self, line: &[u8], number: u64) -> bool {
+        let Some(comment) = unmarked(line) else { return false };
+        if self.lines.is_empty() && comment.starts_with(b"Moku") {
+            self.instrument = Some("a Moku");
+        }
+        if self.lines.len() == KEPT {
+            self.lines.remove(0);
+        }
+        self.lines.push((number, comment.to_vec()));
+        true
+    }
+
+    /// The names of as many columns in the last comment that has as many words.
+    pub(super) fn names(&self, separator: u8, count: usize) -> Option<Names> {
+        let mut last = self.lines.iter().enumerate().rev();
+        last.find_map(|(index, (line, comment))| {
+            let names = marks::names(comment, separator, count)?;
+            // Words that are separated otherwise than the rows could be a sentence; names have units.
+            if cells(comment, separator).len() != count && !names.iter().any(|name| says_unit(name)) {
+                return None;
+            }
+            let before = index.checked_sub(1).and_then(|before| self.lines.get(before));
+            let before = before.filter(|_| count > 1 && names.iter().all(|name| unit_cell(name).is_some()));
+            let above =
+                before.and_then(|(line, comment)| Some((*line, marks::names(comment, separator, count)?)));
+            Some(match above {
+                Some((above, words)) => Names { line: above, columns: words, units: Some((*line, names)) },
+                None => Names { line: *line, columns: names, units: None },
+            })
+        })
+    }
+}
+
+/// A comment without its mark; `None` where a line is none.
+pub(super) fn unmarked(line: &[u8]) -> Option<&[u8]> {
+    let mark = |byte: &u8| matches!(byte, b'#' | b'%');
+    let rest = line.get(line.iter().take_while(|byte| mark(byte)).count()..)?;
+    (rest.len() < line.len()).then(|| rest.trim_ascii())
+}

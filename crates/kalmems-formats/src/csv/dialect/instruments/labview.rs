@@ -1,0 +1,203 @@
+//! LabVIEW measurement files (`.lvm`): a header on the file, and for each record one on its channels, and rows.
+
+use super::super::head::Head;
+use super::super::units::column_name;
+use super::{Beginning, Find, distinct};
+use crate::FormatError;
+use crate::csv::dialect::{Found, Origin, Records};
+
+/// What ends either header.
+const END: &[u8] = b"***End_of_Header***";
+
+/// As many lines a header on channels has at most.
+const LINES: usize = 64;
+
+/// The times of the channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Times {
+    /// In the first cell.
+    One,
+    /// In a cell before each channel.
+    Each,
+    /// Counted from `X0` in steps of `Delta_X`.
+    Counted,
+}
+
+/// How a file writes its headers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::csv) struct Heading {
+    separator: u8,
+    times: Times,
+}
+
+/// What a header on channels says.
+pub(in crate::csv) struct Channels {
+    /// The line of their names in the head; the rows follow.
+    names: usize,
+    /// How many cells a row has, but for one of remarks at its end.
+    cells: usize,
+    columns: Vec<(String, Origin)>,
+}
+
+pub(super) fn find(text: &Beginning) -> Find {
+    text.head.line(0).starts_with(b"LabVIEW Measurement").then(|| found(text.head))
+}
+
+/// The dialect that the header on the file and the first on channels say.
+fn found(head: &Head) -> Result<Found, FormatError> {
+    let ends: Vec<usize> = (0..head.len()).filter(|index| head.line(*index).starts_with(END)).collect();
+    let [first, second, others @ ..] = ends.as_slice() else {
+        let expected = "`***End_of_Header***` twice, once for the file and once for the channels";
+        return Err(damaged("no end", expected));
+    };
+    // The separator is said by a word that stands behind it.
+    let comma = (0..*first).any(|index| head.line(index).starts_with(b"Separator,"));
+    let separator =
+        if comma || head.line(1).contains(&b',') && !head.line(1).contains(&b'\t') { b',' } else { b'\t' };
+    let value = |key: &str| {
+        head.values(key, separator).and_then(|values| values.into_iter().next()).unwrap_or_default()
+    };
+    let heading = Heading {
+        separator,
+        times: match value("X_Columns").as_str() {
+            "No" => Times::Counted,
+            "Multi" => Times::Each,
+            _ => Times::One,
+        },
+    };
+    let several = value("Multi_Headings") == "Yes" || !others.is_empty();
+    let mut channels = heading.channels(head, *first + 1, *second)?;
+    if several {
+        channels.columns.push(("segment".to_owned(), Origin::Record));
+    }
+    Ok(Found {
+        instrument: Some("LabVIEW"),
+        separator,
+        // The first versions do not say it.
+        point: match value("Decimal_Separator").as_str() {
+            "," if separator != b',' => Some(b','),
+            "." => Some(b'.'),
+            _ => None,
+        },
+        header_line: head.number(channels.names),
+        first_row: channels.names + 1,
+        cells: channels.cells,
+        trailing: true,
+        remarks: true,
+        columns: channels.columns,
+        units: "units in the header".to_owned(),
+        records: if several { Records::Headed(heading) } else { Records::One },
+    })
+}
+
+impl Heading {
+    /// Whether a line begins another header on channels.
+    pub(in crate::csv) fn begins(first_cell: &[u8]) -> bool {
+        let words: [&[u8]; 5] = [b"Channels", b"Notes", b"Special", b"Test_", b"UUT_"];
+        words.iter().any(|word| first_cell.starts_with(word))
+    }
+
+    /// What the header on channels at the beginning of `text` says of them; `None` where more text is needed.
+    pub(in crate::csv) fn next(
+        self,
+        text: &[u8],
+        line: u64,
+        ended: bool,
+    ) -> Result<Option<Channels>, FormatError> {
+        let head = Head::new(text, line, LINES);
+        match (0..head.len()).find(|index| head.line(*index).starts_with(END)) {
+            Some(end) if end + 1 < head.len() => self.channels(&head, 0, end).map(Some),
+            None if head.len() < LINES && !ended => Ok(None),
+            Some(_) if !ended => Ok(None),
+            _ => Err(damaged(
+                &format!("a header in line {line} without an end"),
+                "`***End_of_Header***` and names",
+            )),
+        }
+    }
+
+    /// The channels of a header between two lines, and their names behind it.
+    fn channels(self, head: &Head, begin: usize, end: usize) -> Result<Channels, FormatError> {
+        let names = head.cells(end + 1, self.separator);
+        let comment = usize::from(names.last().is_some_and(|name| name == "Comment"));
+        let count = names.len() - comment;
+        let of = |key: &str| {
+            let first =
+                |index: &usize| head.cells(*index, self.separator).first().is_some_and(|cell| cell == key);
+            (begin..end).find(first).map(|line| head.cells(line, self.separator)).unwrap_or_default()
+        };
+        let (units, starts, steps, dimensions) =
+            (of("Y_Unit_Label"), of("X0"), of("Delta_X"), of("X_Dimension"));
+        let number = |text: &String| fast_float2::parse::<f64, _>(text.replace(',', ".")).ok();
+        let seconds = dimensions.get(1).is_none_or(|dimension| dimension == "Time").then_some("s");
+        let channels: Vec<usize> = match self.times {
+            Times::Each => (1..count).step_by(2).collect(),
+            Times::One | Times::Counted => (1..count).collect(),
+        };
+        let name = |index: &usize| names.get(*index).cloned().unwrap_or_default();
+        let channel_names = distinct(channels.iter().map(name));
+        let mut columns = Vec::new();
+        if self.times == Times::Counted {
+            let value = |cells: &[String], what: &str| {
+                let mut values = channels.iter().filter_map(|index| number(cells.get(*index)?));
+                let first = values
+                    .next()
+                    .ok_or_else(|| damaged(&format!("no `{what}`"), "a number for each channel"))?;
+                if values.any(|other| other != first) {
+                    return Err(FormatError::Unsupported {
+                        format: "LabVIEW measurement",
+                        what: "channels with times of their own and no column for them".to_owned(),
+                        remedy: "write those with the same times in a file of their own, or a column of times for each"
+                            .to_owned(),
+                    });
+                }
+                Ok(first)
+            };
+            let (start, step) = (value(&starts, "X0")?, value(&steps, "Delta_X")?);
+            columns.extend(seconds.map(|_| ("time_s".to_owned(), Origin::Counted { start, step })));
+        }
+        for (place, (index, name)) in channels.iter().zip(&channel_names).enumerate() {
+            let time = match self.times {
+                Times::One | Times::Each if place == 0 => Some("time".to_owned()),
+                Times::Each => Some(format!("time of {name}")),
+                _ => None,
+            };
+            columns.extend(time.map(|time| (column_name(&time, seconds, 0), Origin::Cell(index - 1))));
+            columns.push((
+                column_name(name, units.get(*index).map(String::as_str), *index),
+                Origin::Cell(*index),
+            ));
+        }
+        Ok(Channels { names: end + 1, cells: count, columns })
+    }
+}
+
+impl Channels {
+    /// Where the values come from, where the channels are those before; how many bytes and lines the header takes.
+    pub(in crate::csv) fn continue_with(
+        self,
+        before: &[super::super::DialectColumn],
+        text: &[u8],
+    ) -> Result<(Vec<Origin>, usize, u64), FormatError> {
+        let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
+        // The last column is the number of the record.
+        if !same || self.columns.len() + 1 != before.len() {
+            return Err(FormatError::Unsupported {
+                format: "LabVIEW measurement",
+                what: "a file of records with different channels".to_owned(),
+                remedy: "write each in a file of its own".to_owned(),
+            });
+        }
+        let bytes = memchr::memchr_iter(b'\n', text).nth(self.names).map_or(text.len(), |end| end + 1);
+        Ok((self.columns.into_iter().map(|(_, origin)| origin).collect(), bytes, self.names as u64 + 1))
+    }
+}
+
+fn damaged(found: &str, expected: &str) -> FormatError {
+    FormatError::Damaged {
+        format: "LabVIEW measurement",
+        place: "header".to_owned(),
+        found: found.to_owned(),
+        expected: expected.to_owned(),
+    }
+}

@@ -1,0 +1,214 @@
+//! The attributes of an object (HDF5 File Format Specification, section IV.A.2.m).
+
+use super::datatype::{self, Kind as Type};
+use super::file::{Cursor, File};
+use super::header::{self, Header, Kind};
+use super::heap::{FractalHeap, Texts};
+use super::tree;
+use crate::element::Exact;
+use crate::records::Code;
+use crate::{FormatError, limits};
+
+/// Elements of an attribute; one with more is no unit, name or factor.
+const ELEMENTS: u64 = 4096;
+
+/// The value of an attribute.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    Texts(Vec<String>),
+    Numbers(Vec<Exact>),
+    /// Anything else, or too much.
+    Other,
+}
+
+/// The attributes of an object, by their names.
+#[derive(Default)]
+pub(super) struct Attributes(Vec<(String, Value)>);
+
+impl Attributes {
+    pub(super) fn read(file: &File, header: &Header) -> Result<Self, FormatError> {
+        let mut all = Self::default();
+        header.each(file, Kind::Attribute, |cursor| all.push(attribute(cursor)?))?;
+        let dense = header.first(file, Kind::AttributeInfo, |cursor| {
+            let flags = cursor.skip(1)?.u8()?;
+            if flags & 1 != 0 {
+                cursor.skip(2)?;
+            }
+            Ok((cursor.address()?, cursor.address()?))
+        })?;
+        if let Some((Some(heap), Some(names))) = dense {
+            let mut heap = FractalHeap::read(file, heap)?;
+            tree::newer(file, names, &mut |kind, record| {
+                if kind != 8 && kind != 9 {
+                    return Err(record.damaged(format!("a tree of kind {kind}"), "8 or 9, of attributes"));
+                }
+                let place = record.place();
+                let id = record.take(heap.id_bytes)?;
+                match heap.object(id)? {
+                    Some(body) => all.push(attribute(&mut Cursor::new(file, &body, place))?),
+                    None => Ok(()),
+                }
+            })?;
+        }
+        Ok(all)
+    }
+
+    fn push(&mut self, attribute: (String, Value)) -> Result<(), FormatError> {
+        let count = self.0.len() as u64 + 1;
+        limits::at_most(
+            super::FORMAT,
+            "the number of attributes of an object",
+            count,
+            limits::COLUMNS as u64,
+        )?;
+        self.0.push(attribute);
+        Ok(())
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&Value> {
+        self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value)
+    }
+
+    /// A single text.
+    pub(super) fn text(&self, name: &str) -> Option<&str> {
+        match self.texts(name)? {
+            [only] => Some(only),
+            _ => None,
+        }
+    }
+
+    pub(super) fn texts(&self, name: &str) -> Option<&[String]> {
+        match self.get(name)? {
+            Value::Texts(texts) => Some(texts),
+            _ => None,
+        }
+    }
+
+    pub(super) fn numbers(&self, name: &str) -> &[Exact] {
+        match self.get(name) {
+            Some(Value::Numbers(numbers)) => numbers,
+            _ => &[],
+        }
+    }
+
+    /// The unit or the units of the columns, whatever the attribute is called.
+    pub(super) fn units(&self) -> &[String] {
+        let is_unit = |name: &str| {
+            let letters = name.chars().filter(|letter| letter.is_alphanumeric()).collect::<String>();
+            matches!(
+                letters.to_lowercase().as_str(),
+                "unit" | "units" | "unitstring" | "unitsymbol" | "niunitdescription" | "physicalunit"
+            )
+        };
+        let named = self.0.iter().filter(|(name, _)| is_unit(name));
+        let mut texts = named.filter_map(|(_, value)| match value {
+            Value::Texts(texts) if !texts.is_empty() => Some(texts),
+            _ => None,
+        });
+        texts.next().map_or(&[], Vec::as_slice)
+    }
+}
+
+/// How many elements a dataspace has, and its axes: their lengths now and at most.
+#[derive(Clone, Debug)]
+pub(super) struct Space {
+    pub(super) shape: Vec<u64>,
+    /// None where an axis has no end.
+    pub(super) most: Vec<Option<u64>>,
+    /// Nothing is there, not even one element.
+    pub(super) none: bool,
+}
+
+impl Space {
+    pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self, FormatError> {
+        let (version, axes, flags) = (cursor.u8()?, usize::from(cursor.u8()?), cursor.u8()?);
+        let none = match version {
+            1 => {
+                cursor.skip(5)?;
+                false
+            }
+            2 => cursor.u8()? == 2,
+            _ => return Err(cursor.damaged(format!("version {version} of a shape"), "1 or 2")),
+        };
+        if axes > 32 {
+            return Err(cursor.damaged(format!("{axes} axes"), "at most 32"));
+        }
+        let shape = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
+        let endless = u64::MAX >> (64 - 8 * cursor.file.length_bytes);
+        let most = if flags & 1 != 0 {
+            let most = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
+            most.into_iter().map(|length| (length != endless).then_some(length)).collect()
+        } else {
+            shape.iter().map(|length| Some(*length)).collect()
+        };
+        Ok(Self { shape, most, none })
+    }
+
+    pub(super) fn count(&self) -> u64 {
+        if self.none {
+            return 0;
+        }
+        self.shape.iter().fold(1, |count: u64, length| count.saturating_mul(*length))
+    }
+}
+
+fn attribute(cursor: &mut Cursor<'_>) -> Result<(String, Value), FormatError> {
+    let (version, flags) = (cursor.u8()?, cursor.u8()?);
+    if !(1..=3).contains(&version) {
+        return Err(cursor.damaged(format!("version {version} of an attribute"), "1 to 3"));
+    }
+    let lengths = [usize::from(cursor.u16()?), usize::from(cursor.u16()?), usize::from(cursor.u16()?)];
+    if version == 3 {
+        cursor.skip(1)?;
+    }
+    // Of the first version each part begins at a multiple of eight bytes.
+    let mut part = |length: usize| {
+        let part = cursor.part(length)?;
+        if version == 1 {
+            cursor.skip(length.next_multiple_of(8) - length)?;
+        }
+        Ok::<_, FormatError>(part)
+    };
+    let (mut name, mut element, mut space) = (part(lengths[0])?, part(lengths[1])?, part(lengths[2])?);
+    let name = name.name()?;
+    // A shape that is elsewhere is not written by any library that is known.
+    if version > 1 && flags & 2 != 0 {
+        return Ok((name, Value::Other));
+    }
+    let element = if version > 1 && flags & 1 != 0 {
+        let address = header::shared(&mut element)?;
+        let there = Header::read(cursor.file, address)?.first(cursor.file, Kind::Datatype, datatype::read)?;
+        there.unwrap_or(Type::Other("a type that is not there"))
+    } else {
+        datatype::read(&mut element)?
+    };
+    let count = Space::read(&mut space)?.count();
+    let value = if count > ELEMENTS { Value::Other } else { value(cursor, &element, count)? };
+    Ok((name, value))
+}
+
+fn value(cursor: &mut Cursor<'_>, element: &Type, count: u64) -> Result<Value, FormatError> {
+    Ok(match element {
+        Type::Number(element) => {
+            let numbers = (0..count).map(|_| Ok(element.exact(cursor.take(element.bytes)?)));
+            Value::Numbers(numbers.collect::<Result<_, FormatError>>()?)
+        }
+        Type::Text { bytes } => {
+            let texts = (0..count).map(|_| Ok(text(cursor.take(*bytes)?)));
+            Value::Texts(texts.collect::<Result<_, FormatError>>()?)
+        }
+        Type::Texts => {
+            let mut heap = Texts::new(cursor.file);
+            let texts = (0..count).map(|_| Ok(text(&heap.text(cursor)?)));
+            Value::Texts(texts.collect::<Result<_, FormatError>>()?)
+        }
+        _ => Value::Other,
+    })
+}
+
+/// A text without the zeros and white space around it.
+fn text(raw: &[u8]) -> String {
+    let mut trimmed = Vec::new();
+    Code::Bytes.read(raw, &mut trimmed);
+    String::from_utf8_lossy(&trimmed).into_owned()
+}

@@ -1,0 +1,205 @@
+//! What the elements of a dataset are (HDF5 File Format Specification, section IV.A.2.d).
+
+use super::file::Cursor;
+use crate::element::{self, Element};
+use crate::{FormatError, limits};
+
+/// Types within one another.
+const DEPTH: usize = 8;
+
+/// What an element of a dataset is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Kind {
+    Number(Element),
+    /// A text of a fixed length.
+    Text {
+        bytes: usize,
+    },
+    /// A text of its own length.
+    Texts,
+    /// References to other objects.
+    References,
+    /// Fields with names, places and kinds.
+    Fields {
+        bytes: usize,
+        fields: Vec<(String, usize, Kind)>,
+    },
+    Other(&'static str),
+}
+
+impl Kind {
+    /// Bytes of an element; 0 where it has no fixed length.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Number(element) => element.bytes,
+            Self::Text { bytes } | Self::Fields { bytes, .. } => *bytes,
+            Self::Texts | Self::References | Self::Other(_) => 0,
+        }
+    }
+
+    /// What it is, for messages.
+    pub(super) fn what(&self) -> &'static str {
+        match self {
+            Self::Number(_) => "numbers",
+            Self::Text { .. } | Self::Texts => "text",
+            Self::References => "references",
+            Self::Fields { .. } => "records with fields",
+            Self::Other(what) => what,
+        }
+    }
+}
+
+/// Reads a type.
+pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Kind, FormatError> {
+    kind(cursor, DEPTH)
+}
+
+fn kind(cursor: &mut Cursor<'_>, depth: usize) -> Result<Kind, FormatError> {
+    if depth == 0 {
+        return Err(cursor.damaged("types within one another", "no more than eight of them"));
+    }
+    let head = cursor.u8()?;
+    let (class, version) = (head & 15, head >> 4);
+    #[allow(clippy::cast_possible_truncation)] // three bytes
+    let bits = cursor.number(3)? as u32;
+    let bytes = cursor.u32()? as usize;
+    Ok(match class {
+        0 => {
+            let (offset, precision) = (cursor.u16()?, cursor.u16()?);
+            let kind = if bits & 8 != 0 { element::Kind::Signed } else { element::Kind::Unsigned };
+            if offset != 0 || usize::from(precision) != bytes.saturating_mul(8) {
+                Kind::Other("integers with unused bits")
+            } else {
+                number(kind, bytes, bits & 1 != 0)
+            }
+        }
+        1 => float(cursor, bits, bytes)?,
+        3 if bytes > 0 => Kind::Text { bytes },
+        3 => Kind::Other("texts without characters"),
+        4 => {
+            cursor.skip(4)?;
+            Kind::Other("bits without a meaning")
+        }
+        2 => {
+            cursor.skip(2)?;
+            Kind::Other("times of HDF5's own kind")
+        }
+        5 => {
+            cursor.skip((bits & 0xff) as usize)?;
+            Kind::Other("bytes without a meaning")
+        }
+        6 => compound(cursor, version, (bits & 0xffff) as usize, bytes, depth)?,
+        7 if bits.trailing_zeros() >= 4 => Kind::References,
+        7 => Kind::Other("references to parts of datasets"),
+        8 => {
+            let base = kind(cursor, depth - 1)?;
+            for _ in 0..bits & 0xffff {
+                name(cursor, version)?;
+            }
+            cursor.skip(((bits & 0xffff) as usize).saturating_mul(base.bytes()))?;
+            base
+        }
+        9 => {
+            kind(cursor, depth - 1)?;
+            if bits & 15 == 1 { Kind::Texts } else { Kind::Other("lists of several lengths") }
+        }
+        10 => {
+            let axes = usize::from(cursor.u8()?);
+            cursor.skip(if version < 3 { 3 + 8 * axes } else { 4 * axes })?;
+            kind(cursor, depth - 1)?;
+            Kind::Other("an array in each row")
+        }
+        11 => Kind::Other("complex numbers"),
+        _ => return Err(cursor.damaged(format!("a type of class {class}"), "0 to 11")),
+    })
+}
+
+fn number(kind: element::Kind, bytes: usize, big_endian: bool) -> Kind {
+    let element = Element { kind, bytes, big_endian };
+    if element.exists() { Kind::Number(element) } else { Kind::Other("numbers of an unusual length") }
+}
+
+/// Numbers of IEEE 754, as it lays out their bits.
+fn float(cursor: &mut Cursor<'_>, bits: u32, bytes: usize) -> Result<Kind, FormatError> {
+    let layout = [cursor.u16()?, cursor.u16()?];
+    let places = cursor.take(4)?;
+    let bias = cursor.u32()?;
+    // Exponent's place and bits, the mantissa's bits, the bias; the mantissa is normalised with its first bit implied.
+    let ieee: (u8, u8, u8, u32) = match bytes {
+        2 => (10, 5, 10, 15),
+        4 => (23, 8, 23, 127),
+        8 => (52, 11, 52, 1023),
+        _ => return Ok(Kind::Other("floating-point numbers of an unusual length")),
+    };
+    let sign = (bits >> 8) & 0xff;
+    let normal = layout == [0, u16::try_from(8 * bytes).unwrap_or(0)]
+        && places == [ieee.0, ieee.1, 0, ieee.2]
+        && bias == ieee.3
+        && (bits >> 4) & 3 == 2
+        && sign as usize == 8 * bytes - 1;
+    if !normal {
+        return Ok(Kind::Other("floating-point numbers other than IEEE 754"));
+    }
+    Ok(match (bits & 1 != 0, bits & 64 != 0) {
+        (big_endian, false) => number(element::Kind::Float, bytes, big_endian),
+        _ => Kind::Other("numbers of a VAX"),
+    })
+}
+
+/// The name of a field or of a value of an enumeration.
+fn name(cursor: &mut Cursor<'_>, version: u8) -> Result<String, FormatError> {
+    let before = cursor.left();
+    let name = cursor.name()?;
+    if version < 3 {
+        let bytes = before - cursor.left();
+        cursor.skip(bytes.next_multiple_of(8) - bytes)?;
+    }
+    Ok(name)
+}
+
+fn compound(
+    cursor: &mut Cursor<'_>,
+    version: u8,
+    count: usize,
+    bytes: usize,
+    depth: usize,
+) -> Result<Kind, FormatError> {
+    let mut fields = Vec::with_capacity(count.min(limits::COLUMNS));
+    for _ in 0..count {
+        let name = name(cursor, version)?;
+        let width = match bytes {
+            _ if version < 3 => 4,
+            0..256 => 1,
+            256..65_536 => 2,
+            65_536..16_777_216 => 3,
+            _ => 4,
+        };
+        let offset = usize::try_from(cursor.number(width)?).unwrap_or(usize::MAX);
+        let axes = if version < 2 {
+            let axes = cursor.u8()?;
+            cursor.skip(27)?;
+            axes
+        } else {
+            0
+        };
+        let inner = match kind(cursor, depth - 1)? {
+            _ if axes > 0 => Kind::Other("an array in each row"),
+            Kind::Fields { fields, .. } if is_complex(&fields) => Kind::Other("complex numbers"),
+            Kind::Fields { .. } => Kind::Other("fields within a field"),
+            inner => inner,
+        };
+        let fits = offset.checked_add(inner.bytes()).is_some_and(|end| end <= bytes);
+        fields.push((name, offset, if fits { inner } else { Kind::Other("a field beyond its record") }));
+    }
+    Ok(match bytes {
+        0 => Kind::Other("fields without bytes"),
+        _ if is_complex(&fields) => Kind::Other("complex numbers"),
+        _ => Kind::Fields { bytes, fields },
+    })
+}
+
+/// Two numbers, called as h5py and MATLAB call the parts of complex numbers.
+fn is_complex(fields: &[(String, usize, Kind)]) -> bool {
+    let [(first, _, Kind::Number(_)), (second, _, Kind::Number(_))] = fields else { return false };
+    matches!((first.as_str(), second.as_str()), ("r", "i") | ("real", "imag"))
+}

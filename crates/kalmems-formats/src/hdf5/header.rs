@@ -1,0 +1,216 @@
+//! The header of an object: its messages (HDF5 File Format Specification, section IV.A).
+
+use super::file::{Cursor, File};
+use super::{FORMAT, unsupported};
+use crate::{FormatError, limits};
+
+/// Blocks that a header is continued in.
+const BLOCKS: usize = 4096;
+/// Messages of a header.
+const MESSAGES: usize = 1 << 16;
+
+/// The kinds of messages that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub(super) enum Kind {
+    Dataspace = 0x01,
+    LinkInfo = 0x02,
+    Datatype = 0x03,
+    Link = 0x06,
+    ExternalFiles = 0x07,
+    Layout = 0x08,
+    Filters = 0x0b,
+    Attribute = 0x0c,
+    Continuation = 0x10,
+    SymbolTable = 0x11,
+    AttributeInfo = 0x15,
+}
+
+/// A message.
+struct Message {
+    kind: u16,
+    /// It is elsewhere, and its body says where.
+    shared: bool,
+    place: u64,
+    body: Vec<u8>,
+}
+
+/// The messages of an object.
+pub(super) struct Header {
+    messages: Vec<Message>,
+}
+
+impl Header {
+    pub(super) fn read(file: &File, address: u64) -> Result<Self, FormatError> {
+        let mut header = Self { messages: Vec::new() };
+        let mut blocks: Vec<(u64, u64)> = Vec::new();
+        let start = file.block(address, 16.min(file.source.length().saturating_sub(address)))?;
+        let mut cursor = Cursor::new(file, &start, address);
+        let newer = start.starts_with(b"OHDR");
+        let mut ordered = false;
+        if newer {
+            cursor.mark("OHDR")?;
+            let (version, flags) = (cursor.u8()?, cursor.u8()?);
+            if version != 2 {
+                return Err(cursor.damaged(format!("version {version} of an object's header"), "2"));
+            }
+            ordered = flags & 4 != 0;
+            let width = 1_u64 << (flags & 3);
+            let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
+            let head = file.block(address, prefix + width)?;
+            let mut cursor = Cursor::new(file, &head, address);
+            #[allow(clippy::cast_possible_truncation)] // at most 8
+            let bytes =
+                cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
+            let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
+            let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
+            let block = file.block(address, all)?;
+            let mut cursor = Cursor::new(file, &block, address);
+            #[allow(clippy::cast_possible_truncation)] // below 32
+            cursor.skip((prefix + width) as usize)?;
+            header.newer(&mut cursor, ordered, &mut blocks)?;
+        } else {
+            let version = cursor.u8()?;
+            if version != 1 {
+                return Err(cursor.damaged(format!("version {version} of an object's header"), "1 or 2"));
+            }
+            let bytes = u64::from(cursor.skip(7)?.u32()?);
+            let block = file.block(address + 16, bytes)?;
+            header.older(&mut Cursor::new(file, &block, address + 16), &mut blocks)?;
+        }
+        let mut next = 0;
+        while let Some((place, bytes)) = blocks.get(next).copied() {
+            next += 1;
+            limits::at_most(FORMAT, "the number of parts of a header", next as u64, BLOCKS as u64)?;
+            let block = file.block(place, bytes)?;
+            let mut cursor = Cursor::new(file, &block, place);
+            if newer {
+                cursor.mark("OCHK")?;
+                header.newer(&mut cursor, ordered, &mut blocks)?;
+            } else {
+                header.older(&mut cursor, &mut blocks)?;
+            }
+        }
+        Ok(header)
+    }
+
+    /// The messages of a block as it has been since the beginning.
+    fn older(&mut self, cursor: &mut Cursor<'_>, blocks: &mut Vec<(u64, u64)>) -> Result<(), FormatError> {
+        while cursor.left() >= 8 {
+            let (kind, bytes) = (cursor.u16()?, usize::from(cursor.u16()?));
+            let flags = cursor.u8()?;
+            cursor.skip(3)?;
+            self.add(kind, flags, &mut cursor.part(bytes)?, blocks)?;
+        }
+        Ok(())
+    }
+
+    /// The messages of a block that ends with a checksum.
+    fn newer(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        ordered: bool,
+        blocks: &mut Vec<(u64, u64)>,
+    ) -> Result<(), FormatError> {
+        let prefix = if ordered { 6 } else { 4 };
+        while cursor.left() >= prefix + 4 {
+            let (kind, bytes) = (u16::from(cursor.u8()?), usize::from(cursor.u16()?));
+            let flags = cursor.u8()?;
+            cursor.skip(prefix - 4)?;
+            self.add(kind, flags, &mut cursor.part(bytes)?, blocks)?;
+        }
+        // Fewer bytes than a message needs are a gap.
+        let gap = cursor.left().checked_sub(4);
+        cursor.skip(gap.unwrap_or(0))?.check_sum()
+    }
+
+    fn add(
+        &mut self,
+        kind: u16,
+        flags: u8,
+        body: &mut Cursor<'_>,
+        blocks: &mut Vec<(u64, u64)>,
+    ) -> Result<(), FormatError> {
+        if kind == Kind::Continuation as u16 {
+            blocks.push((body.known_address()?, body.length()?));
+            return Ok(());
+        }
+        limits::at_most(
+            FORMAT,
+            "the number of messages of a header",
+            self.messages.len() as u64,
+            MESSAGES as u64,
+        )?;
+        let place = body.place();
+        let body = body.take(body.left())?.to_vec();
+        self.messages.push(Message { kind, shared: flags & 2 != 0, place, body });
+        Ok(())
+    }
+
+    pub(super) fn has(&self, kind: Kind) -> bool {
+        self.messages.iter().any(|message| message.kind == kind as u16)
+    }
+
+    /// Reads the first message of a kind; none where there is none.
+    pub(super) fn first<T>(
+        &self,
+        file: &File,
+        kind: Kind,
+        read: impl FnOnce(&mut Cursor<'_>) -> Result<T, FormatError>,
+    ) -> Result<Option<T>, FormatError> {
+        let Some(message) = self.messages.iter().find(|message| message.kind == kind as u16) else {
+            return Ok(None);
+        };
+        message.read(file, read).map(Some)
+    }
+
+    /// Reads all messages of a kind.
+    pub(super) fn each(
+        &self,
+        file: &File,
+        kind: Kind,
+        mut read: impl FnMut(&mut Cursor<'_>) -> Result<(), FormatError>,
+    ) -> Result<(), FormatError> {
+        for message in self.messages.iter().filter(|message| message.kind == kind as u16) {
+            message.read(file, &mut read)?;
+        }
+        Ok(())
+    }
+}
+
+impl Message {
+    fn read<T>(
+        &self,
+        file: &File,
+        read: impl FnOnce(&mut Cursor<'_>) -> Result<T, FormatError>,
+    ) -> Result<T, FormatError> {
+        let mut cursor = Cursor::new(file, &self.body, self.place);
+        if !self.shared {
+            return read(&mut cursor);
+        }
+        let address = shared(&mut cursor)?;
+        let header = Header::read(file, address)?;
+        let body = header.messages.iter().find(|other| other.kind == self.kind && !other.shared);
+        let Some(body) = body else {
+            return Err(cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"));
+        };
+        read(&mut Cursor::new(file, &body.body, body.place))
+    }
+}
+
+/// The address of the object that holds a message.
+pub(super) fn shared(cursor: &mut Cursor<'_>) -> Result<u64, FormatError> {
+    let (version, kind) = (cursor.u8()?, cursor.u8()?);
+    match (version, kind) {
+        (1, _) => {
+            let bytes = 6 + cursor.file.length_bytes;
+            cursor.skip(bytes)?.known_address()
+        }
+        (2, _) | (3, 2 | 3) => cursor.known_address(),
+        (3, 1) => Err(unsupported(
+            "an object whose description is in a table that objects share".to_owned(),
+            "copy the file with h5repack",
+        )),
+        _ => Err(cursor.damaged(format!("version {version} of a message elsewhere"), "1 to 3")),
+    }
+}

@@ -1,0 +1,227 @@
+//! Where HDF5 keeps what has a length of its own: local heaps (names of old groups), global heaps (texts) and fractal
+//! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
+
+use super::FORMAT;
+use super::file::{Cursor, File};
+use crate::{FormatError, limits};
+
+/// The names of an old group.
+pub(super) struct LocalHeap {
+    bytes: Vec<u8>,
+    place: u64,
+}
+
+impl LocalHeap {
+    pub(super) fn read(file: &File, address: u64) -> Result<Self, FormatError> {
+        let head = file.block(address, 8 + 2 * file.length_bytes as u64 + file.offset_bytes as u64)?;
+        let mut cursor = Cursor::new(file, &head, address);
+        cursor.mark("HEAP")?;
+        let bytes = cursor.skip(4)?.length()?;
+        cursor.length()?;
+        let place = cursor.known_address()?;
+        Ok(Self { bytes: file.block(place, bytes)?, place })
+    }
+
+    pub(super) fn text(&self, file: &File, offset: u64) -> Result<String, FormatError> {
+        let mut cursor = Cursor::new(file, &self.bytes, self.place);
+        cursor.skip(usize::try_from(offset).unwrap_or(usize::MAX))?.name()
+    }
+}
+
+/// Reads texts of their own length, which refer to collections; the last collection is kept.
+pub(super) struct Texts<'a> {
+    file: &'a File,
+    collection: Option<(u64, Vec<u8>)>,
+}
+
+impl<'a> Texts<'a> {
+    pub(super) fn new(file: &'a File) -> Self {
+        Self { file, collection: None }
+    }
+
+    /// Reads the text that a cell of 4 bytes, an address and 4 bytes refers to.
+    pub(super) fn text(&mut self, cell: &mut Cursor<'_>) -> Result<Vec<u8>, FormatError> {
+        let length = cell.u32()? as usize;
+        let (address, number) = (cell.address()?, cell.u32()?);
+        let Some(address) = address.filter(|_| length > 0 && number > 0) else { return Ok(Vec::new()) };
+        let (place, bytes) = match self.collection.take() {
+            Some(kept) if kept.0 == address => kept,
+            _ => {
+                let file = self.file;
+                let head = file.block(address, 8 + file.length_bytes as u64)?;
+                let mut cursor = Cursor::new(file, &head, address);
+                cursor.mark("GCOL")?;
+                let bytes = cursor.skip(4)?.length()?;
+                (address, file.block(address, bytes)?)
+            }
+        };
+        let text = find(&mut Cursor::new(self.file, &bytes, place), number, length)?;
+        self.collection = Some((place, bytes));
+        Ok(text)
+    }
+}
+
+/// An object of a collection.
+fn find(cursor: &mut Cursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
+    cursor.skip(8 + cursor.file.length_bytes)?;
+    while cursor.left() >= 8 + cursor.file.length_bytes {
+        let found = cursor.u16()?;
+        let bytes = cursor.skip(6)?.length()?;
+        // The rest is free.
+        if found == 0 {
+            break;
+        }
+        let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+        if u32::from(found) == number {
+            let text = cursor.take(bytes)?;
+            return match text.get(..length) {
+                Some(text) => Ok(text.to_vec()),
+                None => Err(cursor.damaged(format!("a text of {bytes} bytes"), &format!("{length} of them"))),
+            };
+        }
+        cursor.skip(bytes)?;
+        let padding = (bytes.next_multiple_of(8) - bytes).min(cursor.left());
+        cursor.skip(padding)?;
+    }
+    Err(cursor.damaged(format!("no object {number} in a collection"), "it there"))
+}
+
+/// A heap of objects in blocks that double in size.
+pub(super) struct FractalHeap<'a> {
+    file: &'a File,
+    pub(super) id_bytes: usize,
+    /// Width of an offset in the heap, and of a length.
+    offset_bytes: usize,
+    size_bytes: usize,
+    width: u64,
+    start_bytes: u64,
+    direct_rows: u32,
+    root: Option<u64>,
+    root_rows: u32,
+    /// The blocks are packed.
+    packed: bool,
+    /// The last block, as most objects are in it.
+    block: Option<(u64, Vec<u8>, u64)>,
+}
+
+impl<'a> FractalHeap<'a> {
+    pub(super) fn read(file: &'a File, address: u64) -> Result<Self, FormatError> {
+        let (length, offset) = (file.length_bytes as u64, file.offset_bytes as u64);
+        let head = file.block(address, 26 + 12 * length + 3 * offset)?;
+        let mut cursor = Cursor::new(file, &head, address);
+        cursor.mark("FRHP")?;
+        let id_bytes = usize::from(cursor.skip(1)?.u16()?);
+        let filter_bytes = u64::from(cursor.u16()?);
+        let largest = u64::from(cursor.skip(1)?.u32()?);
+        cursor.skip(10 * file.length_bytes + 2 * file.offset_bytes)?;
+        let width = u64::from(cursor.u16()?);
+        let (start_bytes, direct_bytes) = (cursor.length()?, cursor.length()?);
+        let offset_bits = u32::from(cursor.u16()?);
+        cursor.skip(2)?;
+        let (root, root_rows) = (cursor.address()?, u32::from(cursor.u16()?));
+        let packed = filter_bytes > 0;
+        if !packed {
+            cursor.check_sum()?;
+        }
+        let powers = [width, start_bytes, direct_bytes].iter().all(|length| length.is_power_of_two());
+        if !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes) {
+            return Err(cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"));
+        }
+        limits::at_most(FORMAT, "the bytes of a block of a heap", direct_bytes, limits::HEADER_BYTES)?;
+        // What the lengths of the objects take: the smaller of the two bounds.
+        let size_bytes = (direct_bytes.ilog2().div_ceil(8)).min(largest.max(1).ilog2() / 8 + 1);
+        Ok(Self {
+            file,
+            id_bytes,
+            offset_bytes: offset_bits.div_ceil(8) as usize,
+            size_bytes: size_bytes as usize,
+            width,
+            start_bytes,
+            direct_rows: direct_bytes.ilog2() - start_bytes.ilog2() + 2,
+            root,
+            root_rows,
+            packed,
+            block: None,
+        })
+    }
+
+    /// Reads an object; none where it is kept in a way that small objects are not.
+    pub(super) fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
+        let mut cursor = Cursor::new(self.file, id, 0);
+        let kind = cursor.u8()?;
+        match (kind >> 4) & 3 {
+            0 => {}
+            // In the identifier itself.
+            2 => return Ok(Some(cursor.take(usize::from(kind & 15) + 1)?.to_vec())),
+            _ => return Ok(None),
+        }
+        if self.packed {
+            return Ok(None);
+        }
+        let offset = cursor.number(self.offset_bytes)?;
+        let bytes = usize::try_from(cursor.number(self.size_bytes)?).unwrap_or(usize::MAX);
+        let kept = self.block.take().filter(|(start, block, _)| {
+            offset.checked_sub(*start).is_some_and(|within| within < block.len() as u64)
+        });
+        let (start, block, place) = match kept {
+            Some(kept) => kept,
+            None => self.find(offset)?,
+        };
+        let mut cursor = Cursor::new(self.file, &block, place);
+        #[allow(clippy::cast_possible_truncation)] // within a block
+        let object = cursor.skip((offset - start) as usize)?.take(bytes)?.to_vec();
+        self.block = Some((start, block, place));
+        Ok(Some(object))
+    }
+
+    /// The block that an offset is in: where it begins in the heap, its bytes and its place.
+    fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64), FormatError> {
+        let lost = || FormatError::Damaged {
+            format: FORMAT,
+            place: "a heap".to_owned(),
+            found: format!("an object at its byte {offset}"),
+            expected: "a block there".to_owned(),
+        };
+        let mut place = self.root.ok_or_else(lost)?;
+        let (mut start, mut rows) = (0_u64, self.root_rows);
+        if rows == 0 {
+            if offset >= self.start_bytes {
+                return Err(lost());
+            }
+            return Ok((0, self.file.block(place, self.start_bytes)?, place));
+        }
+        // Each is smaller than the one that it is in.
+        loop {
+            let within = offset - start;
+            let first = self.width.checked_mul(self.start_bytes).ok_or_else(lost)?;
+            let (row, row_start, bytes) = if within < first {
+                (0, 0, self.start_bytes)
+            } else {
+                let double = (within / first).ilog2();
+                (double + 1, first << double, self.start_bytes << double)
+            };
+            if row >= rows {
+                return Err(lost());
+            }
+            let column = (within - row_start) / bytes;
+            start += row_start + column * bytes;
+            let child = self.child(place, u64::from(row) * self.width + column, rows)?;
+            place = child.ok_or_else(lost)?;
+            if row < self.direct_rows {
+                return Ok((start, self.file.block(place, bytes)?, place));
+            }
+            rows = bytes.ilog2().checked_sub(first.ilog2()).map_or(0, |double| double + 1);
+        }
+    }
+
+    /// The address of a block within an indirect one.
+    fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>, FormatError> {
+        let prefix = 5 + self.file.offset_bytes as u64 + self.offset_bytes as u64;
+        let all = u64::from(rows).saturating_mul(self.width).saturating_mul(self.file.offset_bytes as u64);
+        let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
+        let mut cursor = Cursor::new(self.file, &block, place);
+        cursor.mark("FHIB")?;
+        let before = usize::try_from(prefix + number * self.file.offset_bytes as u64).unwrap_or(usize::MAX);
+        cursor.skip(before.saturating_sub(4))?.address()
+    }
+}

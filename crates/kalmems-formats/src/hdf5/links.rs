@@ -1,0 +1,147 @@
+//! What is in a group: links to objects, to paths and into other files (HDF5 File Format Specification, sections III.B, C
+//! and IV.A.2.g).
+
+use super::file::{Cursor, File};
+use super::header::{Header, Kind};
+use super::heap::{FractalHeap, LocalHeap};
+use super::{FORMAT, tree};
+use crate::{FormatError, limits};
+
+/// The kinds of trees of links, by name and by the order in which they were made.
+const BY_NAME: u8 = 5;
+const BY_ORDER: u8 = 6;
+/// The kind of an old tree of groups.
+const GROUP: u8 = 0;
+
+/// A name in a group.
+pub(super) struct Link {
+    pub(super) name: String,
+    pub(super) target: Target,
+}
+
+/// What a name stands for.
+pub(super) enum Target {
+    /// An object of this file, by the place of its header.
+    Object(u64),
+    /// A path in this file.
+    Path(String),
+    /// A path in another file.
+    Elsewhere { file: String, path: String },
+    /// A link of a kind that a program made for itself.
+    Other,
+}
+
+/// Whether an object is a group.
+pub(super) fn is_group(header: &Header) -> bool {
+    [Kind::SymbolTable, Kind::LinkInfo, Kind::Link].into_iter().any(|kind| header.has(kind))
+}
+
+/// The links of a group.
+pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatError> {
+    let mut links = Vec::new();
+    if let Some((nodes, names)) = header
+        .first(file, Kind::SymbolTable, |cursor| Ok((cursor.known_address()?, cursor.known_address()?)))?
+    {
+        let names = LocalHeap::read(file, names)?;
+        tree::older(file, nodes, GROUP, file.length_bytes, &mut |_, leaf| {
+            entries(file, leaf, &names, &mut links)
+        })?;
+    }
+    header.each(file, Kind::Link, |cursor| push(&mut links, link(cursor)?))?;
+    let dense = header.first(file, Kind::LinkInfo, |cursor| {
+        let flags = cursor.skip(1)?.u8()?;
+        if flags & 1 != 0 {
+            cursor.skip(8)?;
+        }
+        Ok((cursor.address()?, cursor.address()?))
+    })?;
+    if let Some((Some(heap), Some(names))) = dense {
+        let mut heap = FractalHeap::read(file, heap)?;
+        tree::newer(file, names, &mut |kind, record| {
+            match kind {
+                BY_NAME => record.skip(4)?,
+                BY_ORDER => record.skip(8)?,
+                _ => return Err(record.damaged(format!("a tree of kind {kind}"), "5 or 6, of links")),
+            };
+            let place = record.place();
+            let id = record.take(heap.id_bytes)?;
+            match heap.object(id)? {
+                Some(body) => push(&mut links, link(&mut Cursor::new(file, &body, place))?),
+                None => Ok(()),
+            }
+        })?;
+    }
+    Ok(links)
+}
+
+fn push(links: &mut Vec<Link>, link: Link) -> Result<(), FormatError> {
+    limits::at_most(
+        FORMAT,
+        "the number of names in a group",
+        links.len() as u64 + 1,
+        limits::COLUMNS as u64,
+    )?;
+    links.push(link);
+    Ok(())
+}
+
+/// The entries of a leaf of an old group.
+fn entries(file: &File, place: u64, names: &LocalHeap, links: &mut Vec<Link>) -> Result<(), FormatError> {
+    let head = file.block(place, 8)?;
+    let mut cursor = Cursor::new(file, &head, place);
+    cursor.mark("SNOD")?;
+    let count = u64::from(cursor.skip(2)?.u16()?);
+    let entry = 2 * file.offset_bytes as u64 + 24;
+    let block = file.block(place + 8, count * entry)?;
+    let mut cursor = Cursor::new(file, &block, place + 8);
+    for _ in 0..count {
+        let name = cursor.number(file.offset_bytes)?;
+        let address = cursor.address()?;
+        let kind = cursor.u32()?;
+        let mut scratch = cursor.skip(4)?.part(16)?;
+        let target = match (kind, address) {
+            (2, _) => Target::Path(names.text(file, u64::from(scratch.u32()?))?),
+            (_, Some(address)) => Target::Object(address),
+            (_, None) => Target::Other,
+        };
+        push(links, Link { name: names.text(file, name)?, target })?;
+    }
+    Ok(())
+}
+
+/// A message that is a link.
+fn link(cursor: &mut Cursor<'_>) -> Result<Link, FormatError> {
+    let (version, flags) = (cursor.u8()?, cursor.u8()?);
+    if version != 1 {
+        return Err(cursor.damaged(format!("version {version} of a link"), "1"));
+    }
+    let kind = if flags & 8 != 0 { cursor.u8()? } else { 0 };
+    if flags & 4 != 0 {
+        cursor.skip(8)?;
+    }
+    if flags & 16 != 0 {
+        cursor.skip(1)?;
+    }
+    let length = cursor.number(1 << (flags & 3))?;
+    limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES as u64)?;
+    #[allow(clippy::cast_possible_truncation)] // at most TEXT_BYTES
+    let name = text(cursor, length as usize)?;
+    let target = match kind {
+        0 => Target::Object(cursor.known_address()?),
+        1 => {
+            let length = usize::from(cursor.u16()?);
+            Target::Path(text(cursor, length)?)
+        }
+        64 => {
+            // Version and flags are zero.
+            cursor.skip(3)?;
+            Target::Elsewhere { file: cursor.name()?, path: cursor.name()? }
+        }
+        _ => Target::Other,
+    };
+    Ok(Link { name, target })
+}
+
+fn text(cursor: &mut Cursor<'_>, length: usize) -> Result<String, FormatError> {
+    Ok(String::from_utf8_lossy(cursor.take(length)?).into_owned())
+}

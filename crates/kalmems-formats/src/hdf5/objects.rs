@@ -1,0 +1,172 @@
+//! Objects by their paths, through links to other paths and into other files.
+
+use super::file::File;
+use super::header::Header;
+use super::links::{Link, Target, links};
+use crate::source::Source;
+use crate::{FormatError, limits};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Links that lead to links, as many as the HDF5 library follows.
+const HOPS: usize = 16;
+/// Files that links lead into.
+const FILES: usize = 16;
+
+/// An object: the file that it is in, and the place of its header.
+#[derive(Clone)]
+pub(super) struct Object {
+    pub(super) file: Arc<File>,
+    pub(super) address: u64,
+}
+
+impl Object {
+    pub(super) fn header(&self) -> Result<Header, FormatError> {
+        Header::read(&self.file, self.address)
+    }
+
+    /// Whether two are the same.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.address == other.address && Arc::ptr_eq(&self.file, &other.file)
+    }
+}
+
+/// What a link leads to, or why it leads nowhere, in words that follow a name.
+pub(super) enum Reached {
+    Object(Object),
+    Nowhere(String),
+}
+
+/// The opened file, and those that links lead into.
+pub(super) struct Files {
+    pub(super) own: Arc<File>,
+    /// The folder of the opened file, where it is one on a disk.
+    folder: Option<PathBuf>,
+    others: Vec<(PathBuf, Arc<File>)>,
+}
+
+impl Files {
+    pub(super) fn new(source: Arc<Source>) -> Result<Self, FormatError> {
+        let folder = source.folder().map(Path::to_owned);
+        Ok(Self { own: Arc::new(File::open(source, None)?), folder, others: Vec::new() })
+    }
+
+    pub(super) fn root(&self) -> Object {
+        Object { address: self.own.root, file: Arc::clone(&self.own) }
+    }
+
+    /// The object at a path of the opened file.
+    pub(super) fn at_path(&mut self, path: &str) -> Result<Reached, FormatError> {
+        let mut hops = HOPS;
+        self.walk(self.root(), path, &mut hops)
+    }
+
+    /// What a link of a group leads to.
+    pub(super) fn follow(&mut self, group: &Object, target: &Target) -> Result<Reached, FormatError> {
+        let mut hops = HOPS;
+        self.hop(group, target, &mut hops)
+    }
+
+    fn hop(&mut self, group: &Object, target: &Target, hops: &mut usize) -> Result<Reached, FormatError> {
+        if let Target::Object(address) = target {
+            return Ok(Reached::Object(Object { file: Arc::clone(&group.file), address: *address }));
+        }
+        let Some(rest) = hops.checked_sub(1) else {
+            return Ok(Reached::Nowhere(format!(
+                "a link that leads to itself, or through more than {HOPS} others"
+            )));
+        };
+        *hops = rest;
+        match target {
+            Target::Path(path) => {
+                let start = if path.starts_with('/') {
+                    Object { address: group.file.root, file: Arc::clone(&group.file) }
+                } else {
+                    group.clone()
+                };
+                let reached = self.walk(start, path, hops)?;
+                Ok(named(reached, || format!("a link to `{}`", shortened(path))))
+            }
+            Target::Elsewhere { file, path } => {
+                let what = || format!("a link to `{}` in the file `{}`", shortened(path), shortened(file));
+                match self.other(file)? {
+                    Ok(file) => {
+                        let root = Object { address: file.root, file };
+                        let reached = self.walk(root, path, hops)?;
+                        Ok(named(reached, what))
+                    }
+                    Err(why) => Ok(Reached::Nowhere(format!("{}, {why}", what()))),
+                }
+            }
+            Target::Other | Target::Object(_) => Ok(Reached::Nowhere(
+                "a link of a kind that only the program which made it follows".to_owned(),
+            )),
+        }
+    }
+
+    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<Reached, FormatError> {
+        let mut object = start;
+        for name in path.split('/').filter(|name| !name.is_empty() && *name != ".") {
+            let found = links(&object.file, &object.header()?)?;
+            let Some(Link { target, .. }) = found.into_iter().find(|link| link.name == name) else {
+                return Ok(Reached::Nowhere("which is not in the file".to_owned()));
+            };
+            match self.hop(&object, &target, hops)? {
+                Reached::Object(next) => object = next,
+                nowhere @ Reached::Nowhere(_) => return Ok(nowhere),
+            }
+        }
+        Ok(Reached::Object(object))
+    }
+
+    /// Opens a file that a link names, beside the file that was opened or by its whole path; or says why it cannot.
+    fn other(&mut self, name: &str) -> Result<Result<Arc<File>, String>, FormatError> {
+        let Some(folder) = &self.folder else {
+            return Ok(Err("and this file is not on a disk".to_owned()));
+        };
+        let beside = || Some(folder.join(Path::new(name).file_name()?));
+        let candidates = [Some(folder.join(name)), beside()];
+        let is_file = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|data| data.is_file());
+        let Some(path) = candidates.into_iter().flatten().find(is_file) else {
+            return Ok(Err("which is not beside this one: put it there".to_owned()));
+        };
+        if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
+            return Ok(Ok(Arc::clone(file)));
+        }
+        limits::at_most(
+            super::FORMAT,
+            "the number of files that links lead into",
+            self.others.len() as u64 + 1,
+            FILES as u64,
+        )?;
+        let source = Source::open(&path)?;
+        match File::open(Arc::new(source), Some(path.clone())) {
+            Ok(file) => {
+                let file = Arc::new(file);
+                self.others.push((path, Arc::clone(&file)));
+                Ok(Ok(file))
+            }
+            Err(FormatError::Io(error)) => Err(error.into()),
+            // What is in it is not told: it may be anything.
+            Err(_) => Ok(Err("which is no HDF5 file that can be read".to_owned())),
+        }
+    }
+}
+
+/// Says what kind of link leads nowhere.
+fn named(reached: Reached, what: impl Fn() -> String) -> Reached {
+    match reached {
+        Reached::Nowhere(why) if why.starts_with("which") => Reached::Nowhere(format!("{}, {why}", what())),
+        reached => reached,
+    }
+}
+
+/// A path for messages.
+fn shortened(path: &str) -> String {
+    const SHOWN: usize = 80;
+    let mut text: String = path.chars().take(SHOWN).collect();
+    if path.chars().nth(SHOWN).is_some() {
+        text.push('…');
+    }
+    text
+}

@@ -1,0 +1,139 @@
+//! The only table of a file, wherever it is.
+
+use super::datatype::Kind;
+use super::header::Kind as Message;
+use super::links::{Target, is_group, links};
+use super::objects::{Object, Reached};
+use super::{Found, OBJECTS, Parts, unsupported};
+use crate::{FormatError, Hints, limits};
+use std::collections::VecDeque;
+
+/// Where a table is.
+struct Place {
+    object: Object,
+    path: String,
+    /// A group of columns, and not a dataset that is a table by itself.
+    is_group: bool,
+}
+
+impl Parts {
+    /// Takes the only table that there is.
+    pub(super) fn find(&mut self, hints: &Hints) -> Result<(), FormatError> {
+        let mut places = self.places()?;
+        let mut others = Vec::new();
+        if let Some(root) = places.iter().position(|place| place.path == "/") {
+            places.swap(0, root);
+            let own =
+                |place: Place| format!("`{0}` (a table of its own: write `group = \"{0}\"`)", place.path);
+            // Datasets beside the columns are columns or left out themselves.
+            others.extend(
+                places.drain(1..).filter(|place| place.is_group || place.path[1..].contains('/')).map(own),
+            );
+        }
+        let Some(Place { object, path, is_group }) = places.pop() else {
+            let remedy = "write one dataset of one axis for each column";
+            return Err(match &self.left_out[..] {
+                [] => unsupported("a file without a column of numbers".to_owned(), remedy),
+                left_out => unsupported(
+                    format!("a file without a column of numbers ({})", limits::list(left_out)),
+                    remedy,
+                ),
+            });
+        };
+        if !places.is_empty() {
+            places.push(Place { object, path, is_group });
+            let mut paths: Vec<String> = places.iter().map(|place| format!("`{}`", place.path)).collect();
+            paths.sort();
+            return Err(unsupported(
+                "several tables at a time".to_owned(),
+                &format!("write `group` as one of {}", limits::list(&paths)),
+            ));
+        }
+        // What was looked at on the way does not belong to it.
+        self.left_out = others;
+        if is_group {
+            return self.add_group(&object, &path);
+        }
+        let header = object.header()?;
+        self.add_table(Found::look(object, header, &path)?, hints)
+    }
+
+    /// The groups with columns, and the datasets that are tables by themselves. Each group is looked into once, by
+    /// whatever ways it is reached: links to what is above are no deeper.
+    fn places(&mut self) -> Result<Vec<Place>, FormatError> {
+        let mut places = Vec::new();
+        let mut seen: Vec<Object> = Vec::new();
+        let mut groups = VecDeque::from([(self.files.root(), String::new())]);
+        // Where links lead is looked at after what is in its place.
+        let mut linked: Vec<(Object, Target, String)> = Vec::new();
+        let mut budget = OBJECTS;
+        loop {
+            let Some((group, path)) = groups.pop_front() else {
+                let Some((group, target, path)) = linked.pop() else { return Ok(places) };
+                let Reached::Object(object) = self.files.follow(&group, &target)? else { continue };
+                if is_group(&object.header()?) {
+                    groups.push_back((object, path));
+                }
+                continue;
+            };
+            // A long path is one of many groups in each other.
+            if path.len() > limits::TEXT_BYTES || seen.iter().any(|known| known.is(&group)) {
+                continue;
+            }
+            seen.push(group.clone());
+            let (mut has_columns, mut tables) = (false, Vec::new());
+            for link in links(&group.file, &group.header()?)? {
+                spend(&mut budget)?;
+                let place = format!("{path}/{}", link.name);
+                let Reached::Object(object) = self.files.follow(&group, &link.target)? else { continue };
+                // What is damaged is said where its group is read.
+                let Ok(header) = object.header() else { continue };
+                if is_group(&header) {
+                    // What MATLAB hides.
+                    if link.name.starts_with('#') {
+                    } else if matches!(link.target, Target::Object(_)) {
+                        groups.push_back((object, place));
+                    } else {
+                        linked.push((group.clone(), link.target, place));
+                    }
+                    continue;
+                }
+                if !header.has(Message::Layout) {
+                    continue;
+                }
+                let Ok(found) = Found::look(object.clone(), header, &place) else { continue };
+                match (&found.kind, &found.space.shape[..]) {
+                    _ if found.of_matlab().is_some() => {
+                        self.left_out.extend(found.of_matlab().map(|what| format!("`{place}` ({what})")));
+                    }
+                    _ if found.is_class("char") || found.space.count() == 1 => {}
+                    (Kind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,
+                    (Kind::Fields { .. }, [_]) | (Kind::Number(_), [_, _]) => {
+                        tables.push(Place { object, path: place, is_group: false });
+                    }
+                    _ => {}
+                }
+            }
+            // Beside columns, other tables are columns too, or left out and said to be.
+            if has_columns {
+                let path = if path.is_empty() { "/".to_owned() } else { path };
+                places.push(Place { object: group, path, is_group: true });
+            } else {
+                places.append(&mut tables);
+            }
+        }
+    }
+}
+
+fn spend(budget: &mut usize) -> Result<(), FormatError> {
+    match budget.checked_sub(1) {
+        Some(rest) => {
+            *budget = rest;
+            Ok(())
+        }
+        None => Err(unsupported(
+            format!("a file of more than {OBJECTS} objects"),
+            "write the path of the table in `group`",
+        )),
+    }
+}

@@ -1,0 +1,150 @@
+//! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
+
+use super::file::{Cursor, File};
+use crate::{FormatError, limits};
+
+/// Levels of a tree.
+const LEVELS: u8 = 32;
+
+/// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key.
+pub(super) fn older(
+    file: &File,
+    address: u64,
+    kind: u8,
+    key: usize,
+    visit: &mut dyn FnMut(&mut Cursor<'_>, u64) -> Result<(), FormatError>,
+) -> Result<(), FormatError> {
+    node(file, address, kind, key, None, visit)
+}
+
+fn node(
+    file: &File,
+    address: u64,
+    kind: u8,
+    key: usize,
+    above: Option<u8>,
+    visit: &mut dyn FnMut(&mut Cursor<'_>, u64) -> Result<(), FormatError>,
+) -> Result<(), FormatError> {
+    let prefix = 8 + 2 * file.offset_bytes;
+    let head = file.block(address, prefix as u64)?;
+    let mut cursor = Cursor::new(file, &head, address);
+    cursor.mark("TREE")?;
+    let (found, level) = (cursor.u8()?, cursor.u8()?);
+    if found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)) {
+        return Err(cursor.damaged(
+            format!("a node of kind {found} on level {level}"),
+            &format!("kind {kind}, and each level below the one above it"),
+        ));
+    }
+    let entries = usize::from(cursor.u16()?);
+    let bytes = prefix + entries * (key + file.offset_bytes);
+    let block = file.block(address, bytes as u64)?;
+    let mut cursor = Cursor::new(file, &block, address);
+    cursor.skip(prefix)?;
+    for _ in 0..entries {
+        let mut before = cursor.part(key)?;
+        let child = cursor.known_address()?;
+        if level == 0 {
+            visit(&mut before, child)?;
+        } else {
+            node(file, child, kind, key, Some(level), visit)?;
+        }
+    }
+    Ok(())
+}
+
+/// Visits the records of a tree of the second version; the first argument is the kind of tree.
+pub(super) fn newer(
+    file: &File,
+    address: u64,
+    visit: &mut dyn FnMut(u8, &mut Cursor<'_>) -> Result<(), FormatError>,
+) -> Result<(), FormatError> {
+    let offset = file.offset_bytes;
+    let head = file.block(address, (22 + offset + file.length_bytes) as u64)?;
+    let mut cursor = Cursor::new(file, &head, address);
+    cursor.mark("BTHD")?;
+    let kind = cursor.skip(1)?.u8()?;
+    let node_bytes = cursor.u32()?;
+    let (record, depth) = (usize::from(cursor.u16()?), cursor.u16()?);
+    let root = cursor.skip(2)?.address()?;
+    let records = usize::from(cursor.u16()?);
+    cursor.length()?;
+    cursor.check_sum()?;
+    let small = (node_bytes as usize) < 10 + record || record == 0 || depth > u16::from(LEVELS);
+    if small || u64::from(node_bytes) > limits::HEADER_BYTES {
+        return Err(cursor.damaged(
+            format!("a tree of {depth} levels with nodes of {node_bytes} bytes and records of {record}"),
+            "nodes that hold a record, and at most 32 levels",
+        ));
+    }
+    // How many records a node of each level holds at most, which gives the width of what counts them.
+    let width = |count: u64| (count.max(1).ilog2() / 8 + 1) as usize;
+    let most = (node_bytes as usize - 10) / record;
+    let own = width(most as u64);
+    let mut levels = vec![(most as u64, 0_usize)];
+    for _ in 0..depth {
+        let (below, below_width) = levels.last().copied().unwrap_or_default();
+        let pointer = offset + own + below_width;
+        let count = (node_bytes as usize).saturating_sub(10 + pointer) / (record + pointer);
+        let all = (count as u64 + 1).saturating_mul(below).saturating_add(count as u64);
+        levels.push((all, width(all)));
+    }
+    let tree = Tree { file, kind, record, node_bytes, own, levels };
+    let Some(root) = root.filter(|_| records > 0) else { return Ok(()) };
+    tree.node(root, usize::from(depth), records, visit)
+}
+
+struct Tree<'a> {
+    file: &'a File,
+    kind: u8,
+    record: usize,
+    node_bytes: u32,
+    /// Width of the number of records of a node.
+    own: usize,
+    /// Records in and below a node of each level at most, and the width of their number.
+    levels: Vec<(u64, usize)>,
+}
+
+impl Tree<'_> {
+    fn node(
+        &self,
+        address: u64,
+        level: usize,
+        records: usize,
+        visit: &mut dyn FnMut(u8, &mut Cursor<'_>) -> Result<(), FormatError>,
+    ) -> Result<(), FormatError> {
+        // A leaf's pointers are none; the width of what counts all below is that of the level below.
+        let below = level.checked_sub(1).and_then(|below| self.levels.get(below));
+        let pointer = below.map_or(0, |(_, width)| self.file.offset_bytes + self.own + width);
+        let children = if level == 0 { 0 } else { records + 1 };
+        let bytes = 6 + records * self.record + children * pointer + 4;
+        let block = self.file.block(address, (bytes as u64).min(u64::from(self.node_bytes)))?;
+        let mut cursor = Cursor::new(self.file, &block, address);
+        cursor.mark(if level == 0 { "BTLF" } else { "BTIN" })?;
+        let kind = cursor.skip(1)?.u8()?;
+        if kind != self.kind {
+            return Err(cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind)));
+        }
+        let mut own = cursor.part(records * self.record)?;
+        let mut pointers = cursor.part(children * pointer)?;
+        cursor.check_sum()?;
+        for number in 0..records.max(children) {
+            if number < children {
+                let child = pointers.known_address()?;
+                let count = usize::try_from(pointers.number(self.own)?).unwrap_or(usize::MAX);
+                pointers.skip(pointer - self.file.offset_bytes - self.own)?;
+                limits::at_most(
+                    super::FORMAT,
+                    "the records of a node",
+                    count as u64,
+                    u64::from(self.node_bytes),
+                )?;
+                self.node(child, level - 1, count, visit)?;
+            }
+            if number < records {
+                visit(self.kind, &mut own.part(self.record)?)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,229 @@
+//! Where samples come from, and what is done where that breaks.
+
+use std::io::{self, ErrorKind, Read};
+use std::time::{Duration, Instant};
+
+/// A way to samples, which may be opened again where it breaks.
+///
+/// It is opened and read on a thread of its own, which looks now and then whether the stream is stopped: an opening or a read
+/// that would take longer than some tenths of a second should return in between, the opening with `None` and the read with
+/// [`ErrorKind::WouldBlock`]. One that does not is left behind when the stream is stopped.
+pub trait Connection: Send {
+    /// Opens it; `None` where nobody is there yet.
+    ///
+    /// A read of no bytes is the orderly end of the stream, and an error other than [`ErrorKind::WouldBlock`] and
+    /// [`ErrorKind::Interrupted`] a break.
+    fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>>;
+
+    /// Whether it can be opened again; what was read of a file or a pipe does not come again.
+    fn reopens(&self) -> bool {
+        false
+    }
+}
+
+/// Something that is open already and cannot be opened again.
+pub struct Opened(Option<Box<dyn Read + Send>>);
+
+impl Opened {
+    /// This.
+    pub fn new(input: impl Read + Send + 'static) -> Self {
+        Self(Some(Box::new(input)))
+    }
+}
+
+impl Connection for Opened {
+    fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
+        Ok(self.0.take())
+    }
+}
+
+/// How long is waited before a connection is tried again, at first; each time twice as long, up to the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(10);
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+
+/// How long the thread sleeps at once at most, so that it hears in time that the stream is stopped.
+const NAP: Duration = Duration::from_millis(50);
+
+/// What came of an attempt to receive something.
+pub(super) enum Received {
+    /// So many bytes.
+    Bytes(usize),
+    /// Nothing yet.
+    Nothing,
+    /// The connection broke, for this reason, and is tried again.
+    Broken(String),
+    /// It is there again, after so many attempts and so many seconds.
+    Again { attempts: u64, after_s: f64 },
+    /// It broke, for this reason, and is not tried any more.
+    Over(String),
+    /// The end.
+    End,
+}
+
+/// A connection that is tried again where it breaks.
+pub(super) struct Link {
+    connection: Box<dyn Connection>,
+    reader: Option<Box<dyn Read + Send>>,
+    /// For how long it is tried again.
+    reconnect: Option<Duration>,
+    /// Whether bytes ever came.
+    heard: bool,
+    /// When it broke first since bytes came last: one that breaks again before anything came over it was never there.
+    silent_since: Option<Instant>,
+    lost: Option<Lost>,
+}
+
+/// A connection that broke.
+struct Lost {
+    why: String,
+    at: Instant,
+    attempts: u64,
+    wait: Duration,
+    next: Instant,
+}
+
+impl Link {
+    pub(super) fn new(connection: Box<dyn Connection>, reconnect: Option<Duration>) -> Self {
+        Self { connection, reader: None, reconnect, heard: false, silent_since: None, lost: None }
+    }
+
+    /// Waits for bytes, some tenths of a second where the connection allows it. An error is that it could not be opened at all.
+    pub(super) fn receive(&mut self, piece: &mut [u8]) -> io::Result<Received> {
+        let Some(reader) = &mut self.reader else { return self.open() };
+        match reader.read(piece) {
+            Ok(0) => Ok(Received::End),
+            Ok(count) => {
+                (self.heard, self.silent_since) = (true, None);
+                Ok(Received::Bytes(count))
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock) => {
+                Ok(Received::Nothing)
+            }
+            // What could never be read is no connection that broke.
+            Err(e) if !self.heard && !self.connection.reopens() => Err(e),
+            Err(e) => Ok(self.broke(e.to_string())),
+        }
+    }
+
+    fn broke(&mut self, why: String) -> Received {
+        self.reader = None;
+        if self.reconnect.is_none() || !self.connection.reopens() {
+            return Received::Over(why);
+        }
+        let now = Instant::now();
+        self.silent_since.get_or_insert(now);
+        self.lost =
+            Some(Lost { why: why.clone(), at: now, attempts: 0, wait: FIRST_WAIT, next: now + FIRST_WAIT });
+        Received::Broken(why)
+    }
+
+    fn open(&mut self) -> io::Result<Received> {
+        let Some(lost) = &mut self.lost else {
+            self.reader = self.connection.open()?;
+            return Ok(Received::Nothing);
+        };
+        let now = Instant::now();
+        if now < lost.next {
+            std::thread::sleep(NAP.min(lost.next - now));
+            return Ok(Received::Nothing);
+        }
+        let opened = self.connection.open();
+        lost.attempts += u64::from(!matches!(opened, Ok(None)));
+        let refused = match opened {
+            Ok(Some(reader)) => {
+                let (attempts, after_s) = (lost.attempts, lost.at.elapsed().as_secs_f64());
+                (self.reader, self.lost) = (Some(reader), None);
+                return Ok(Received::Again { attempts, after_s });
+            }
+            Ok(None) => None,
+            Err(e) => Some(e.to_string()),
+        };
+        let patience = self.reconnect.unwrap_or_default();
+        if self.silent_since.unwrap_or(lost.at).elapsed() >= patience {
+            let refused = refused.as_ref().map_or_else(String::new, |refused| format!(": {refused}"));
+            let (why, patience_s) = (&lost.why, patience.as_secs_f64());
+            return Ok(Received::Over(format!(
+                "{why}; it was not there again within {patience_s} s{refused}"
+            )));
+        }
+        if refused.is_some() {
+            lost.wait = (2 * lost.wait).min(LONGEST_WAIT);
+            lost.next = Instant::now() + lost.wait;
+        }
+        Ok(Received::Nothing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives a byte at the openings that are named, refuses at all others, and breaks after it.
+    struct Loose {
+        good: Vec<u64>,
+        opened: u64,
+    }
+
+    struct OneByte(bool);
+
+    impl Read for OneByte {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            if std::mem::replace(&mut self.0, true) {
+                return Err(ErrorKind::ConnectionReset.into());
+            }
+            bytes[0] = b'x';
+            Ok(1)
+        }
+    }
+
+    impl Connection for Loose {
+        fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
+            self.opened += 1;
+            if self.good.contains(&self.opened) {
+                return Ok(Some(Box::new(OneByte(false))));
+            }
+            Err(ErrorKind::ConnectionRefused.into())
+        }
+
+        fn reopens(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn a_broken_connection_is_tried_again_until_the_time_is_up() {
+        let connection = Loose { good: vec![1, 3, 4], opened: 0 };
+        let mut link = Link::new(Box::new(connection), Some(Duration::from_millis(400)));
+        let (mut bytes, mut again, mut broken) = (0, Vec::new(), 0);
+        let begun = Instant::now();
+        let why = loop {
+            match link.receive(&mut [0; 4]).unwrap() {
+                Received::Bytes(count) => bytes += count,
+                Received::Nothing => {}
+                Received::Broken(why) => {
+                    assert!(why.contains("reset"), "{why}");
+                    broken += 1;
+                }
+                Received::Again { attempts, after_s } => {
+                    assert!(after_s >= 0.01);
+                    again.push(attempts);
+                }
+                Received::Over(why) => break why,
+                Received::End => panic!("no end was sent"),
+            }
+        };
+        assert_eq!((bytes, again, broken), (3, vec![2, 1], 3));
+        assert!(why.contains("reset") && why.contains("0.4 s") && why.contains("refused"), "{why}");
+        let tried_s = begun.elapsed().as_secs_f64();
+        assert!((0.4..3.0).contains(&tried_s), "{tried_s}");
+    }
+
+    #[test]
+    fn what_cannot_be_opened_again_is_over_when_it_breaks() {
+        let mut link = Link::new(Box::new(Opened::new(OneByte(false))), Some(Duration::from_secs(9)));
+        let mut receive = || link.receive(&mut [0; 4]).unwrap();
+        assert!(matches!(receive(), Received::Nothing));
+        assert!(matches!(receive(), Received::Bytes(1)));
+        assert!(matches!(receive(), Received::Over(_)));
+    }
+}

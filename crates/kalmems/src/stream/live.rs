@@ -1,0 +1,451 @@
+//! The loop that estimates samples while they arrive, and what it keeps.
+
+use super::events::{Event, Watch};
+use super::latency::{Arrivals, Histogram};
+use super::noise_only::{Content, NoiseWatch};
+use super::output::{Outputs, Writer};
+use super::shared::Shared;
+use super::state::Keeper;
+use super::supervision::{Heartbeat, StreamEvent};
+use super::{AheadSummary, StreamError, StreamSummary};
+use crate::estimate::{
+    EstimateError, ForetoldCounts, Motion, Part, Past, Progress, SegmentEstimate, StretchJudge,
+    StretchSummary, Trajectory,
+};
+use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
+use crate::rigs::{Estimator, Rig};
+use std::cell::Cell;
+use std::io;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+/// How long the reading thread has to hand over what it has when the stream is stopped; one that waits for a pipe cannot.
+const GRACE: Duration = Duration::from_millis(300);
+
+/// Whether the stream is stopped, and since when.
+pub(super) struct Stopping<'a> {
+    stop: &'a dyn Fn() -> bool,
+    since: Cell<Option<Instant>>,
+}
+
+impl<'a> Stopping<'a> {
+    pub(super) fn new(stop: &'a dyn Fn() -> bool) -> Self {
+        Self { stop, since: Cell::new(None) }
+    }
+
+    /// Whether it is stopped.
+    fn is_asked(&self) -> bool {
+        if self.since.get().is_none() && (self.stop)() {
+            self.since.set(Some(Instant::now()));
+        }
+        self.since.get().is_some()
+    }
+
+    /// Whether what is going on has to end now.
+    fn is_over(&self) -> bool {
+        self.is_asked() && self.since.get().is_some_and(|since| since.elapsed() > GRACE)
+    }
+}
+
+impl Progress for Stopping<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// What an estimate of a stream needs to know.
+pub(super) struct Settings {
+    pub rig: &'static dyn Rig,
+    /// The settling time in s.
+    pub skip_s: f64,
+    /// Over how many samples the mean NIS is watched.
+    pub over: usize,
+    /// One estimate is written of so many samples.
+    pub every: u64,
+    /// Whether zero phases that are to come are told among the lines, and among the frames.
+    pub channel: [bool; 2],
+    pub heartbeat: Option<Duration>,
+    /// How many samples the state keeps.
+    pub kept: usize,
+}
+
+/// What is kept while samples arrive.
+pub(super) struct Live<'a> {
+    settings: Settings,
+    stopping: &'a Stopping<'a>,
+    /// What went wrong while samples were waited for.
+    failed: Option<io::Error>,
+    /// One per answer.
+    watches: Vec<(String, Watch)>,
+    noise: NoiseWatch,
+    heartbeat: Heartbeat,
+    ahead: AheadSummary,
+    /// What was told ahead in the stretches before.
+    ahead_before: ForetoldCounts,
+    writer: Writer,
+    /// Samples of another run that this one begins with; none once that is done.
+    resumes: bool,
+    again: u64,
+    /// Samples that were taken, estimated or not.
+    taken: u64,
+    /// Which stretches can be estimated, and how many there were.
+    judge: StretchJudge,
+    stretches: u64,
+    start_s: f64,
+    last_s: Option<f64>,
+    keeper: Option<Keeper>,
+    arrivals: Arrivals,
+    shared: Shared,
+    summary: StreamSummary,
+}
+
+impl<'a> Live<'a> {
+    pub(super) fn new(
+        settings: Settings,
+        outputs: Outputs,
+        keeper: Option<Keeper>,
+        (arrivals, shared): (Arrivals, Shared),
+        stopping: &'a Stopping<'a>,
+    ) -> Self {
+        let summary = StreamSummary {
+            received: shared.counts(),
+            origin: None,
+            diagnosis: Vec::new(),
+            estimated: 0,
+            not_estimated: 0,
+            stretches: StretchSummary::default(),
+            events: 0,
+            noise_only: 0,
+            withheld: 0,
+            ahead: None,
+            broken: None,
+            interrupted: false,
+            latency: Histogram::default(),
+        };
+        Self {
+            stopping,
+            failed: None,
+            watches: Vec::new(),
+            noise: NoiseWatch::default(),
+            heartbeat: Heartbeat::new(settings.heartbeat),
+            ahead: AheadSummary::default(),
+            ahead_before: ForetoldCounts::default(),
+            writer: Writer::new(outputs, settings.every),
+            settings,
+            resumes: false,
+            again: 0,
+            taken: 0,
+            judge: StretchJudge::default(),
+            stretches: 0,
+            start_s: f64::NAN,
+            last_s: None,
+            keeper,
+            arrivals,
+            shared,
+            summary,
+        }
+    }
+
+    /// Goes on from another run, of which so many samples come again, in a segment that began at this time in s.
+    pub(super) fn resume(&mut self, again: u64, start_s: f64) {
+        (self.resumes, self.again, self.start_s) = (true, again, start_s);
+    }
+
+    /// Takes what comes until it ends; whether there was anything at all. `whole`: what a stretch that begins later needs.
+    pub(super) fn run(
+        &mut self,
+        stretches: &mut Stretches,
+        estimator: &mut dyn Estimator,
+        whole: recording::Around,
+    ) -> Result<bool, StreamError> {
+        loop {
+            let next = stretches.next(&mut |_, _| self.attend());
+            if let Some(e) = self.failed.take() {
+                return Err(e.into());
+            }
+            let stretch = match next {
+                // Stopped: what has been read is all there is.
+                Err(ReadError::Interrupted { .. }) => {
+                    stretches.cut_off();
+                    continue;
+                }
+                // Nothing ever came, for a reason that the summary gives.
+                Err(ReadError::Unusable { .. }) if self.is_cut_short() && self.came() == 0 => {
+                    return Ok(false);
+                }
+                next => next?,
+            };
+            let Some(stretch) = stretch else { return Ok(true) };
+            match self.stretch(&stretch, estimator) {
+                // Stopped: what was written is all there is.
+                Err(StreamError::Estimate(EstimateError::Interrupted)) => return Ok(true),
+                taken => taken?,
+            }
+            if stretch.begins {
+                stretches.give(whole);
+            }
+            stretches.reuse(stretch);
+            if self.attend().is_break() {
+                stretches.cut_off();
+            }
+        }
+    }
+
+    /// What came of it.
+    pub(super) fn finish(mut self, diagnosis: Vec<Finding>) -> Result<StreamSummary, StreamError> {
+        self.tell()?;
+        self.writer.flush()?;
+        let is_cut_short = self.is_cut_short();
+        let known = self.judge.summary().clone();
+        let stretches = match self.judge.finish() {
+            // What was cut short may have been too short for an estimate.
+            Err(_) if is_cut_short => known,
+            stretches => stretches?,
+        };
+        Ok(StreamSummary {
+            received: self.shared.counts(),
+            diagnosis,
+            ahead: Some(self.ahead),
+            broken: self.shared.broken(),
+            interrupted: self.stopping.is_asked(),
+            stretches,
+            ..self.summary
+        })
+    }
+
+    fn came(&self) -> u64 {
+        self.shared.counts().order.passed
+    }
+
+    /// Whether the samples did not end by themselves.
+    fn is_cut_short(&self) -> bool {
+        self.stopping.is_asked() || self.shared.broken().is_some()
+    }
+
+    /// Looks whether to go on, and tells what happened to the stream and how it fares; called by the time of day, whether samples
+    /// come or not.
+    fn attend(&mut self) -> ControlFlow<()> {
+        if let Err(e) = self.tell() {
+            self.failed = Some(e);
+            return ControlFlow::Break(());
+        }
+        if self.stopping.is_asked() {
+            self.shared.stop();
+        }
+        self.stopping.reached(0)
+    }
+
+    fn tell(&mut self) -> io::Result<()> {
+        for notice in self.shared.notices() {
+            self.notice(&StreamEvent::from(notice))?;
+        }
+        let Some(mut health) = self.heartbeat.beat(&self.shared) else { return Ok(()) };
+        health.time_s = self.last_s;
+        (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
+        health.stretches = self.stretches;
+        health.noise_only = self.noise.is_noise_only();
+        health.filters = self.watches.iter().map(|(key, watch)| watch.health(key)).collect();
+        self.writer.notice(&StreamEvent::Health(Box::new(health)))
+    }
+
+    fn notice(&mut self, event: &StreamEvent) -> io::Result<()> {
+        self.summary.events += 1;
+        self.writer.notice(event)
+    }
+
+    /// Takes a stretch of samples, new ones of a segment.
+    fn stretch(&mut self, stretch: &Stretch, estimator: &mut dyn Estimator) -> Result<(), StreamError> {
+        let Some(segment) = stretch.recording.segments().first() else { return Ok(()) };
+        // What another run took already is there to be interpolated through.
+        let resumes = stretch.begins && std::mem::take(&mut self.resumes);
+        let known = usize::try_from(if resumes { self.again } else { 0 }).unwrap_or(usize::MAX);
+        let part = Part {
+            recording: &stretch.recording,
+            segment,
+            fresh: stretch.fresh.start.saturating_add(known).min(stretch.fresh.end)..stretch.fresh.end,
+            begins: stretch.begins && !resumes,
+            ends: stretch.ends,
+        };
+        if stretch.begins {
+            self.begin(&part)?;
+        }
+        if part.fresh.is_empty() {
+            return Ok(());
+        }
+        if self.judge.leaves_out(&part)? {
+            self.summary.not_estimated += part.fresh.len() as u64;
+        } else {
+            let answer = estimator.take(&part);
+            let why = answer.as_ref().err().map(ToString::to_string).unwrap_or_default();
+            if let Some(estimate) = self.judge.judge(&part, answer)? {
+                // First of all, so that nothing is told ahead of a signal that is noise.
+                let was_noise = self.noise.is_noise_only();
+                let contents = self.contents(&estimate, &part);
+                self.foretell(&estimate.trajectories, &part, estimator.past())?;
+                self.take(&estimate, &part, (was_noise, &contents))?;
+                self.keep(&estimate.trajectories, &part, estimator)?;
+            } else {
+                self.summary.not_estimated += part.fresh.len() as u64;
+                let time_s = part.segment.time.at(part.fresh.start);
+                self.notice(&StreamEvent::NotEstimated { time_s, why })?;
+            }
+        }
+        let before = self.again + self.taken;
+        self.taken += part.fresh.len() as u64;
+        let longest = self.arrivals.done(self.again + self.taken, &mut self.summary.latency, before);
+        self.heartbeat.lagged(longest);
+        self.last_s = Some(part.segment.time.at(part.fresh.end - 1));
+        Ok(())
+    }
+
+    /// A stretch begins.
+    fn begin(&mut self, part: &Part) -> io::Result<()> {
+        self.stretches += 1;
+        if part.begins {
+            self.start_s = part.segment.time.start_s();
+        }
+        let Some(after_s) = self.last_s else { return Ok(()) };
+        self.watches.iter_mut().for_each(|(_, watch)| watch.begin());
+        self.ahead_before = self.ahead.counts;
+        if let Some(keeper) = &mut self.keeper {
+            keeper.begin();
+        }
+        self.notice(&StreamEvent::NewStretch { time_s: self.start_s, after_s })
+    }
+
+    /// Keeps what another run needs, and says what it need not be sent again.
+    fn keep(
+        &mut self,
+        trajectories: &[Trajectory],
+        part: &Part,
+        estimator: &mut dyn Estimator,
+    ) -> Result<(), StreamError> {
+        let Some(keeper) = &mut self.keeper else { return Ok(()) };
+        let (end, kept) = (part.fresh.end, self.settings.kept);
+        let last = || {
+            let rows = end.saturating_sub(kept)..end;
+            let columns = part.recording.columns();
+            let sample = |k: usize| {
+                let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
+                std::iter::once(part.segment.time.at(k)).chain(numbers).map(f64::to_bits).collect()
+            };
+            (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
+        };
+        if let Some(acknowledged_s) =
+            keeper.given((trajectories, part.recording.origin()), last, part.ends)?
+        {
+            self.writer.acknowledged(acknowledged_s)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the zero phases that are to come, before all else of their samples.
+    fn foretell(
+        &mut self,
+        trajectories: &[Trajectory],
+        part: &Part,
+        past: &mut Past,
+    ) -> Result<(), StreamError> {
+        let Some((foreteller, mirrored)) = past.foreteller() else { return Ok(()) };
+        let mut foretold = foreteller.hand_on(mirrored);
+        self.ahead.counts = self.ahead_before.and(foreteller.counts());
+        if self.noise.is_noise_only() {
+            self.summary.withheld += foretold.len() as u64;
+            foretold.clear();
+        }
+        let key = foreteller.key();
+        let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
+        let of = self.settings.rig.angles().first().map_or("angle", |[angle, _]| angle);
+        let [on_lines, on_frames] = self.settings.channel;
+        for foretold in &foretold {
+            if on_lines {
+                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, foretold: *foretold }])?;
+            }
+            if on_frames {
+                self.writer.ahead(place, foretold)?;
+            }
+        }
+        self.writer.flush()?;
+        self.summary.events += foretold.len() as u64;
+        let mut row = part.fresh.start;
+        for foretold in &foretold {
+            while row + 1 < part.fresh.end && part.segment.time.at(row) < foretold.told_s {
+                row += 1;
+            }
+            let sample = self.again + self.taken + 1 + (row - part.fresh.start) as u64;
+            let left_s = foretold.time_s - foretold.told_s;
+            let passed = self.arrivals.of(sample).map(|arrived| arrived.elapsed().as_secs_f64());
+            self.ahead.overdue += u64::from(passed.is_some_and(|passed_s| passed_s > left_s));
+        }
+        Ok(())
+    }
+
+    fn take(
+        &mut self,
+        estimate: &SegmentEstimate,
+        part: &Part,
+        (was_noise, contents): (bool, &[Content]),
+    ) -> io::Result<()> {
+        let trajectories = &estimate.trajectories;
+        let from_s = self.start_s + self.settings.skip_s;
+        let is_noise = |time_s: f64| {
+            let before = contents.iter().take_while(|content| content.time_s <= time_s).last();
+            before.map_or(was_noise, |content| content.noise_only)
+        };
+        self.writer.origin(part.recording.source().origin.as_ref())?;
+        self.writer.estimates(trajectories)?;
+        for Content { time_s, noise_only } in contents {
+            self.summary.noise_only += u64::from(*noise_only);
+            let (only, over) =
+                (StreamEvent::NoiseOnly { time_s: *time_s }, StreamEvent::NoiseOnlyOver { time_s: *time_s });
+            self.notice(if *noise_only { &only } else { &over })?;
+        }
+        let mut crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
+        self.withhold(&mut crossings, is_noise);
+        self.summary.events += crossings.len() as u64;
+        self.writer.events(None, &crossings)?;
+        let (over, angles) = (self.settings.over, self.settings.rig.angles());
+        for (place, trajectory) in trajectories.iter().enumerate() {
+            if self.watches.len() <= place {
+                self.watches.push((trajectory.key.clone(), Watch::new(over)));
+            }
+            let mut events = self.watches[place].1.look(trajectory, angles, from_s);
+            self.withhold(&mut events, is_noise);
+            self.summary.events += events.len() as u64;
+            self.writer.events(Some(&trajectory.key), &events)?;
+        }
+        self.summary.estimated += part.fresh.len() as u64;
+        self.writer.flush()
+    }
+
+    /// Drops what cannot be told of a signal that is noise alone, and counts it.
+    fn withhold(&mut self, events: &mut Vec<Event>, is_noise: impl Fn(f64) -> bool) {
+        let before = events.len();
+        events.retain(|event| {
+            let is_passage = matches!(event, Event::ZeroPhase { .. } | Event::Crossing { .. });
+            !(is_passage && is_noise(event.time_s()))
+        });
+        self.summary.withheld += (before - events.len()) as u64;
+    }
+
+    /// What has changed in what is in the signal, of a device that a steady drive moves.
+    fn contents(&mut self, estimate: &SegmentEstimate, part: &Part) -> Vec<Content> {
+        let Some(trajectory) = estimate.trajectories.first() else { return Vec::new() };
+        if part.begins || self.summary.estimated == 0 {
+            let motions =
+                std::iter::once(estimate.motion).chain(estimate.other_axes.iter().map(|a| a.motion));
+            let driven =
+                motions.filter(|motion| motion.is_driven).map(|Motion { frequency_hz, .. }| frequency_hz);
+            let has_angles = !self.settings.rig.angles().is_empty();
+            let interval_s = part.segment.time.interval_s().unwrap_or(f64::INFINITY);
+            self.noise.begin(
+                driven.filter(|_| has_angles),
+                part.segment.time.at(part.fresh.start),
+                interval_s,
+            );
+        }
+        self.noise.take(&trajectory.time_s, &trajectory.signal)
+    }
+}

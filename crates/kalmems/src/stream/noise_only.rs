@@ -1,0 +1,333 @@
+//! Whether there is anything in a signal but noise.
+
+use std::f64::consts::TAU;
+
+/// Cycles of the motion that are judged together.
+pub const CYCLES: usize = 50;
+
+/// The highest harmonic of the motion that is looked at. The signal of an electrode that senses both directions alike has the
+/// even ones alone.
+const HARMONICS: usize = 4;
+
+/// The share of windows of white noise in which something is found.
+pub const FOUND_BY_CHANCE: f64 = 1e-9;
+
+/// The share of a cycle's samples that must be there for it to be looked at.
+const PRESENT: f64 = 0.75;
+
+/// Samples of a cycle at least; fewer tell nothing of it.
+const LEAST: f64 = 6.0;
+
+/// Watches whether a signal has something at the harmonics of the motion.
+///
+/// Each cycle of the motion has an amplitude \\(c_j\\) with a phase at each harmonic, by its samples less their mean. Of noise, \\(c_j\\) and
+/// \\(c_{j+1}\\) have nothing to do with each other; of a motion they are alike but for a turn that is the same from cycle to
+/// cycle, whether its frequency is known well or not. So what is compared is
+/// \\(\rho = |\sum c_{j+1}\,\bar c_j| / \sum |c_j|^2\\) over a window of [`CYCLES`]: near 1 for a motion, and of noise, of whatever variance
+/// and smooth spectrum, above \\(r\\) with a probability of about \\(e^{-n r^2}\\), \\(n\\) being the number of pairs.
+#[derive(Default)]
+pub struct NoiseWatch {
+    axes: Vec<AxisContent>,
+    /// Whether it was said that there is only noise.
+    raised: bool,
+}
+
+/// A change of what is in the signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Content {
+    /// When the window ended that shows it, in s.
+    pub time_s: f64,
+    /// Whether there is nothing but noise.
+    pub noise_only: bool,
+}
+
+/// The signal at the harmonics of one axis.
+struct AxisContent {
+    frequency_hz: f64,
+    start_s: f64,
+    interval_s: f64,
+    /// The present cycle by its number, and its sums.
+    number: f64,
+    cycle: Cycle,
+    /// The amplitudes of the cycle before, where there was one without a pause.
+    before: Option<[Complex; HARMONICS]>,
+    cycles: usize,
+    pairs: usize,
+    /// Of each harmonic: the sum of the products of pairs, and of the squares.
+    products: [Complex; HARMONICS],
+    squares: [f64; HARMONICS],
+    /// What the last window showed: the ratio of each harmonic, and whether there was anything.
+    ratios: [f64; HARMONICS],
+    found: Option<bool>,
+}
+
+type Complex = [f64; 2];
+
+/// Sums over a cycle: of what the signal is beside its first value, and of the waves themselves.
+#[derive(Clone, Copy, Default)]
+struct Cycle {
+    count: f64,
+    first: f64,
+    sum: f64,
+    signal: [Complex; HARMONICS],
+    waves: [Complex; HARMONICS],
+}
+
+impl NoiseWatch {
+    /// Begins anew with a stretch of samples, of motions with these frequencies in Hz. What was said before stands until it is
+    /// known better.
+    pub fn begin(&mut self, frequencies_hz: impl Iterator<Item = f64>, start_s: f64, interval_s: f64) {
+        let axis = |frequency_hz| AxisContent {
+            frequency_hz,
+            start_s,
+            interval_s,
+            number: 0.0,
+            cycle: Cycle::default(),
+            before: None,
+            cycles: 0,
+            pairs: 0,
+            products: [[0.0; 2]; HARMONICS],
+            squares: [0.0; HARMONICS],
+            ratios: [0.0; HARMONICS],
+            found: None,
+        };
+        self.axes = frequencies_hz.filter(|hz| hz * interval_s * LEAST < 1.0).map(axis).collect();
+    }
+
+    /// Whether there is only noise, as far as that is known.
+    pub const fn is_noise_only(&self) -> bool {
+        self.raised
+    }
+
+    /// Takes samples; what has changed.
+    pub fn take(&mut self, time_s: &[f64], signal: &[f64]) -> Vec<Content> {
+        let mut changes = Vec::new();
+        for (time_s, y) in time_s.iter().zip(signal) {
+            let mut judged = false;
+            for axis in &mut self.axes {
+                judged |= axis.take(*time_s, *y);
+            }
+            if !judged {
+                continue;
+            }
+            let found = self.axes.iter().any(|axis| axis.found == Some(true));
+            let nowhere = self.axes.iter().all(|axis| axis.found == Some(false));
+            let noise_only = if self.raised { !found } else { nowhere };
+            if noise_only != self.raised {
+                self.raised = noise_only;
+                changes.push(Content { time_s: *time_s, noise_only });
+            }
+        }
+        changes
+    }
+}
+
+impl AxisContent {
+    /// Takes a sample; whether a window was judged.
+    fn take(&mut self, time_s: f64, y: f64) -> bool {
+        let turns = (time_s - self.start_s) * self.frequency_hz;
+        let number = turns.floor();
+        let mut judged = false;
+        if number != self.number {
+            judged = self.end_cycle();
+            if number != self.number + 1.0 {
+                self.before = None;
+            }
+            self.number = number;
+        }
+        if y.is_finite() {
+            self.cycle.take(TAU * (turns - number), y);
+        }
+        judged
+    }
+
+    fn end_cycle(&mut self) -> bool {
+        let cycle = std::mem::take(&mut self.cycle);
+        if cycle.count * self.interval_s * self.frequency_hz < PRESENT {
+            self.before = None;
+            return false;
+        }
+        let now = cycle.amplitudes();
+        for (i, c) in now.iter().enumerate() {
+            self.squares[i] += c[0] * c[0] + c[1] * c[1];
+            if let Some(before) = self.before {
+                let product = times(*c, [before[i][0], -before[i][1]]);
+                self.products[i] = plus(self.products[i], product);
+            }
+        }
+        self.pairs += usize::from(self.before.is_some());
+        self.before = Some(now);
+        self.cycles += 1;
+        if self.cycles < CYCLES {
+            return false;
+        }
+        // With pairs too few to tell, the window says what the one before said.
+        if 2 * self.pairs > CYCLES {
+            self.ratios = std::array::from_fn(|i| self.ratio(i));
+            let bound = bound(FOUND_BY_CHANCE / HARMONICS as f64, self.pairs);
+            self.found = Some(self.ratios.iter().any(|ratio| *ratio > bound));
+        }
+        (self.cycles, self.pairs) = (0, 0);
+        (self.products, self.squares) = ([[0.0; 2]; HARMONICS], [0.0; HARMONICS]);
+        true
+    }
+
+    /// How alike the amplitudes of neighbouring cycles are at a harmonic; 0 where there are none.
+    fn ratio(&self, i: usize) -> f64 {
+        let [re, im] = self.products[i];
+        let (product, square) = (re.hypot(im) / self.pairs as f64, self.squares[i] / self.cycles as f64);
+        // A harmonic near or above half the sampling rate is that of another frequency.
+        let is_seen = (i + 1) as f64 * self.frequency_hz * self.interval_s < 0.45;
+        if is_seen && square > 0.0 { product / square } else { 0.0 }
+    }
+}
+
+/// What a ratio is above with this probability, of noise and so many pairs.
+fn bound(chance: f64, pairs: usize) -> f64 {
+    (-chance.ln() / pairs as f64).sqrt()
+}
+
+impl Cycle {
+    fn take(&mut self, phase: f64, y: f64) {
+        if self.count == 0.0 {
+            self.first = y;
+        }
+        let y = y - self.first;
+        self.count += 1.0;
+        self.sum += y;
+        let (sin, cos) = phase.sin_cos();
+        let turn = [cos, -sin];
+        let mut wave = turn;
+        for (signal, waves) in self.signal.iter_mut().zip(&mut self.waves) {
+            *signal = plus(*signal, [y * wave[0], y * wave[1]]);
+            *waves = plus(*waves, wave);
+            wave = times(wave, turn);
+        }
+    }
+
+    /// The amplitudes of the signal less its mean.
+    fn amplitudes(&self) -> [Complex; HARMONICS] {
+        let mean = self.sum / self.count;
+        std::array::from_fn(|i| plus(self.signal[i], [-mean * self.waves[i][0], -mean * self.waves[i][1]]))
+    }
+}
+
+fn plus(a: Complex, b: Complex) -> Complex {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+fn times(a: Complex, b: Complex) -> Complex {
+    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_pcg::Pcg64;
+    use rand_pcg::rand_core::Rng;
+
+    const MOTION_HZ: f64 = 15_675.0;
+    const INTERVAL_S: f64 = 3e-6;
+
+    fn normal(chance: &mut Pcg64) -> f64 {
+        let mut uniform = || ((chance.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
+        (-2.0 * uniform().ln()).sqrt() * (TAU * uniform()).cos()
+    }
+
+    fn watch() -> NoiseWatch {
+        let mut watch = NoiseWatch::default();
+        watch.begin(std::iter::once(MOTION_HZ), 0.0, INTERVAL_S);
+        watch
+    }
+
+    /// The ratios of each window of a signal, whose samples are told by their time.
+    fn windows(count: usize, mut signal: impl FnMut(f64) -> f64) -> Vec<([f64; HARMONICS], bool)> {
+        let mut watch = watch();
+        let axis = &mut watch.axes[0];
+        let mut windows = Vec::new();
+        let mut k = 0;
+        while windows.len() < count {
+            let time_s = f64::from(k) * INTERVAL_S;
+            k += 1;
+            if axis.take(time_s, signal(time_s)) {
+                windows.push((axis.ratios, axis.found.unwrap()));
+            }
+        }
+        windows
+    }
+
+    /// White noise, and noise of one pole at a tenth of the sampling rate, each on a level that is large beside it.
+    #[test]
+    fn noise_is_taken_for_a_motion_as_seldom_as_is_said() {
+        let mut chance = Pcg64::new(3, 4);
+        let mut low = 0.0;
+        for pole in [0.0, (-TAU * 0.1_f64).exp()] {
+            let noise = |_: f64| {
+                low = pole * low + (1.0 - pole) * normal(&mut chance);
+                3.7 + 0.014 * low
+            };
+            let windows = windows(4000, noise);
+            for probability in [1e-1, 1e-2, 1e-3] {
+                let bound = bound(probability, CYCLES - 1);
+                let above = windows.iter().flat_map(|(ratios, _)| ratios).filter(|r| **r > bound).count();
+                let share = above as f64 / (windows.len() * HARMONICS) as f64;
+                println!("pole {pole:.2}: {share:.5} where {probability} is said");
+                // Within three standard errors of a count, the formula being exact for many cycles alone.
+                let error = 3.0 * (probability / (windows.len() * HARMONICS) as f64).sqrt();
+                assert!(share < 1.1 * probability + error, "{pole}: {share}");
+            }
+            assert!(windows.iter().all(|(_, found)| !found));
+        }
+    }
+
+    /// By the share of the motion in the signal's variance, at the second harmonic, with a frequency that is known well and
+    /// one that is 2 % off.
+    #[test]
+    fn a_motion_is_taken_for_noise_as_seldom_as_the_book_says() {
+        let mut chance = Pcg64::new(5, 6);
+        for (hz, share, lowest, highest) in [
+            (MOTION_HZ, 0.5, 0.0, 0.0),
+            (MOTION_HZ, 0.3, 0.0, 0.0),
+            (1.02 * MOTION_HZ, 0.3, 0.0, 0.0),
+            (MOTION_HZ, 0.2, 0.05, 0.15),
+            (MOTION_HZ, 0.1, 0.5, 1.0),
+        ] {
+            let amplitude = (2.0 * share / (1.0 - share) as f64).sqrt();
+            let windows = windows(1000, |time_s| {
+                50.0 + amplitude * (2.0 * TAU * hz * time_s).cos() + normal(&mut chance)
+            });
+            let missed = windows.iter().filter(|(_, found)| !found).count() as f64 / windows.len() as f64;
+            println!(
+                "share {share}, {:.0} % off: {missed:.4} taken for noise",
+                100.0 * (hz / MOTION_HZ - 1.0)
+            );
+            assert!((lowest..=highest).contains(&missed), "{share}: {missed}");
+        }
+    }
+
+    #[test]
+    fn noise_only_is_said_within_100_cycles_and_taken_back_within_100() {
+        let mut chance = Pcg64::new(7, 8);
+        let mut watch = watch();
+        let time: Vec<f64> = (0..60_000).map(|k| f64::from(k) * INTERVAL_S).collect();
+        // A motion up to 60 ms, nothing up to 120 ms, in it rows without a signal, and the motion again.
+        let signal: Vec<f64> = (time.iter())
+            .map(|t| match *t {
+                t if (0.08..0.09).contains(&t) => f64::NAN,
+                t if (0.06..0.12).contains(&t) => 0.3 * normal(&mut chance),
+                t => (2.0 * TAU * MOTION_HZ * t).cos() + 0.3 * normal(&mut chance),
+            })
+            .collect();
+        let mut changes = Vec::new();
+        for (time, signal) in time.chunks(777).zip(signal.chunks(777)) {
+            changes.extend(watch.take(time, signal));
+        }
+        let [only, over] = changes[..] else { panic!("{changes:?}") };
+        let cycles = |s: f64| s * MOTION_HZ;
+        assert!(only.noise_only && (0.0..100.0).contains(&cycles(only.time_s - 0.06)), "{only:?}");
+        assert!(!over.noise_only && (0.0..100.0).contains(&cycles(over.time_s - 0.12)), "{over:?}");
+        // A signal that does not move at all is no motion either.
+        let mut watch = tests::watch();
+        assert!(!watch.take(&time, &vec![1.25; time.len()]).is_empty() && watch.is_noise_only());
+    }
+}

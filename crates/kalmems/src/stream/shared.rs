@@ -1,0 +1,160 @@
+//! What the thread that reads samples tells the one that estimates them.
+
+use super::decode::Damage;
+use super::order::OrderCounts;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// What has been counted on the way, as the reading thread has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct WayCounts {
+    /// What the way has made of the samples.
+    #[serde(flatten)]
+    pub order: OrderCounts,
+    /// Lines that are no samples.
+    pub damaged_lines: u64,
+    /// Bytes between frames.
+    pub damaged_bytes: u64,
+    /// Lines and frames that the end of the stream or a break of the connection cut off; they are no samples.
+    pub cut_off: u64,
+    /// How often the clock, or the count of the frames, went back.
+    pub steps_back: u64,
+    /// Frames with the time of the one before them; they are left out.
+    pub same_time: u64,
+    /// How often a connection broke.
+    pub breaks: u64,
+    /// How often it was there again.
+    pub reconnections: u64,
+    /// Samples that an earlier run had acknowledged.
+    pub passed_over: u64,
+}
+
+/// Why no more samples come, where that is not the orderly end of the stream.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Break {
+    /// Why.
+    pub why: String,
+    /// How many samples had been received.
+    pub samples: u64,
+    /// The time of the last of them in s, where they have times.
+    pub time_s: Option<f64>,
+}
+
+/// Something that happened on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Notice {
+    /// The connection broke, and is tried again.
+    Disconnected(Break),
+    /// It is there again.
+    Reconnected { attempts: u64, after_s: f64 },
+    /// The clock went back between two samples, from one time in s to another where they have times.
+    ClockBack { times_s: Option<[f64; 2]> },
+}
+
+/// How many notices wait at most; what there is more is counted all the same.
+const NOTICES: usize = 1024;
+
+/// What both threads know.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shared(Arc<Mutex<Known>>);
+
+#[derive(Debug, Default)]
+struct Known {
+    counts: WayCounts,
+    notices: VecDeque<Notice>,
+    broken: Option<Break>,
+    /// When bytes came last.
+    heard: Option<Instant>,
+    connected: bool,
+    stopped: bool,
+}
+
+impl Shared {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The counts as they are now.
+    pub(super) fn counts(&self) -> WayCounts {
+        self.known().counts
+    }
+
+    /// Tells what was received now.
+    pub(super) fn received(&self, order: OrderCounts, damage: Damage, passed_over: u64) {
+        let mut known = self.known();
+        let Damage { lines, bytes, cut_off } = damage;
+        known.counts = WayCounts {
+            order,
+            damaged_lines: lines,
+            damaged_bytes: bytes,
+            cut_off,
+            passed_over,
+            ..known.counts
+        };
+    }
+
+    /// Bytes came.
+    pub(super) fn heard(&self) {
+        let mut known = self.known();
+        (known.heard, known.connected) = (Some(Instant::now()), true);
+    }
+
+    /// A sample has the time of the one before it, and is left out.
+    pub(super) fn same_time(&self) {
+        self.known().counts.same_time += 1;
+    }
+
+    /// Tells what happened.
+    pub(super) fn notice(&self, notice: Notice) {
+        let mut known = self.known();
+        match &notice {
+            Notice::Disconnected(_) => {
+                known.counts.breaks += 1;
+                known.connected = false;
+            }
+            Notice::Reconnected { .. } => {
+                known.counts.reconnections += 1;
+                known.connected = true;
+            }
+            Notice::ClockBack { .. } => known.counts.steps_back += 1,
+        }
+        if known.notices.len() < NOTICES {
+            known.notices.push_back(notice);
+        }
+    }
+
+    /// What happened since the last call.
+    pub(super) fn notices(&self) -> VecDeque<Notice> {
+        std::mem::take(&mut self.known().notices)
+    }
+
+    /// No more samples come, for this reason.
+    pub(super) fn broke(&self, broken: Break) {
+        let mut known = self.known();
+        known.counts.breaks += 1;
+        known.connected = false;
+        known.broken = Some(broken);
+    }
+
+    /// Why no more samples come, where that is no orderly end.
+    pub(super) fn broken(&self) -> Option<Break> {
+        self.known().broken.clone()
+    }
+
+    /// Whether the connection is there, and how long nothing came over it, in s.
+    pub(super) fn silence(&self) -> (bool, Option<f64>) {
+        let known = self.known();
+        (known.connected, known.heard.map(|heard| heard.elapsed().as_secs_f64()))
+    }
+
+    /// Asks the reading thread to end.
+    pub(super) fn stop(&self) {
+        self.known().stopped = true;
+    }
+
+    /// Whether it is to end.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.known().stopped
+    }
+}

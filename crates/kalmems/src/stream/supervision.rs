@@ -1,0 +1,173 @@
+//! What is told of a stream itself while it runs: its connection, its stretches and its health.
+
+use super::shared::{Break, Notice, Shared, WayCounts};
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Something that happened to the stream.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum StreamEvent {
+    /// The connection broke, and is tried again.
+    Disconnected(Break),
+    /// It is there again.
+    Reconnected {
+        /// How often it was tried.
+        attempts: u64,
+        /// How long it was not there, in s.
+        after_s: f64,
+    },
+    /// The clock, or the count of the frames, went back.
+    ClockBack {
+        /// The time of the last sample before, in s.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        from_s: Option<f64>,
+        /// The time of the first sample after, in s.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        to_s: Option<f64>,
+    },
+    /// A stretch of samples began that does not go on from the one before; the estimate begins anew.
+    NewStretch {
+        /// When it began, in s.
+        time_s: f64,
+        /// The time of the last sample before, in s.
+        after_s: f64,
+    },
+    /// The samples of a stretch cannot be estimated.
+    NotEstimated {
+        /// When it began, in s.
+        time_s: f64,
+        /// Why.
+        why: String,
+    },
+    /// For 50 cycles of the motion the signal has had nothing at its harmonics but noise: zero phases and crossings are not
+    /// told until it has.
+    NoiseOnly {
+        /// When these cycles ended, in s.
+        time_s: f64,
+    },
+    /// The signal has something else than noise again.
+    NoiseOnlyOver {
+        /// When, in s.
+        time_s: f64,
+    },
+    /// How the stream fares.
+    Health(Box<Health>),
+}
+
+impl From<Notice> for StreamEvent {
+    fn from(notice: Notice) -> Self {
+        match notice {
+            Notice::Disconnected(broken) => Self::Disconnected(broken),
+            Notice::Reconnected { attempts, after_s } => Self::Reconnected { attempts, after_s },
+            Notice::ClockBack { times_s } => Self::ClockBack {
+                from_s: times_s.map(|[from_s, _]| from_s),
+                to_s: times_s.map(|[_, to_s]| to_s),
+            },
+        }
+    }
+}
+
+/// How a stream fares.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Health {
+    /// How long it has run, in s.
+    pub running_s: f64,
+    /// Whether the connection is there.
+    pub connected: bool,
+    /// How long nothing has come, in s; none where nothing ever came.
+    pub silent_s: Option<f64>,
+    /// Samples received per second since the last such line.
+    pub rate_hz: f64,
+    /// The longest time from the arrival of a sample to its estimate since then, in s; none where there were no estimates.
+    pub lag_s: Option<f64>,
+    /// The time of the newest estimate in s.
+    pub time_s: Option<f64>,
+    /// Samples that were estimated.
+    pub estimated: u64,
+    /// Samples of stretches that could not be.
+    pub not_estimated: u64,
+    /// Stretches so far: 1, and one more for each new beginning.
+    pub stretches: u64,
+    /// What was received, and what the way has made of it.
+    #[serde(flatten)]
+    pub received: WayCounts,
+    /// Whether the signal is only noise, as far as that is known.
+    pub noise_only: bool,
+    /// How each answer fares.
+    pub filters: Vec<FilterHealth>,
+}
+
+/// How a filter fares.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FilterHealth {
+    /// The answer, by its key.
+    pub estimator: String,
+    /// Whether it follows the motion.
+    pub lock: LockState,
+    /// The mean NIS of the last samples over which it is watched.
+    pub mean_nis: Option<f64>,
+    /// Whether that is an alarm.
+    pub alarm: bool,
+}
+
+/// Whether a filter follows the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LockState {
+    /// It does, as far as its signal tells.
+    Held,
+    /// It has lost the signal.
+    Lost,
+    /// It has stopped.
+    Stopped,
+}
+
+/// Says when health is to be told, by the time of day and not by samples.
+pub(super) struct Heartbeat {
+    every: Option<Duration>,
+    begun: Instant,
+    last: Instant,
+    received: u64,
+    lag: Option<Duration>,
+}
+
+impl Heartbeat {
+    pub(super) fn new(every: Option<Duration>) -> Self {
+        let now = Instant::now();
+        Self { every, begun: now, last: now, received: 0, lag: None }
+    }
+
+    /// Some estimates took so long at most.
+    pub(super) fn lagged(&mut self, longest: Duration) {
+        self.lag = self.lag.max(Some(longest));
+    }
+
+    /// What is known of the way, where it is time to tell it; what is known of the estimates is to be put in.
+    pub(super) fn beat(&mut self, shared: &Shared) -> Option<Health> {
+        let since = self.last.elapsed();
+        if since < self.every? {
+            return None;
+        }
+        let received = shared.counts();
+        let new = received.order.passed.saturating_sub(self.received);
+        let (connected, silent_s) = shared.silence();
+        let lag_s = self.lag.take().map(|lag| lag.as_secs_f64());
+        self.last = Instant::now();
+        self.received = received.order.passed;
+        Some(Health {
+            running_s: self.begun.elapsed().as_secs_f64(),
+            connected,
+            silent_s,
+            rate_hz: new as f64 / since.as_secs_f64(),
+            lag_s,
+            time_s: None,
+            estimated: 0,
+            not_estimated: 0,
+            stretches: 0,
+            received,
+            noise_only: false,
+            filters: Vec::new(),
+        })
+    }
+}
