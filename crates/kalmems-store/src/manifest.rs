@@ -20,7 +20,9 @@ const HEADING: &str = "\
 /// What a result is of, and which files are its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
-    manifest: u32,
+    /// The version of the form, under the name of the list.
+    #[serde(rename = "manifest")]
+    form: u32,
     /// The version of the program.
     kalmems: String,
     /// The command that made it.
@@ -34,7 +36,7 @@ pub(crate) struct Manifest {
 impl Manifest {
     pub(crate) fn new(command: &str, of: String, files: BTreeMap<String, String>) -> Self {
         Self {
-            manifest: FORM,
+            form: FORM,
             kalmems: env!("CARGO_PKG_VERSION").to_owned(),
             command: command.to_owned(),
             of,
@@ -68,8 +70,8 @@ impl Manifest {
     fn parse(text: &str) -> Result<Self, String> {
         // What is wrong with the text is of no use to anybody, and the text could be another file's.
         let manifest: Self = toml::from_str(text).map_err(|_| "it is damaged".to_owned())?;
-        if manifest.manifest != FORM {
-            return Err(format!("it has form {}, and this version knows {FORM}", manifest.manifest));
+        if manifest.form != FORM {
+            return Err(format!("it has form {}, and this version knows {FORM}", manifest.form));
         }
         let odd = manifest.files.keys().find(|name| !is_within(name) || name.as_str() == MANIFEST);
         odd.map_or(Ok(()), |name| Err(format!("it lists `{name}`, which cannot be in the folder")))?;

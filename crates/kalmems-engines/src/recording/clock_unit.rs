@@ -32,13 +32,12 @@ impl ClockUnit {
         let spreadsheet = zero.is_some_and(|(_, zero_s)| *zero_s == SPREADSHEET_ZERO_S);
         let unit = match header.unit {
             Some(unit) if kind::TIME.accepts(unit.dimension()) => of_scale(scale)?,
-            Some(_) => return None,
             None if words.len() > 1 && words.last().is_some_and(|last| DAYS.contains(last)) => {
                 TimeUnit::seconds(86_400)
             }
             // A spreadsheet counts days.
             None if spreadsheet => TimeUnit::seconds(86_400),
-            None => return None,
+            _ => return None,
         };
         let zero_s = zero.map_or(0, |(_, zero_s)| *zero_s);
         Some(Self { unit: unit.from(zero_s), calendar: zero.is_some() })

@@ -205,8 +205,8 @@ impl FindingKind {
                  writing, or leave the column out and declare the rate, such as `clock = { rate = \"1 MHz\" }`"
             }
             Self::BurstTime => {
-                "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate instead \
-                 of the column, such as `clock = { rate = \"1 MHz\" }`; if they were sampled in bursts, nothing is to be done"
+                "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate as `rate` \
+                 of the `clock`, instead of its `column`; if they were sampled in bursts, nothing is to be done"
             }
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \

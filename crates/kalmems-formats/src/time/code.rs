@@ -64,10 +64,11 @@ impl TimeCode {
             Self::Counted { element, .. } => element.times(raw, offset, stride, rows, times, out),
             #[cfg(feature = "npy")]
             Self::Numpy { element, .. } => {
-                out.extend(cells(raw, offset, stride, element.bytes, rows).map(|cell| {
+                let time = |cell: &[u8]| {
                     let number = element.integer(cell);
                     if number == i128::from(i64::MIN) { f64::NAN } else { times.integer(number) }
-                }))
+                };
+                out.extend(cells(raw, offset, stride, element.bytes, rows).map(time));
             }
             #[cfg(feature = "tdms")]
             Self::Labview { big_endian } => out.extend(

@@ -151,7 +151,7 @@ fn seconds_of(seconds: u64, parts: u64) -> f64 {
     }
     // In units in which it is a whole number of 64 bits: picoseconds, or nanoseconds.
     for (unit, places) in [(1_000_000, 12_u32), (1_000_000_000, 9)] {
-        if parts % unit == 0
+        if parts.is_multiple_of(unit)
             && let Some(whole) = seconds.checked_mul(10_u64.pow(places))
             && let Some(whole) = whole.checked_add(parts / unit)
             && let Some(number) = scaled(whole, -places.cast_signed())

@@ -124,11 +124,7 @@ impl Rest<'_> {
             Some(_) => 1,
         };
         let hours = self.digits(2)?;
-        let minutes = match self.one_of(b":") {
-            Some(_) => self.digits(2)?,
-            None if self.text.is_empty() => 0,
-            None => self.digits(2)?,
-        };
+        let minutes = if self.one_of(b":").is_none() && self.text.is_empty() { 0 } else { self.digits(2)? };
         (hours < 24 && minutes < 60).then_some(sign * (hours * 3600 + minutes * 60))
     }
 }

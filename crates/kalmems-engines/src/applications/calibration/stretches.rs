@@ -70,19 +70,21 @@ fn longest_run(flags: impl Iterator<Item = bool>) -> usize {
 fn breaks(time_s: &[f64], interval_s: f64, burst: usize) -> Vec<usize> {
     let around = 2 * burst + 6;
     let late = |row: usize, from: usize| time_s[row] - time_s[from] - (row - from) as f64 * interval_s;
-    (1..time_s.len())
-        .filter(|row| time_s[*row] - time_s[row - 1] > (1.0 + STEP) * interval_s)
-        .filter(|row| {
-            let end = (row + around).min(time_s.len());
-            // The last of a burst is the least late: a burst that is cut at the end tells nothing.
-            if end - row < burst {
-                return false;
-            }
-            let start = row.saturating_sub(around);
-            let earliest = |rows: Range<usize>| rows.map(|r| late(r, start)).fold(f64::INFINITY, f64::min);
-            earliest(*row..end) - earliest(start..*row) > STEP * interval_s
-        })
-        .collect()
+    let mut breaks: Vec<usize> = Vec::new();
+    for row in 1..time_s.len() {
+        let end = (row + around).min(time_s.len());
+        // The last of a burst is the least late: a burst that is cut at the end tells nothing.
+        if time_s[row] - time_s[row - 1] <= (1.0 + STEP) * interval_s || end - row < burst {
+            continue;
+        }
+        // What came before another gap is earlier for that alone.
+        let start = row.saturating_sub(around).max(breaks.last().copied().unwrap_or(0));
+        let earliest = |rows: Range<usize>| rows.map(|r| late(r, start)).fold(f64::INFINITY, f64::min);
+        if earliest(row..end) - earliest(start..row) > STEP * interval_s {
+            breaks.push(row);
+        }
+    }
+    breaks
 }
 
 /// The slope of the times over the rows, by least squares with an offset for each stretch.
