@@ -87,7 +87,7 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
     let refused = run(&["spectrum", &path("recorded.toml"), "--out", &path("along")]);
     assert_eq!(refused.status.code(), Some(1));
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(message.contains("holds a result of another input"), "{message}");
+    assert!(message.contains("along/interferogram.csv is read by this run"), "{message}");
     assert!(json(&["schema", "spectrum"])["properties"]["transform"].is_object());
 }
 

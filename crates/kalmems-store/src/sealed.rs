@@ -1,5 +1,6 @@
 //! Files whose checksum is known when they are complete.
 
+use crate::RUN_FILE;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::fs::File;
@@ -84,6 +85,29 @@ pub(crate) fn checksum(path: &Path) -> io::Result<String> {
             Err(e) => return Err(e),
         }
     }
+}
+
+/// The checksum of a file of a result, from which the timing of its run is left out: two runs of the same input have the same.
+pub(crate) fn checksum_within(folder: &Path, name: &str) -> io::Result<String> {
+    let path = folder.join(name);
+    if name != RUN_FILE {
+        return checksum(&path);
+    }
+    Ok(checksum_of(&without_timing(&std::fs::read(path)?)))
+}
+
+/// The record of a run without the numbers of its tables of timing.
+fn without_timing(run: &[u8]) -> Vec<u8> {
+    let mut timing = false;
+    let is_kept = |line: &&[u8]| {
+        if line.starts_with(b"[") {
+            timing = line.starts_with(b"[timing");
+        }
+        let number = line.iter().position(|byte| *byte == b'=').map(|equals| line[equals + 1..].trim_ascii());
+        let number = number.and_then(|number| std::str::from_utf8(number).ok()?.parse::<f64>().ok());
+        !timing || number.is_none()
+    };
+    run.split_inclusive(|byte| *byte == b'\n').filter(is_kept).flatten().copied().collect()
 }
 
 /// The checksum of bytes.

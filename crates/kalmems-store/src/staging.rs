@@ -11,11 +11,11 @@
 //! So whatever the moment at which a run is killed, the next one beside it knows what there is, finishes the exchange or
 //! clears the beginnings, and touches nothing that is not listed.
 
+use crate::OutputError;
 use crate::exchange::{exchange, sync_folder};
 use crate::manifest::{MANIFEST, Manifest};
-use crate::sealed::{checksum, checksum_of};
+use crate::sealed::{checksum, checksum_of, checksum_within};
 use crate::standing::{Seen, remove_empty_folders, remove_owned};
-use crate::{OutputError, RUN_FILE};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -119,6 +119,11 @@ impl Staging {
         OpenOptions::new().write(true).create_new(true).open(path)
     }
 
+    /// The checksum of a file of the result that is complete.
+    pub(crate) fn checksum(&self, name: &str) -> io::Result<String> {
+        checksum_within(&self.result(), name)
+    }
+
     /// Writes the list of files, after which the result is complete.
     pub(crate) fn write_manifest(&self, manifest: &Manifest) -> io::Result<()> {
         let text = manifest.to_text().map_err(io::Error::other)?;
@@ -130,23 +135,6 @@ impl Staging {
             sync_folder(&result.join(folder))?;
         }
         sync_folder(&result)
-    }
-
-    /// Whether the new result says what an earlier one at this place does: the same files, whatever their runs' timing.
-    pub(crate) fn says_the_same(&self, new: &Manifest, earlier: &Manifest, place: &Path) -> bool {
-        let rest = |manifest: &Manifest| {
-            let mut files = manifest.files.clone();
-            files.remove(RUN_FILE);
-            files
-        };
-        let run = |folder: &Path| {
-            let mut run: toml::Table = fs::read_to_string(folder.join(RUN_FILE)).ok()?.parse().ok()?;
-            run.remove("timing");
-            Some(run)
-        };
-        (&new.command, &new.of) == (&earlier.command, &earlier.of)
-            && rest(new) == rest(earlier)
-            && run(&self.result()) == run(place)
     }
 
     /// Puts the complete result in its place; where the earlier one is kept, if it is.

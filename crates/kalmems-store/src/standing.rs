@@ -1,7 +1,7 @@
 //! What stands at the target of a result.
 
 use crate::manifest::{MANIFEST, Manifest};
-use crate::sealed::checksum;
+use crate::sealed::checksum_within;
 use crate::{OutputError, RUN_FILE};
 use std::collections::BTreeMap;
 use std::fs::{self, Metadata};
@@ -72,7 +72,7 @@ pub(crate) fn look(target: &Path, place: &Path, before: &Standing) -> Result<Sta
         };
         let now = Seen::of(&there);
         let untouched = known.and_then(|known| known.get(name)).is_some_and(|seen| *seen == now);
-        if there.is_file() && (untouched || checksum(&path).map_err(error)? == *written) {
+        if there.is_file() && (untouched || checksum_within(place, name).map_err(error)? == *written) {
             seen.insert(name.clone(), now);
         } else {
             changed.push(name.clone());
@@ -117,7 +117,7 @@ pub(crate) fn remove_owned(
         let path = folder.join(name);
         let Ok(there) = fs::symlink_metadata(&path) else { continue };
         let untouched = seen.get(name).is_some_and(|seen| *seen == Seen::of(&there));
-        if there.is_file() && (untouched || checksum(&path)? == *written) {
+        if there.is_file() && (untouched || checksum_within(folder, name)? == *written) {
             fs::remove_file(&path)?;
         }
     }

@@ -394,7 +394,8 @@ fn writing_that_is_stopped_leaves_nothing() {
         }
         places += 1;
     }
-    assert!(places >= 10, "{places}");
+    // Behind each trajectory and each figure at least; within them it looks by time.
+    assert!(places >= 7, "{places}");
     assert!(target.join("report.html").is_file());
 }
 

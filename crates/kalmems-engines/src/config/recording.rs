@@ -112,6 +112,7 @@ pub struct Segments {
 /// When samples were taken: a time column, or a rate where there is none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
+#[allow(clippy::large_enum_variant)] // there are a few of them in a description, and none in a loop
 pub enum Clock {
     /// The file has a column of times.
     #[serde(serialize_with = "ColumnChoice::serialize_as_table")]

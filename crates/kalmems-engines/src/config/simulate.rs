@@ -122,6 +122,7 @@ pub struct Dither {
 /// What drives the device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[allow(clippy::large_enum_variant)] // there are a few of them in a description, and none in a loop
 pub enum DriveSource {
     /// A constant voltage, as during a free decay.
     Constant(ConstantDrive),

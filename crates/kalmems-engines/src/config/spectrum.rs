@@ -74,6 +74,7 @@ pub struct Interferogram {
 /// How the path difference is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[allow(clippy::large_enum_variant)] // there are a few of them in a description, and none in a loop
 pub enum PathDifference {
     /// It grows by this much from one sample to the next.
     Step(Quantity<Length, Positive>),
@@ -442,13 +443,26 @@ impl SpectrumFile {
                 _ => {}
             }
         }
-        let bands = [("transform.band", transform.band.as_ref())];
+        self.check_bands()?;
+        self.check_files()
+    }
+
+    /// Bands begin below where they end.
+    fn check_bands(&self) -> Result<(), (Key, String)> {
+        let reference = self.reference.as_ref();
+        let bands = [("transform.band", self.transform.band.as_ref())];
         let bands = bands.into_iter().chain([("reference.band", reference.and_then(|r| r.band.as_ref()))]);
         for (key, band) in bands.filter_map(|(key, band)| Some((key, band?))) {
             if band.from.si() >= band.to.si() {
                 refuse(key, &format!("`{}` is not below `{}`", band.from.text(), band.to.text()))?;
             }
         }
+        Ok(())
+    }
+
+    /// What is said of the columns of each file goes together.
+    fn check_files(&self) -> Result<(), (Key, String)> {
+        let reference = self.reference.as_ref();
         let path = match &self.path {
             PathDifference::Trajectory(trajectory) => Some(trajectory.in_file()),
             PathDifference::Step(_) | PathDifference::Laser(_) => None,

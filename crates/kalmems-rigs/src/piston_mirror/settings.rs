@@ -113,8 +113,8 @@ impl Settings {
     pub fn cycle_s(experiment: &Experiment) -> Result<f64, ConfigError> {
         let settings = Self::of(experiment)?;
         let started = settings.filters.iter().find_map(|filter| match filter.motion {
-            Motion::Steady { start: Some(([_, hz, _], ..)), .. } => Some(hz),
-            Motion::Drifting { start: Some(([_, hz, ..], _)), .. } => Some(hz),
+            Motion::Steady { start, .. } => start.map(|([_, hz, _], ..)| hz),
+            Motion::Drifting { start, .. } => start.map(|([_, hz, ..], _)| hz),
             _ => None,
         });
         let known_hz = settings.hardware.mechanics.map(|mechanics| mechanics.resonance_hz).or(started);

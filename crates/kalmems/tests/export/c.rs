@@ -23,6 +23,7 @@ fn name_of(exported: &Exported) -> &str {
 /// The lines of numbers that a program around the exported source writes.
 fn said(folder: &Path, exported: &Exported, main: &str, input: &str) -> Vec<Vec<f64>> {
     let name = name_of(exported);
+    fs::create_dir_all(folder).unwrap();
     for (name, content) in &exported.files {
         fs::write(folder.join(name), content).unwrap();
     }

@@ -23,8 +23,8 @@ pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
-    let files = NamedFiles::new("calibration file", progress);
-    let mut files = Files { file, files, origins: BTreeMap::new() };
+    let named = NamedFiles::new("calibration file", progress);
+    let mut files = Files { file, named, origins: BTreeMap::new() };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
@@ -46,7 +46,7 @@ pub fn calibrate(
         }
     }
     let (rest, of_rest) = rest_record::measure(&mut files)?;
-    let NamedFiles { sources, findings, .. } = files.files;
+    let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let findings = findings.chain(of_rest).collect();
     Ok(Calibration { file: file.clone(), changes: changes(&results), results, rest, sources, findings })

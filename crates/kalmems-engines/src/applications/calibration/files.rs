@@ -36,7 +36,7 @@ pub struct ReferenceRecord {
 /// Reads files and remembers what they were.
 pub struct Files<'a> {
     pub file: &'a GyroscopeCalibration,
-    pub files: NamedFiles<'a>,
+    pub named: NamedFiles<'a>,
     /// Where the times of each record of the gyroscope count from.
     pub origins: BTreeMap<String, Instant>,
 }
@@ -147,7 +147,7 @@ impl Files<'_> {
 
     /// Reads a file and remembers it.
     pub fn read(&mut self, key: Key, path: &Path, layout: &Layout) -> Result<Recording, CalibrationError> {
-        self.files.read(path, layout).map_err(|error| match error {
+        self.named.read(path, layout).map_err(|error| match error {
             NamedFileError::Missing(why) => self.file.error(key, Fault::Value { why }).into(),
             NamedFileError::Read(error) => error.into(),
         })

@@ -64,15 +64,16 @@ impl RestTime {
         let (mut weight, mut sum) = (0.0, 0.0);
         for segment in recording.segments() {
             let start = segment.rows.start;
+            let whole = || std::iter::once(0..segment.rows.len()).collect();
             let regular = segment.time.interval_s().filter(|_| segment.time.is_uniform());
             let (found, interval_s) = match regular {
-                Some(interval_s) => (vec![0..segment.rows.len()], interval_s),
+                Some(interval_s) => (whole(), interval_s),
                 None => match stretches(&segment.time.to_vec()) {
                     Some(found) => {
                         remarks.extend(irregular(place, segment, &found));
                         (found.rows, found.interval_s)
                     }
-                    None => (vec![0..segment.rows.len()], f64::NAN),
+                    None => (whole(), f64::NAN),
                 },
             };
             rows.extend(found.into_iter().map(|rows| start + rows.start..start + rows.end));

@@ -92,7 +92,7 @@ impl ImageError {
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files = Files { image, origin: None, files: NamedFiles::new("image file", progress) };
+    let mut files = Files { image, origin: None, named: NamedFiles::new("image file", progress) };
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
@@ -108,7 +108,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
         let half_field_rad = axis.half_field.as_ref().map_or(track.largest_rad(), Quantity::si);
         axes.push(ScanAxis { track, half_field_rad, pixels: axis.pixels as usize });
     }
-    let NamedFiles { sources, findings, .. } = files.files;
+    let NamedFiles { sources, findings, .. } = files.named;
     let mut axes = axes.into_iter();
     let Some(x) = axes.next() else { return Err(ImageError::Nothing(Counts::default())) };
     let scan = Scan { time_s, intensity, x, y: axes.next() };
@@ -156,7 +156,7 @@ struct Files<'a> {
     image: &'a Image,
     /// Where the times of all files count from: the first says it.
     origin: Option<Instant>,
-    files: NamedFiles<'a>,
+    named: NamedFiles<'a>,
 }
 
 impl Files<'_> {
@@ -170,7 +170,7 @@ impl Files<'_> {
         kind: Option<&Kind>,
     ) -> Result<(Vec<f64>, Vec<f64>), ImageError> {
         let layout = Layout { origin: self.origin, ..layout.clone() };
-        let read = self.files.read(&self.image.resolve(file), &layout);
+        let read = self.named.read(&self.image.resolve(file), &layout);
         let recording = read.map_err(|error| match error {
             NamedFileError::Missing(why) => self.image.error(key.child("file"), Fault::Value { why }).into(),
             NamedFileError::Read(error) => ImageError::Read(error),

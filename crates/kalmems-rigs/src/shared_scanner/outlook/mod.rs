@@ -19,7 +19,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let stated =
         experiment.simulate.as_ref().map(|simulate| expected_drive(experiment, simulate)).transpose()?;
     // What the simulation says counts; a recording shows its own.
-    let recorded = experiment.simulate.is_none().then(|| Recorded::of(experiment)).unwrap_or_default();
+    let recorded = if experiment.simulate.is_none() { Recorded::of(experiment) } else { Recorded::default() };
     let simulated_hz = experiment.simulate.as_ref().map(|simulate| simulate.sampling_rate.si());
     let drive = stated.or(recorded.drive);
     let mut topics = vec![device(&hardware)];
