@@ -498,7 +498,7 @@ fn a_simulation_is_the_same_bytes_and_can_be_estimated() {
     );
     for (name, bytes) in &first {
         assert!(bytes == &again[name], "{name} differs");
-        let of_noise = ["recording.csv", "run.toml"].contains(&name.as_str());
+        let of_noise = ["manifest.toml", "recording.csv", "run.toml"].contains(&name.as_str());
         assert_eq!(bytes == &other[name], !of_noise, "{name}");
     }
     assert!(text(&other["run.toml"]).contains("seed = 2"));
@@ -694,16 +694,17 @@ fn parameters_are_identified_and_used() {
     let variance =
         json["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "noise variance R").unwrap();
     let doubt = variance["standard_error"].as_f64().unwrap() / variance["value"].as_f64().unwrap();
-    let estimated = |experiment: &str| {
+    let estimated = |experiment: &str, code: i32| {
         let out = folder.path().join("estimate");
         let output = run(&["estimate", experiment, "--json", "--force", "--out", out.to_str().unwrap()]);
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
         let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         let ekf = &metrics["recordings"][0]["segments"][0]["estimators"][0];
         [&ekf["errors"]["angle"]["rmse_deg"], &ekf["consistency"]["mean_nis"]].map(|v| v.as_f64().unwrap())
     };
-    let [before, _] = estimated(RING_DOWN);
-    let [after, mean_nis] = estimated(folder.path().join("a/experiment.toml").to_str().unwrap());
+    // As believed the filter loses the signal, which is no estimate.
+    let [before, _] = estimated(RING_DOWN, 1);
+    let [after, mean_nis] = estimated(folder.path().join("a/experiment.toml").to_str().unwrap(), 0);
     println!("angle RMSE {before:.3} deg as believed, {after:.4} deg as identified, mean NIS {mean_nis:.3}");
     assert!(after < 0.02 && after < 0.1 * before, "{before} {after}");
     assert!((mean_nis - 1.0).abs() < 4.0 * doubt.hypot((2.0 / 16_000_f64).sqrt()), "{mean_nis} {doubt}");

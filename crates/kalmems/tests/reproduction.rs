@@ -101,6 +101,7 @@ fn what_is_written_is_whole_and_the_same_for_any_number_of_threads() {
     let expected = [
         "figures/squares_line.png",
         "figures/squares_line.svg",
+        "manifest.toml",
         "report.html",
         "reproduction.json",
         "tables/squares.csv",

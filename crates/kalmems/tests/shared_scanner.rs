@@ -389,6 +389,7 @@ fn writing_that_is_stopped_leaves_nothing() {
             }
             written => {
                 written.unwrap();
+                output.commit().unwrap();
                 break;
             }
         }
@@ -410,7 +411,8 @@ fn notices_with_reference(f: impl Fn(usize, &mut Vec<String>)) -> Vec<String> {
         }
         cells.join(",")
     });
-    std::fs::write(folder.path().join("reference.csv"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    let text = lines.collect::<Vec<_>>().join("\n") + "\n";
+    std::fs::write(folder.path().join("reference.csv"), text).unwrap();
     let (_, metrics) = run(&experiment);
     notices(&metrics).iter().map(ToString::to_string).collect()
 }

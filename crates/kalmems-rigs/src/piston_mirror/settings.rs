@@ -115,7 +115,7 @@ impl Settings {
         let started = settings.filters.iter().find_map(|filter| match filter.motion {
             Motion::Steady { start, .. } => start.map(|([_, hz, _], ..)| hz),
             Motion::Drifting { start, .. } => start.map(|([_, hz, ..], _)| hz),
-            _ => None,
+            Motion::None => None,
         });
         let known_hz = settings.hardware.mechanics.map(|mechanics| mechanics.resonance_hz).or(started);
         let settling_s = if settings.skip_s > 0.0 { settings.skip_s } else { 1.0 };

@@ -497,7 +497,9 @@ mod tests {
                 Ordered::Sample(sample) => rows.push(sample.numbers[0].is_finite()),
                 Ordered::Restart { missing, .. } => missed.push(missing),
             };
-            sent.iter().for_each(|number| order.take(numbered(*number), &mut each));
+            for number in &sent {
+                order.take(numbered(*number), &mut each);
+            }
             order.finish(&mut each);
             (rows, missed)
         };

@@ -20,7 +20,7 @@ pub enum StudyError {
         /// The experiment file.
         file: String,
         /// Why.
-        source: SimulateError,
+        source: Box<SimulateError>,
     },
     /// A file cannot be read or written.
     #[error("cannot read or write {}: {source}", path.display())]

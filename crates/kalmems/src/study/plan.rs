@@ -274,7 +274,10 @@ impl Plan {
     fn without_line(&self, error: RunError) -> StudyError {
         match error {
             RunError::Simulate(source) if !matches!(source, crate::simulate::SimulateError::Config(_)) => {
-                StudyError::Simulate { file: self.experiment.path.display().to_string(), source }
+                StudyError::Simulate {
+                    file: self.experiment.path.display().to_string(),
+                    source: Box::new(source),
+                }
             }
             error => {
                 let (key, fault) = match error.config() {
