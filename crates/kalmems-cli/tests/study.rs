@@ -115,7 +115,7 @@ fn an_interruption_ends_with_130_and_says_how_to_go_on() {
     let child = begun(folder.path(), "out", 2);
     // Another process must not write the same journal.
     let busy = run(folder.path(), &["study", "study.toml", "--out", "out"]);
-    assert!(String::from_utf8_lossy(&busy.stderr).contains("is being written by another process"));
+    assert!(String::from_utf8_lossy(&busy.stderr).contains("another run is writing to"));
     Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     let output = child.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
