@@ -235,7 +235,11 @@ fn whole(folder: &Path) -> bool {
         });
         *run = kept.collect::<String>().into_bytes();
     }
-    let sums = |bytes: &Vec<u8>| Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let sums = |bytes: &Vec<u8>| {
+        let digits =
+            |byte: u8| [byte >> 4, byte & 15].map(|digit| char::from_digit(digit.into(), 16).unwrap());
+        Sha256::digest(bytes).iter().flat_map(|byte| digits(*byte)).collect::<String>()
+    };
     let there: BTreeMap<&str, String> =
         there.iter().map(|(name, bytes)| (name.as_str(), sums(bytes))).collect();
     let listed = list["files"].as_table().unwrap();

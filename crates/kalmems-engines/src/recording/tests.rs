@@ -536,7 +536,10 @@ fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
     assert_eq!(recording.segments()[1].time.at(0).to_bits(), 160_f64.to_bits());
     assert_eq!(recording.column("x_V").unwrap().of(&recording.segments()[4])[..4], [6.0, 0.0, 1.0, 0.0]);
     let found: Vec<String> = recording.diagnosis().iter().map(ToString::to_string).collect();
-    insta::assert_snapshot!(found.join("\n"), @"");
+    insta::assert_snapshot!(found.join("\n"), @"
+    line 62, column `time_s`: nothing for 101 s after 59 s, longer than the 50 s that are predicted over (the first of 2 gaps); nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in `[recording.gaps]` says what is predicted over
+    line 122, column `time_s`: 100.5 s after 219 s (the first of 2 times); the times are kept as they stand: a new stretch begins, and the estimate begins anew
+    ");
     // Without a policy the same file is refused, and shortly.
     let text = diagnosis(&text, &Layout { restarts: None, ..layout });
     assert!(

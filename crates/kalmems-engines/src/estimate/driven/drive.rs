@@ -338,7 +338,13 @@ mod tests {
             let drive = Drive::new(&time, &v, 1e-6);
             assert!(drive.sine().is_none() && drive.unknown().is_none(), "{level} {scale}");
             let over = Drive::nodes_from_sine(drive.stand_in(6001).unwrap(), time[6000], time[6001]);
-            assert!((over.middle - level).abs() <= 0.1 * scale, "{level} {scale}: {}", over.middle);
+            // A mean is rounded, once for each of the rows.
+            let rounding = 9000.0 * f64::EPSILON * level.abs();
+            assert!(
+                (over.middle - level).abs() <= 0.1 * scale + rounding,
+                "{level} {scale}: {}",
+                over.middle
+            );
         }
     }
 }
