@@ -292,7 +292,7 @@ mod tests {
             (MOTION_HZ, 0.2, 0.05, 0.15),
             (MOTION_HZ, 0.1, 0.5, 1.0),
         ] {
-            let amplitude = (2.0 * share / (1.0 - share)).sqrt();
+            let amplitude = f64::sqrt(2.0 * share / (1.0 - share));
             let windows = windows(1000, |time_s| {
                 50.0 + amplitude * (2.0 * TAU * hz * time_s).cos() + normal(&mut chance)
             });

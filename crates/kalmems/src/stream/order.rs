@@ -497,7 +497,7 @@ mod tests {
                 Ordered::Sample(sample) => rows.push(sample.numbers[0].is_finite()),
                 Ordered::Restart { missing, .. } => missed.push(missing),
             };
-            for number in &sent {
+            for number in sent {
                 order.take(numbered(*number), &mut each);
             }
             order.finish(&mut each);
