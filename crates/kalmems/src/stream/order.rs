@@ -62,7 +62,7 @@ pub struct OrderSettings {
 ///
 /// A sample is on the course where it is at most `wait` intervals ahead of the last one. Some that are farther ahead are
 /// a gap once more than `wait` of them have come, and misplaced where as many come on the course instead. Samples behind
-/// those that were passed on came again or too late, but where more than `wait` of them (and [`LEAST_BACK`]) come in a row, each
+/// those that were passed on came again or too late, but where more than `wait` of them (and at least 8) come in a row, each
 /// after the one before and none like one that was passed on: then the clock went back.
 pub struct Order {
     settings: OrderSettings,
