@@ -72,7 +72,9 @@ fn level(volts: &[f64]) -> Option<Sine> {
     if count < 4 * LAGS {
         return None;
     }
-    let offset = known().sum::<f64>() / count as f64;
+    // From the first on, so that the mean of a constant is that constant and not rounded as often as it has rows.
+    let first = known().next()?;
+    let offset = first + known().map(|v| v - first).sum::<f64>() / count as f64;
     let product = |lag: usize| {
         let pairs = volts.iter().zip(volts.iter().skip(lag)).map(|(a, b)| (a - offset) * (b - offset));
         pairs.filter(|product| product.is_finite()).sum::<f64>()
@@ -183,7 +185,10 @@ impl<'a> Drive<'a> {
         let before = past.rows;
         if before == 0 {
             let fit = |rows: Range<usize>| {
-                fit_sine(&time_s[rows.clone()], &volts[rows], interval_s).filter(Sine::is_steady)
+                fit_sine(&time_s[rows.clone()], &volts[rows], interval_s)
+                    .filter(Sine::is_steady)
+                    // What is left of a constant when its mean is taken off is rounding, and no drive.
+                    .filter(|sine| sine.amplitude > 1e-12 * sine.offset.abs())
             };
             let end = fresh.end.min(fresh.start + BLOCK);
             past.first_sine = fit(fresh.start..end);
@@ -331,7 +336,13 @@ mod tests {
         let time: Vec<f64> =
             (0..9000).map(|k| f64::from(k) * 1e-6 + if k > 6000 { 2e-4 } else { 0.0 }).collect();
         // Exactly nothing, a constant, and the noise of a converter about it.
-        let noise = |k: u32| f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 - 0.5;
+        // Splitmix64: numbers that do not hang on each other.
+        let noise = |k: u32| {
+            let z = u64::from(k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 40) as f64 / 16_777_216.0 - 0.5
+        };
         for (level, scale) in [(0.0, 0.0), (12.3, 0.0), (0.0, 1e-3), (-4.0, 0.2)] {
             let mut v: Vec<f64> = (0..9000).map(|k| level + scale * noise(k)).collect();
             v[100] = f64::NAN;
