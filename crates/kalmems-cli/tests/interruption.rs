@@ -68,6 +68,10 @@ fn a_command_that_waits_for_a_silent_pipe_ends_within_a_second_of_a_signal() {
         ("shared_scanner", "reference.csv", &["estimate", "experiment.toml", "--out", "out"]),
         ("shared_scanner", "recording.csv", &["inspect", "recording.csv"]),
         ("shared_scanner", "ring_down_recording.csv", &["identify", "ring_down.toml", "--out", "out"]),
+        ("shared_scanner", "image_intensity.csv", &["image", "image.toml", "--out", "out"]),
+        ("shared_scanner", "image_trajectory.csv", &["image", "image.toml", "--out", "out"]),
+        ("gyroscope", "rest.csv", &["calibrate", "gyro", "calibration.toml", "--out", "out"]),
+        ("gyroscope", "vibrometer.csv", &["calibrate", "gyro", "calibration.toml", "--out", "out"]),
     ] {
         for signal in ["-INT", "-TERM"] {
             let folder = copied(example);
@@ -80,6 +84,36 @@ fn a_command_that_waits_for_a_silent_pipe_ends_within_a_second_of_a_signal() {
         let folder = copied("shared_scanner");
         let child = start(folder.path(), &["stream", "stream.toml", "--lines", "lines.jsonl"]);
         ends("stream", child, signal, &[0, 130]);
+    }
+}
+
+#[test]
+fn a_spectrum_that_waits_for_a_silent_pipe_ends_within_a_second_of_a_signal() {
+    let folder = copied("piston_mirror");
+    let spectrum = folder.path().join("two_lines_spectrum.toml");
+    let text = std::fs::read_to_string(&spectrum).unwrap();
+    std::fs::write(&spectrum, text.replace("../../out/simulated/two-lines/reference.csv", "reference.csv"))
+        .unwrap();
+    let _other_end = silent(&folder.path().join("reference.csv"));
+    for signal in ["-INT", "-TERM"] {
+        let arguments = ["spectrum", "two_lines_spectrum.toml", "--out", "out"];
+        ends("spectrum", start(folder.path(), &arguments), signal, &[130]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_of_a_silent_serial_device_ends_within_a_second_of_a_signal() {
+    use std::os::fd::AsRawFd;
+    let Ok((_instrument, device)) = serial2::SerialPort::pair() else {
+        eprintln!("SKIPPED: there are no pseudo-terminals here");
+        return;
+    };
+    let folder = copied("shared_scanner");
+    let path = std::fs::read_link(format!("/proc/self/fd/{}", device.as_raw_fd())).unwrap();
+    let arguments = ["stream", "stream.toml", "--baud", "921600", "--from", path.to_str().unwrap()];
+    for signal in ["-INT", "-TERM"] {
+        ends("stream", start(folder.path(), &arguments), signal, &[130]);
     }
 }
 

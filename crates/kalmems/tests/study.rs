@@ -289,6 +289,7 @@ fn what_is_not_written_is_read_as_if_it_were() {
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
         declared: Vec::new(),
         hints: Hints::default(),
+        nominal_rate_hz: None,
         origin: None,
         restarts: None,
     };

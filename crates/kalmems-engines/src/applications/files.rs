@@ -29,7 +29,7 @@ impl<'a> NamedFiles<'a> {
 
     /// Reads a file.
     pub(super) fn read(&mut self, path: &Path, layout: &Layout) -> Result<Recording, NamedFileError> {
-        if !path.is_file() {
+        if !path.exists() {
             let why = format!(
                 "there is no file `{}`; give its path from the folder of the {}, or put it there",
                 path.display(),

@@ -3,7 +3,7 @@
 use super::error::shown;
 use super::format::FileFormat;
 use super::values::AnyValue;
-use super::{Clock, Quantity, Segments};
+use super::{Clock, Quantity, Segments, TimeColumn};
 use crate::recording::{self, DeclaredColumn, Layout, Reading};
 use crate::units::{Unit, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -196,7 +196,7 @@ impl FileColumns<'_> {
     fn declared(&self) -> Vec<DeclaredColumn> {
         let columns = self.columns.iter().map(|(key, column, usual_unit)| column.declared(key, *usual_unit));
         let clock = match self.clock {
-            Some(Clock::Column(column)) => Some(column.declared(DeclaredColumn::CLOCK, Some("s"))),
+            Some(Clock::Column(times)) => Some(times.column.declared(DeclaredColumn::CLOCK, Some("s"))),
             _ => None,
         };
         columns.chain(clock).collect()
@@ -207,7 +207,7 @@ impl FileColumns<'_> {
         let all = || self.columns.iter().map(|(_, column, _)| column.name().to_owned()).collect();
         Layout {
             clock: match self.clock {
-                Some(Clock::Column(column)) => recording::Clock::Column(column.name().to_owned()),
+                Some(Clock::Column(times)) => recording::Clock::Column(times.column.name().to_owned()),
                 Some(Clock::Rate { rate, start }) => recording::Clock::Rate {
                     rate_hz: rate.si(),
                     start_s: start.as_ref().map_or(0.0, Quantity::si),
@@ -218,6 +218,10 @@ impl FileColumns<'_> {
             columns: Some(columns.map_or_else(all, |some| some.iter().map(|&c| c.to_owned()).collect())),
             declared: self.declared(),
             hints: self.format.map(FileFormat::hints).unwrap_or_default(),
+            nominal_rate_hz: match self.clock {
+                Some(Clock::Column(TimeColumn { rate, .. })) => rate.as_ref().map(Quantity::si),
+                _ => None,
+            },
             origin: None,
             restarts: None,
         }

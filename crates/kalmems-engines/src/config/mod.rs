@@ -14,6 +14,7 @@
 //! );
 //! ```
 
+mod clock;
 mod column;
 mod device;
 mod error;
@@ -43,6 +44,7 @@ mod stream;
 mod tests;
 mod values;
 
+pub use clock::{Clock, TimeColumn};
 pub use column::ColumnChoice;
 pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
@@ -63,7 +65,7 @@ pub use key::Step;
 pub use name::Name;
 pub use quantity::Quantity;
 pub use reader::read_source;
-pub use recording::{Channels, Clock, Recording, Reference, Role, Segments};
+pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
 pub use schema::schema_of;
 pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};

@@ -1,10 +1,10 @@
 //! What an experiment file says about the simulation that is wanted.
 
+use super::Clock;
 use super::column::FileColumns;
 use super::format::FileFormat;
 use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
-use super::recording::Clock;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
 use super::values::Values;

@@ -148,6 +148,7 @@ pub fn inspect_with(
         columns: Wanted::AllBut(&survey.text),
         declared: &[],
         hints: &hints,
+        nominal_rate_hz: None,
         origin: None,
         restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };

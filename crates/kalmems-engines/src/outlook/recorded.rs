@@ -1,6 +1,6 @@
 //! What the beginning of an experiment's recording shows, where the experiment itself does not say it.
 
-use crate::config::{Clock, Experiment};
+use crate::config::{Clock, Experiment, Quantity};
 use crate::recording::{Around, Stretches};
 use crate::signal::fit_sine;
 use crate::simulate::Drive;
@@ -34,7 +34,7 @@ impl Recorded {
         let described = experiment.recordings.get(index)?;
         let stated = match &described.clock {
             Clock::Rate { rate, .. } => Some(rate.si()),
-            Clock::Column(_) => None,
+            Clock::Column(times) => times.rate.as_ref().map(Quantity::si),
         };
         let file = described.file.file_name()?.to_string_lossy().into_owned();
         let drive_column = described.channels.column("drive");

@@ -73,10 +73,12 @@ pub enum FindingKind {
     LongGap,
     /// Times before the ones before them: the clock begins again, and a new stretch with it.
     ClockBack,
-    /// Intervals that differ from the median.
+    /// Intervals that differ from the usual one: that of the nominal rate where the settings say one, their median otherwise.
     IrregularTime,
     /// Times that the file keeps in too few digits for their interval.
     RoundedTime,
+    /// Times that follow each other at another rate than the settings say.
+    OtherRate,
     /// Times that come in bursts, as those of a host do.
     BurstTime,
     /// The signal stays at its highest or lowest value.
@@ -119,6 +121,7 @@ impl FindingKind {
             | Self::ClockBack
             | Self::IrregularTime
             | Self::RoundedTime
+            | Self::OtherRate
             | Self::BurstTime
             | Self::Saturation
             | Self::Constant => Severity::Note,
@@ -203,6 +206,9 @@ impl FindingKind {
             Self::RoundedTime => {
                 "each is taken as its shortest decimal digits: write integers, such as of ns, or take off the start before \
                  writing, or leave the column out and declare the rate, such as `clock = { rate = \"1 MHz\" }`"
+            }
+            Self::OtherRate => {
+                "the times are kept as they stand: correct `rate` of the `clock`, or the unit or `scale` of its `column`"
             }
             Self::BurstTime => {
                 "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate as `rate` \

@@ -14,6 +14,7 @@
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     declared: Vec::new(),
 //!     hints: kalmems_engines::recording::Hints::default(),
+//!     nominal_rate_hz: None,
 //!     origin: None,
 //!     restarts: None,
 //! };
@@ -95,6 +96,8 @@ pub struct Layout {
     pub declared: Vec<DeclaredColumn>,
     /// How the file is written, where that cannot be told from it.
     pub hints: Hints,
+    /// The rate at which the settings say that the rows of a column of times follow each other.
+    pub nominal_rate_hz: Option<f64>,
     /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
     pub origin: Option<Instant>,
     /// When a record is cut into stretches. `None`: never, so that its times have to increase.
@@ -177,6 +180,7 @@ impl Recording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            nominal_rate_hz: layout.nominal_rate_hz,
             origin: layout.origin,
             restarts: layout.restarts,
         };

@@ -53,6 +53,8 @@ pub(super) struct Pass {
     breaks: VecDeque<(usize, u64)>,
     /// One for each target; none for the labels of the segments, which are constant in each by their nature.
     rails: Vec<Option<Rails>>,
+    /// The interval of the nominal rate in s, where the settings say one of a column of times.
+    nominal_s: Option<f64>,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
     times: Vec<f64>,
     base: usize,
@@ -82,6 +84,7 @@ impl Pass {
             restarts: request.restarts,
             cuts: RestartCounts::default(),
             head,
+            nominal_s: request.nominal_rate_hz.map(f64::recip),
             origin: times.origin().unwrap_or_default(),
             resolution_s: 0.0,
             findings,
@@ -224,7 +227,7 @@ impl Pass {
             Some(before) if before.record == record => before.check.take_tally(),
             _ => Tally::default(),
         };
-        let check = TimeCheck::new(self.head, tally);
+        let check = TimeCheck::new(self.head, self.nominal_s, tally);
         self.drafts.push_back(Draft { record, stretch, start, intervals, check, end: None });
     }
 

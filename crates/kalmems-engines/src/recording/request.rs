@@ -11,6 +11,8 @@ pub(crate) struct Request<'a> {
     /// What the settings say of columns beyond their names.
     pub(crate) declared: &'a [DeclaredColumn],
     pub(crate) hints: &'a Hints,
+    /// The rate at which the settings say that the rows of a column of times follow each other.
+    pub(crate) nominal_rate_hz: Option<f64>,
     /// Where the times count from, where that is not for the file to say.
     pub(crate) origin: Option<Instant>,
     pub(crate) restarts: Option<Restarts>,

@@ -52,7 +52,7 @@ pub struct Stretch {
 /// ```no_run
 /// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, origin: None };
+/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
 /// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
@@ -86,6 +86,7 @@ impl Stretches {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            nominal_rate_hz: layout.nominal_rate_hz,
             origin: layout.origin,
             restarts: layout.restarts,
         };
@@ -117,6 +118,7 @@ impl Stretches {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            nominal_rate_hz: layout.nominal_rate_hz,
             origin: layout.origin,
             // What arrives cannot be sorted: it is taken as it comes.
             restarts: layout.restarts.map(|restarts| Restarts { at_any_rate: true, ..restarts }),

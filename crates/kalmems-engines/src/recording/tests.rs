@@ -17,6 +17,7 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
         declared: Vec::new(),
         hints: Hints::default(),
+        nominal_rate_hz: None,
         origin: None,
         restarts: None,
     }
@@ -790,4 +791,32 @@ fn what_the_settings_say_wrongly_of_a_column_is_refused_with_the_way_out() {
     let layout = with(self::layout("t", "", &["Ucap"]), &[clock, column]);
     let error = read(text.as_bytes(), &layout).unwrap().column_of("Ucap", &kind::ACCELERATION).unwrap_err();
     assert!(error.to_string().contains("`scale = \"0.5 gn/V\"`"), "{error}");
+}
+
+/// Rows whose times are these.
+fn at_times(times: impl Iterator<Item = f64>) -> String {
+    times.enumerate().fold("time_s,x_V\n".to_owned(), |mut text, (row, time)| {
+        writeln!(text, "{time},{}", row % 7).unwrap();
+        text
+    })
+}
+
+#[test]
+fn intervals_are_judged_by_the_nominal_rate_unless_all_contradict_it() {
+    let nominal = |rate_hz: f64| Layout { nominal_rate_hz: Some(rate_hz), ..layout("time_s", "", &["x_V"]) };
+    let late = |k: u32| f64::from(k * 7919 % 13) * 1e-6;
+    // A clock of 996 µs, two times in hundred of which are late: by the median of the times alone the others are right as well.
+    let nearly = at_times((0..400).map(|k| f64::from(k) * 996e-6 + if k % 50 == 9 { 9e-6 } else { 0.0 }));
+    assert_eq!(diagnosis(&nearly, &nominal(1000.0)).matches("IrregularTime").count(), 1);
+    assert!(diagnosis(&nearly, &nominal(1000.0)).contains("off the interval of the nominal rate of 0.001 s"));
+    assert_eq!(diagnosis(&nearly, &layout("time_s", "", &["x_V"])), "usable");
+    // Every time is late by another delay; the rate is that of the settings on average.
+    let jittered = at_times((0..400).map(|k| f64::from(k) * 1e-3 + 3.0 * late(k)));
+    let found = diagnosis(&jittered, &nominal(1000.0));
+    assert!(found.contains("IrregularTime") && !found.contains("OtherRate"), "{found}");
+    // The settings say twice the rate.
+    insta::assert_snapshot!(diagnosis(&at_times((0..400).map(|k| f64::from(k) * 1e-3)), &nominal(2000.0)), @"
+    usable
+    Note OtherRate: line 2, column `time_s`: the median interval is that of a rate of 1000 Hz, and the settings say 2000 Hz; the times are kept as they stand: correct `rate` of the `clock`, or the unit or `scale` of its `column`
+    ");
 }

@@ -20,6 +20,9 @@ pub(super) struct TimeCheck {
     /// Whether the head is read; then the usual interval, none where no row of the head follows another in time.
     settled: bool,
     median: Option<f64>,
+    /// The interval of the rate that the settings say, where they do; what is irregular is told by it, unless the times
+    /// contradict it.
+    nominal: Option<f64>,
     /// To how many s the file rounds the times.
     resolution_s: f64,
     ordered: bool,
@@ -35,25 +38,26 @@ pub(super) struct Tally {
     irregular: Found,
     shortest: f64,
     longest: f64,
-    /// The usual interval of the last stretch that has one.
-    median: Option<f64>,
+    /// The interval that the last stretch was judged by, and what it is.
+    expected: Option<(f64, &'static str)>,
 }
 
 impl Default for Tally {
     fn default() -> Self {
         let (gaps, irregular) = (Found::default(), Found::default());
-        Self { gaps, missing: 0.0, irregular, shortest: f64::INFINITY, longest: 0.0, median: None }
+        Self { gaps, missing: 0.0, irregular, shortest: f64::INFINITY, longest: 0.0, expected: None }
     }
 }
 
 impl TimeCheck {
     /// Of a segment whose record was found so irregular before it.
-    pub(super) const fn new(head: usize, tally: Tally) -> Self {
+    pub(super) const fn new(head: usize, nominal: Option<f64>, tally: Tally) -> Self {
         Self {
             head,
             rows: 0,
             settled: false,
             median: None,
+            nominal,
             resolution_s: 0.0,
             ordered: true,
             regular: true,
@@ -131,24 +135,44 @@ impl TimeCheck {
         if let Some(bursts) = stamps::bursts(head) {
             findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
         }
+        self.compare_with_nominal(&positive, &place, findings);
         self.judge(times, 0, 0, place);
+    }
+
+    /// Compares the intervals of the head, each greater than zero, with that of the nominal rate. The median is right beside gaps, the
+    /// mean where each time is late by another delay: only where neither agrees do the times contradict the settings.
+    fn compare_with_nominal(
+        &mut self,
+        intervals: &[f64],
+        place: &impl Fn(usize) -> Place,
+        findings: &mut Findings,
+    ) {
+        let (Some(nominal), Some(median)) = (self.nominal, self.median) else { return };
+        let mean = intervals.iter().sum::<f64>() / intervals.len() as f64;
+        let rounding = self.resolution_s;
+        if [median, mean].iter().any(|found| (found - nominal).abs() <= TIME_TOLERANCE * nominal + rounding) {
+            return;
+        }
+        self.nominal = None;
+        findings.add(Kind::OtherRate, place(0), || {
+            let [median, nominal] = [median, nominal].map(|interval| short(interval.recip()));
+            format!("the median interval is that of a rate of {median} Hz, and the settings say {nominal} Hz")
+        });
     }
 
     /// Judges the intervals from that after `times[first]` on.
     fn judge(&mut self, times: &[f64], first: usize, base: usize, place: impl Fn(usize) -> Place) {
         let Some(median) = self.interval_s() else { return };
+        let expected = self.nominal.unwrap_or(median);
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
-            if !is_off(before, after, median, 0.0) {
-                continue;
-            }
-            self.regular = false;
-            if !is_off(before, after, median, self.resolution_s) {
+            self.regular &= !is_off(before, after, median, 0.0);
+            if !is_off(before, after, expected, self.resolution_s) {
                 continue;
             }
             let tally = &mut self.tally;
-            let whole = (interval / median).round();
-            if whole >= 2.0 && (interval / median - whole).abs() <= GAP_TOLERANCE {
+            let whole = (interval / expected).round();
+            if whole >= 2.0 && (interval / expected - whole).abs() <= GAP_TOLERANCE {
                 tally.gaps.add(|| place(base + i));
                 tally.missing += whole - 1.0;
             } else {
@@ -172,7 +196,9 @@ impl TimeCheck {
         if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
             findings.add(Kind::RoundedTime, place(0), || detail);
         }
-        self.tally.median = self.median.or(self.tally.median);
+        let nominal = self.nominal.map(|nominal| (nominal, "interval of the nominal rate"));
+        let expected = self.median.and(nominal.or(self.median.map(|median| (median, "median"))));
+        self.tally.expected = expected.or(self.tally.expected);
         (self.median, self.median.is_some() && self.rows > 1 && self.ordered && self.regular)
     }
 }
@@ -180,23 +206,24 @@ impl TimeCheck {
 impl Tally {
     /// The end of the record.
     pub(super) fn tell(&self, findings: &mut Findings) {
-        let Some(median) = self.median else { return };
+        let Some((expected, what)) = self.expected else { return };
         if let Some(place) = self.gaps.first {
             findings.add_many(Kind::Gap, place, self.gaps.count, || {
                 let missing = self.missing;
                 let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
                 let missing = written(missing);
-                format!("{missing} {samples} {are} missing where one is expected every {} s", short(median))
+                format!("{missing} {samples} {are} missing where one is expected every {} s", short(expected))
             });
         }
         if let Some(place) = self.irregular.first {
             findings.add_many(Kind::IrregularTime, place, self.irregular.count, || {
-                let (percent, longest, median) = (TIME_TOLERANCE * 100.0, short(self.longest), short(median));
+                let (percent, longest, expected) =
+                    (TIME_TOLERANCE * 100.0, short(self.longest), short(expected));
                 let intervals = match self.irregular.count {
                     1 => format!("an interval of {longest} s"),
                     _ => format!("intervals from {} s to {longest} s", short(self.shortest)),
                 };
-                format!("{intervals}, more than {percent} % off the median of {median} s")
+                format!("{intervals}, more than {percent} % off the {what} of {expected} s")
             });
         }
     }

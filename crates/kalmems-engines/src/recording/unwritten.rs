@@ -18,6 +18,7 @@ use kalmems_formats::{Block, CellFault, Fault, Shift, TimeReader, Wanted as Read
 ///     columns: Some(vec!["cap_V".to_owned()]),
 ///     declared: Vec::new(),
 ///     hints: kalmems_formats::Hints::default(),
+///     nominal_rate_hz: None,
 ///     origin: None,
 ///     restarts: None,
 /// };
@@ -57,6 +58,7 @@ impl UnwrittenRecording {
             columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
             declared: &layout.declared,
             hints: &layout.hints,
+            nominal_rate_hz: layout.nominal_rate_hz,
             origin: layout.origin,
             restarts: layout.restarts,
         };

@@ -67,8 +67,6 @@ pub(super) struct Settings {
     /// Whether zero phases that are to come are told among the lines, and among the frames.
     pub channel: [bool; 2],
     pub heartbeat: Option<Duration>,
-    /// How many samples the state keeps.
-    pub kept: usize,
 }
 
 /// What is kept while samples arrive.
@@ -274,6 +272,9 @@ impl<'a> Live<'a> {
         if part.fresh.is_empty() {
             return Ok(());
         }
+        if let Some(keeper) = &self.keeper {
+            keeper.recent().pass(part.segment.time.at(part.fresh.end - 1));
+        }
         if self.judge.leaves_out(&part)? {
             self.summary.not_estimated += part.fresh.len() as u64;
         } else {
@@ -323,16 +324,7 @@ impl<'a> Live<'a> {
         estimator: &mut dyn Estimator,
     ) -> Result<(), StreamError> {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let (end, kept) = (part.fresh.end, self.settings.kept);
-        let last = || {
-            let rows = end.saturating_sub(kept)..end;
-            let columns = part.recording.columns();
-            let sample = |k: usize| {
-                let numbers = columns.iter().map(|column| column.of(part.segment)[k]);
-                std::iter::once(part.segment.time.at(k)).chain(numbers).map(f64::to_bits).collect()
-            };
-            (part.segment.time.at(end - 1), estimator.past().state(), rows.map(sample).collect())
-        };
+        let last = || (part.segment.time.at(part.fresh.end - 1), estimator.past().state());
         if let Some(acknowledged_s) =
             keeper.given((trajectories, part.recording.origin()), last, part.ends)?
         {

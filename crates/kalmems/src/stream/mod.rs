@@ -12,6 +12,7 @@ mod live;
 mod noise_only;
 mod order;
 mod output;
+mod recent;
 mod shared;
 mod state;
 mod supervision;
@@ -33,6 +34,7 @@ use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
 use crate::rigs;
 use latency::Arrivals;
 use live::Live;
+use recent::RecentSamples;
 use serde::Serialize;
 use shared::Shared;
 use state::{Keeper, State};
@@ -170,6 +172,11 @@ pub fn stream(
     let left = state.map(|path| State::read(path, &text)).transpose()?.flatten();
     let mut table =
         live_table(experiment, described, &layout, connection, (arrivals.clone(), shared.clone()))?;
+    let kept = around.before.max(KEPT);
+    let keeper = state.map(|path| keeper(path, text, described, &layout, kept)).transpose()?;
+    if let Some(keeper) = &keeper {
+        table.keep(keeper.recent());
+    }
     let again = left.as_ref().map_or(0, State::kept);
     if let Some(left) = &left {
         *estimator.past() = Past::resumed(left.past());
@@ -192,9 +199,7 @@ pub fn stream(
         every: described.every.map_or(1, |every| u64::from(every.get())),
         channel: channel(experiment, described, &outputs)?,
         heartbeat: heartbeat(experiment, described)?,
-        kept: around.before.max(KEPT),
     };
-    let keeper = state.map(|path| keeper(path, text, &layout)).transpose()?;
     let mut live = Live::new(settings, outputs, keeper, (arrivals, shared), &stopping);
     if left.is_some() {
         live.resume(again as u64, estimator.past().start_s);
@@ -281,24 +286,24 @@ fn longest_gap(layout: &recording::Layout, rate_hz: f64) -> u64 {
 }
 
 /// What keeps the state. Samples without a time could not be told from those that were taken already.
-fn keeper(path: &Path, experiment: String, layout: &recording::Layout) -> Result<Keeper, StreamError> {
-    let (Clock::Column(time), Some(columns)) = (&layout.clock, &layout.columns) else {
+fn keeper(
+    path: &Path,
+    experiment: String,
+    described: &Stream,
+    layout: &recording::Layout,
+    kept: usize,
+) -> Result<Keeper, StreamError> {
+    let columns = described.input.columns();
+    let time = match &layout.clock {
+        Clock::Column(time) => columns.iter().position(|column| column == time),
+        Clock::Rate { .. } => None,
+    };
+    let Some(time) = time else {
         let why =
             "samples without a column of times cannot be told from those that were taken before".to_owned();
         return Err(StreamError::State { path: path.display().to_string(), why });
     };
-    if let Some(scaled) =
-        layout.declared.iter().find(|known| columns.contains(&known.column) && is_scaled(known))
-    {
-        let why = format!(
-            "the column `{}` has a `scale` or an `offset`, and the state keeps no numbers from before they were applied; run \
-             without `--state`",
-            scaled.column
-        );
-        return Err(StreamError::State { path: path.display().to_string(), why });
-    }
-    let columns = std::iter::once(time).chain(columns).cloned().collect();
-    Ok(Keeper::new(path.to_owned(), experiment, columns))
+    Ok(Keeper::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept)))
 }
 
 /// Whether the settings say a factor or an offset of a column.

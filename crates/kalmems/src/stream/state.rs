@@ -2,6 +2,7 @@
 
 use super::StreamError;
 use super::decode::Sample;
+use super::recent::RecentSamples;
 use crate::estimate::{PastState, Trajectory};
 use crate::recording;
 use serde::{Deserialize, Serialize};
@@ -24,9 +25,9 @@ pub(super) struct State {
     /// Where all times count from, in s of the clock of the samples.
     #[serde(default = "zero")]
     origin: String,
-    /// The columns that are read.
+    /// The columns of a sample.
     columns: Vec<String>,
-    /// The last samples, the numbers of these columns by their bits; the newest last.
+    /// The last samples as they came, the numbers of these columns by their bits; the newest last.
     samples: Vec<Vec<u64>>,
 }
 
@@ -106,6 +107,7 @@ pub(super) struct Keeper {
     path: PathBuf,
     experiment: String,
     columns: Vec<String>,
+    recent: RecentSamples,
     /// States that wait until every answer of their samples is given.
     waiting: Vec<State>,
     /// Until when each answer is given, in s.
@@ -115,8 +117,19 @@ pub(super) struct Keeper {
 
 impl Keeper {
     /// Writes to this file; samples have these columns.
-    pub(super) fn new(path: PathBuf, experiment: String, columns: Vec<String>) -> Self {
-        Self { path, experiment, columns, waiting: Vec::new(), given_s: Vec::new(), written: Instant::now() }
+    pub(super) fn new(
+        path: PathBuf,
+        experiment: String,
+        columns: Vec<String>,
+        recent: RecentSamples,
+    ) -> Self {
+        let (waiting, given_s, written) = (Vec::new(), Vec::new(), Instant::now());
+        Self { path, experiment, columns, recent, waiting, given_s, written }
+    }
+
+    /// The last samples as they came.
+    pub(super) fn recent(&self) -> RecentSamples {
+        self.recent.clone()
     }
 
     /// A new stretch begins, whose times may be earlier.
@@ -130,7 +143,7 @@ impl Keeper {
     pub(super) fn given(
         &mut self,
         (trajectories, origin): (&[Trajectory], recording::Instant),
-        last: impl FnOnce() -> (f64, PastState, Vec<Vec<u64>>),
+        last: impl FnOnce() -> (f64, PastState),
         ends: bool,
     ) -> Result<Option<f64>, StreamError> {
         self.given_s.resize(trajectories.len(), f64::NEG_INFINITY);
@@ -139,7 +152,7 @@ impl Keeper {
         }
         // One waits at a time: the oldest that is not yet given for good, and the newest at the end.
         if self.waiting.is_empty() || ends {
-            let (time_s, past, samples) = last();
+            let ((time_s, past), samples) = (last(), self.recent.estimated());
             let experiment = self.experiment.clone();
             let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
             let origin = origin.to_string();

@@ -4,6 +4,7 @@ use super::connection::{Connection, Link, Received};
 use super::decode::{Decoder, Sample};
 use super::latency::Arrivals;
 use super::order::{Order, OrderSettings, Ordered};
+use super::recent::RecentSamples;
 use super::shared::{Break, Notice, Shared};
 use super::state::State;
 use crate::config::StreamFormat;
@@ -45,6 +46,8 @@ pub(super) struct LiveTable {
     ready: Ready,
     arrivals: Arrivals,
     shared: Shared,
+    /// Where another run is to go on from what is given.
+    recent: Option<RecentSamples>,
     /// Rows that were given.
     rows: u64,
     bytes: u64,
@@ -145,6 +148,7 @@ impl LiveTable {
             ready,
             arrivals,
             shared,
+            recent: None,
             rows: 0,
             bytes: 0,
             ended: false,
@@ -153,6 +157,11 @@ impl LiveTable {
             passed_over: 0,
             interval_s,
         }
+    }
+
+    /// Keeps the last samples that it gives.
+    pub(super) fn keep(&mut self, recent: RecentSamples) {
+        self.recent = Some(recent);
     }
 
     /// Begins with the samples that another run left, and passes over those that it took.
@@ -281,6 +290,9 @@ impl Table for LiveTable {
             }
             block.rows += 1;
             self.rows += 1;
+            if let Some(recent) = &self.recent {
+                recent.push(sample.numbers);
+            }
         }
         if let Some(times) = self.decoder.times() {
             block.tell_times(times);

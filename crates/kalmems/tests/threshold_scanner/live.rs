@@ -253,6 +253,22 @@ fn a_stream_that_was_killed_goes_on_with_its_crossings() {
 }
 
 #[test]
+fn a_killed_stream_goes_on_where_columns_have_a_factor_and_an_offset() {
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let mut rows = text.lines();
+    let mut scaled = format!("{}\n", rows.next().unwrap());
+    for row in rows {
+        let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+        cells[2] = ((cells[2].parse::<f64>().unwrap() - 0.1) / 2.5).to_string();
+        scaled += &(cells.join(",") + "\n");
+    }
+    let said = "signal = { column = \"cap_V\", scale = 2.5, offset = \"0.1 V\" }";
+    let experiment = experiment(&example(""), &[("signal = \"cap_V\"", said)], "");
+    let [whole, ..] = goes_on_after_a_kill(&experiment, scaled.as_bytes(), 0.7, 9e-3);
+    assert!(whole.iter().any(|event| event["event"] == "crossing"));
+}
+
+#[test]
 fn what_cannot_be_streamed_is_refused_by_name() {
     let folder = example("");
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
