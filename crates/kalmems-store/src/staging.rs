@@ -321,11 +321,12 @@ fn settle(
     what: Earlier,
     seen: &BTreeMap<String, Seen>,
 ) -> io::Result<Option<PathBuf>> {
-    if what == Earlier::Remove
-        && let Ok(Some(manifest)) = Manifest::read(displaced)
-    {
-        remove_owned(displaced, &manifest, seen)?;
-        if !displaced.exists() {
+    if what == Earlier::Remove {
+        if let Ok(Some(manifest)) = Manifest::read(displaced) {
+            remove_owned(displaced, &manifest, seen)?;
+        }
+        // Of a removal that was not finished an empty folder may be left; it is no result.
+        if !displaced.exists() || fs::remove_dir(displaced).is_ok() {
             return Ok(None);
         }
         // Something was put there while it was replaced.

@@ -289,6 +289,31 @@ fn what_a_dead_run_left_is_finished_or_cleared_by_the_next() {
     }
 }
 
+/// The earlier result says the same as the new one, and the run died while it was being removed.
+#[test]
+fn a_result_that_was_half_removed_by_a_dead_run_is_removed_by_the_next_and_not_kept() {
+    for removed in 0..=RESULT.len() {
+        let lab = Laboratory::new();
+        lab.run("experiment.toml", "first", false).unwrap();
+        let output = lab.begin("experiment.toml", "scan", false).unwrap();
+        fill(&output, "first");
+        die(output, Death::Exchanged);
+        let staging = lab.at(".kalmems-scan.staging");
+        let marker = fs::read_to_string(staging.join("marker")).unwrap();
+        fs::write(staging.join("marker"), marker.replace("keep", "remove")).unwrap();
+        // In the order in which they are removed: the list last.
+        for name in ["figures/motion.svg", "metrics.json", RUN_FILE, MANIFEST].iter().take(removed) {
+            fs::remove_file(staging.join("result").join(name)).unwrap();
+        }
+        if removed == RESULT.len() {
+            fs::remove_dir(staging.join("result/figures")).unwrap();
+        }
+        drop(lab.begin("experiment.toml", "other", false).unwrap());
+        assert_eq!(lab.names(), RESULT, "{removed}");
+        assert!(!lab.at("scan.previous").exists() && !staging.exists(), "{removed}");
+    }
+}
+
 /// Ends a run as a process does that is killed.
 fn die(output: Output, death: Death) {
     let (place, staging) = (output.place.clone(), output.place.with_file_name(".kalmems-scan.staging"));
