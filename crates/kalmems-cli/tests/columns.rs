@@ -338,3 +338,27 @@ fn spectrum_takes_formats_and_columns_as_estimate_does() {
     // The schema asks for this name, so that nothing is found about its unit.
     assert!(!plain["findings"].to_string().contains("wavenumber_per_cm"), "{plain}");
 }
+
+#[test]
+fn where_the_times_count_from_stands_in_metrics_report_and_record_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    let mut epoch = "time_unix_s,drive_V,cap_V\n".to_owned();
+    for row in rows.lines().skip(1) {
+        let (time, cells) = row.split_once(',').unwrap();
+        let (whole, part) = time.split_once('.').unwrap();
+        writeln!(epoch, "{}.{part},{cells}", 1_763_834_400 + whole.parse::<u64>().unwrap()).unwrap();
+    }
+    std::fs::write(folder.path().join("recording.csv"), &rows).unwrap();
+    std::fs::write(folder.path().join("epoch.csv"), epoch).unwrap();
+    let channels = PLAIN.replace("time_s", "time_unix_s");
+    let expected = trajectory(&folder, "recording.csv", PLAIN);
+    assert!(trajectory(&folder, "epoch.csv", &channels) == expected);
+    let text = |name: &str| std::fs::read_to_string(folder.path().join("out-epoch.csv").join(name)).unwrap();
+    let metrics: serde_json::Value = serde_json::from_str(&text("metrics.json")).unwrap();
+    let origin = &metrics["recordings"][0]["origin"];
+    assert_eq!(origin["seconds"], "1763834400", "{origin}");
+    assert_eq!(origin["utc"], "2025-11-22T18:00:00Z", "{origin}");
+    assert!(text("index.html").contains("2025-11-22T18:00:00Z"));
+    assert!(text("run.toml").contains("1763834400"), "{}", text("run.toml"));
+}

@@ -7,7 +7,7 @@ use kalmems::estimate::Silent;
 use kalmems::inspect::inspect;
 use kalmems::recording::{FindingKind, Recording};
 use kalmems::{rigs, workflow};
-use parts::same_bits_in_a_stream;
+use parts::{goes_on_after_a_kill, same_bits_in_a_stream};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -183,6 +183,50 @@ fn a_stream_counts_as_the_file_does_and_says_from_where() {
         let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (recorded.as_bytes(), 100));
         assert_eq!(summary.origin.unwrap().seconds, "1763834400.123456", "{name}");
     }
+}
+
+/// The example as a stream whose clock is this column, with an estimate of every sample.
+fn streaming(folder: &Path, input: &str, clock: &str) -> Experiment {
+    let text = std::fs::read_to_string(example("stream.toml")).unwrap();
+    let text = text
+        .replace("every = 10", "every = 1")
+        .replace("skip = \"8 ms\"", "skip = \"0.2 ms\"")
+        .replace("[stream.input.text]\ncolumns = [\"time_s\", \"drive_V\", \"cap_V\"]", input)
+        .replace("\"time_s\"", &format!("{clock:?}"));
+    Experiment::parse(&text, &folder.join("stream.toml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+const TEXT_OF_NANOSECONDS: &str = "[stream.input.text]\ncolumns = [\"time_ns\", \"drive_V\", \"cap_V\"]";
+
+#[test]
+fn frames_with_integer_nanoseconds_since_1970_count_as_the_file_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = with_times("recording.csv", "time_ns", |row| (1000 * (START_US + row)).to_string());
+    let path = folder.path().join("recording.csv");
+    std::fs::write(&path, &recorded).unwrap();
+    let fields = "[stream.input.frames]\nsync = \"a55a\"\n\
+                  fields = [\"i64 time_ns\", \"f64 drive_V\", \"f64 cap_V\"]";
+    let experiment = streaming(folder.path(), fields, "time_ns");
+    let mut frames = Vec::new();
+    for line in recorded.lines().skip(1) {
+        let mut cells = line.split(',');
+        frames.extend_from_slice(&[0xa5, 0x5a]);
+        frames.extend_from_slice(&cells.next().unwrap().parse::<i64>().unwrap().to_le_bytes());
+        cells.for_each(|cell| frames.extend_from_slice(&cell.parse::<f64>().unwrap().to_le_bytes()));
+    }
+    let rig = rigs::of(&experiment).unwrap();
+    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&frames, 100));
+    assert_eq!(summary.origin.unwrap().seconds, "1763834400.123456");
+}
+
+#[test]
+fn a_stream_that_goes_on_after_a_kill_counts_from_where_the_first_one_did() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = with_times("recording.csv", "time_ns", |row| (1000 * (START_US + row)).to_string());
+    let experiment = streaming(folder.path(), TEXT_OF_NANOSECONDS, "time_ns");
+    // Of both runs every time is compared with that of one run, bit by bit.
+    goes_on_after_a_kill(&experiment, recorded.as_bytes(), 0.7, 0.0);
 }
 
 /// A tone of 31.35 kHz, sampled with 1 MHz.
