@@ -359,6 +359,6 @@ fn where_the_times_count_from_stands_in_metrics_report_and_record_of_the_run() {
     let origin = &metrics["recordings"][0]["origin"];
     assert_eq!(origin["seconds"], "1763834400", "{origin}");
     assert_eq!(origin["utc"], "2025-11-22T18:00:00Z", "{origin}");
-    assert!(text("index.html").contains("2025-11-22T18:00:00Z"));
+    assert!(text("report.html").contains("2025-11-22T18:00:00Z"));
     assert!(text("run.toml").contains("1763834400"), "{}", text("run.toml"));
 }

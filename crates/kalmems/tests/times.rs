@@ -32,11 +32,16 @@ fn fixture(file: &str) -> PathBuf {
 
 /// The beginning of an example's file with another time in each row, which are 1 µs apart.
 fn with_times(file: &str, name: &str, time: impl Fn(i64) -> String) -> String {
+    rows_with_times(file, name, time, ROWS)
+}
+
+/// So many of its rows, likewise.
+fn rows_with_times(file: &str, name: &str, time: impl Fn(i64) -> String, rows: usize) -> String {
     let text = std::fs::read_to_string(example(file)).unwrap();
     let mut lines = text.lines();
     let (_, header) = lines.next().unwrap().split_once(',').unwrap();
     let mut text = format!("{name},{header}\n");
-    for (row, line) in (0..).zip(lines.take(ROWS)) {
+    for (row, line) in (0..).zip(lines.take(rows)) {
         let (_, cells) = line.split_once(',').unwrap();
         writeln!(text, "{},{cells}", time(row)).unwrap();
     }
@@ -223,7 +228,8 @@ fn frames_with_integer_nanoseconds_since_1970_count_as_the_file_does() {
 #[test]
 fn a_stream_that_goes_on_after_a_kill_counts_from_where_the_first_one_did() {
     let folder = tempfile::tempdir().unwrap();
-    let recorded = with_times("recording.csv", "time_ns", |row| (1000 * (START_US + row)).to_string());
+    let time = |row: i64| (1000 * (START_US + row)).to_string();
+    let recorded = rows_with_times("recording.csv", "time_ns", time, usize::MAX);
     let experiment = streaming(folder.path(), TEXT_OF_NANOSECONDS, "time_ns");
     // Of both runs every time is compared with that of one run, bit by bit.
     goes_on_after_a_kill(&experiment, recorded.as_bytes(), 0.7, 0.0);
