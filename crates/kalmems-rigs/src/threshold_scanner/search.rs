@@ -3,6 +3,7 @@
 use super::crossings::{Crossing, Instant};
 use super::kernel::{Kernel, Window, kernel};
 use super::settings::{Acceptance, DetectorSettings};
+use crate::signal::GAP;
 use kalmems_core::detect::{DetectError, Hold, Peak, Threshold, angle_variance, peaks};
 use kalmems_models::capacitance::CombCurve;
 
@@ -35,6 +36,16 @@ pub struct Rows<'a> {
 impl Rows<'_> {
     fn end(&self) -> usize {
         self.first + self.volts.len()
+    }
+
+    /// The rows from one row of the segment up to another one that do not follow the row before them in time: samples are missing.
+    fn behind_gaps(&self, from: usize, to: usize, interval_s: f64) -> impl Iterator<Item = usize> {
+        let place = |row: usize| row.saturating_sub(self.first).min(self.time_s.len());
+        let (first, from) = (self.first, place(from));
+        let steps = self.time_s[from..place(to).max(from)].windows(2).enumerate();
+        steps
+            .filter(move |(_, times)| times[1] - times[0] > GAP * interval_s)
+            .map(move |(i, _)| first + from + i + 1)
     }
 
     /// The volts of some rows of the segment, as far as they are there.
@@ -203,6 +214,11 @@ impl Search {
         let signal = rows.volts(from, rows.end());
         self.spare.resize(signal.len(), f64::NAN);
         self.kernel.responses(signal, &mut self.spare);
+        // The signal on the one side of a gap and on the other is no slope: nothing is said where both are seen.
+        for behind in rows.behind_gaps(from, rows.end(), self.sought.interval_s) {
+            let seen = behind.saturating_sub(half).max(from)..(behind + half).min(rows.end());
+            self.spare[seen.start - from..seen.end - from].fill(f64::NAN);
+        }
         let until = if ends { rows.end() } else { rows.end().saturating_sub(half) };
         for row in self.first_response + self.responses.len()..until {
             let response = row.checked_sub(from).and_then(|k| self.spare.get(k)).copied().unwrap_or(f64::NAN);
@@ -251,7 +267,16 @@ impl Search {
         let jitter = self.kernel.timing_variance(noise_variance, peak.curvature);
         let known_at = index + self.window.look_ahead();
         let from = index.saturating_sub(2 * self.window.fit).max(rows.first);
-        let near = rows.volts(from, known_at + 1);
+        // As far as the samples follow each other.
+        let (mut from, mut until) = (from, known_at + 1);
+        for behind in rows.behind_gaps(from, until, interval_s) {
+            if behind <= index {
+                from = behind;
+            } else {
+                until = until.min(behind);
+            }
+        }
+        let near = rows.volts(from, until);
         let zero = self.kernel.crossing(near, index - from, offset, noise_variance);
         Crossing {
             sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
