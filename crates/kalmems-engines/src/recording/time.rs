@@ -5,7 +5,7 @@ use super::findings::{Findings, Place, short};
 use super::stamps;
 use std::cmp::Ordering;
 
-/// How far an interval may be from the segment's median, as a part of the median.
+/// How far an interval may be from the expected one, that of the nominal rate or the segment's median, as a part of it.
 pub const TIME_TOLERANCE: f64 = 0.01;
 
 /// How far a gap may be from a whole number of intervals, as a part of one interval.
