@@ -15,9 +15,10 @@ pub mod inspect;
 pub mod outlook;
 pub mod pace;
 pub mod recording;
-pub mod report;
 pub mod reproduce;
 pub mod rig;
 pub mod signal;
 pub mod simulate;
 pub mod units;
+
+use kalmems_figures as report;

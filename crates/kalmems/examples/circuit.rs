@@ -6,7 +6,7 @@ use kalmems::circuit::{
     Adequacy, Bands, Circuit, Detector, DriveRejection, Excitation, HighPass, Motion, Reduced, Setting,
     Spectrum, printed_lines,
 };
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::simulate::Drive;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{SquareLaw, Transimpedance};

@@ -4,7 +4,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::results::{
     Metrics, Output, RunInfo, Work, WriteOptions, outlook_figures, summary_table, write_estimate,
 };

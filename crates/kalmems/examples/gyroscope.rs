@@ -6,7 +6,7 @@
 use kalmems::applications::calibration::{
     Instrument, NoiseShare, NoiseStudy, OffAxisMotion, SimulatedUnit, Vibration,
 };
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::TorsionalResonator;

@@ -3,7 +3,7 @@
 //!     cargo run --release --example regulation
 
 use kalmems::config::Experiment;
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport, RegulationWindow};
 use std::error::Error;
 use std::fmt::Write as _;

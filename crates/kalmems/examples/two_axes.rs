@@ -4,7 +4,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::Silent;
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
 use kalmems::rigs::Rig;
 use kalmems::rigs::shared_scanner::two_axes::{BandPlan, Hardware, PlannedDrive, TwoAxesRig};

@@ -34,6 +34,7 @@ pub mod study;
 
 pub use kalmems_engines::{
     applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace,
-    recording, report, reproduce, signal, simulate, units,
+    recording, reproduce, signal, simulate, units,
 };
+pub use kalmems_figures as figures;
 pub use kalmems_rigs::{self as rigs, workflow};

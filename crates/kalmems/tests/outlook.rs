@@ -2,7 +2,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::outlook::Outlook;
-use kalmems::report::Shape;
+use kalmems::figures::Shape;
 use kalmems::results::outlook_figures;
 use kalmems::rigs;
 use std::path::Path;

@@ -4,7 +4,7 @@
 
 mod report_demo;
 
-use kalmems::report::{Axis, Figure, Page, Panel, Role, Section, Series, Shape};
+use kalmems::figures::{Axis, Figure, Page, Panel, Role, Section, Series, Shape};
 use proptest::prelude::*;
 use report_demo::{all, demo, error, odd, signals, spectrum};
 use roxmltree::{Document, Node};
@@ -401,10 +401,10 @@ fn markup_in_any_text_stays_text() {
         [(0.0, 1.0), (1.0, 2.0)],
     ));
     let figure = Figure::new(evil, evil, evil).with(panel);
-    let table = kalmems::report::Table::new(evil, [kalmems::report::Column::number(evil, evil)]).row([evil]);
+    let table = kalmems::figures::Table::new(evil, [kalmems::figures::Column::number(evil, evil)]).row([evil]);
     let section = Section::new(evil)
         .paragraph(evil)
-        .notice(kalmems::report::Severity::Warning, evil)
+        .notice(kalmems::figures::Severity::Warning, evil)
         .key_values([(evil, evil)])
         .table(table)
         .figure(figure.clone())

@@ -2,7 +2,7 @@
 //! independently.
 
 use kalmems::estimate::{Progress, Silent};
-use kalmems::report::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems::figures::{Axis, Column, Figure, Panel, Role, Series, Table};
 use kalmems::reproduce::{
     Check, Effort, Head, Item, Kind, Origin, Paper, Part, Place, Program, ReproduceError, Reproduction,
     Settings, Spread, Verdict, Work, reproduce, write_reproduction,

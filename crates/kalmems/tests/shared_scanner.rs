@@ -5,7 +5,7 @@ mod regulation;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Silent};
-use kalmems::report::{Figure, Series, Shape};
+use kalmems::figures::{Figure, Series, Shape};
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, WriteError, WriteOptions, estimate_figures, notices,
     write_estimate,

@@ -461,7 +461,7 @@ fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
 }
 
 /// A column of a row of a table, by the head of the row.
-fn cell(table: &kalmems::report::Table, row: &str, column: usize) -> f64 {
+fn cell(table: &kalmems::figures::Table, row: &str, column: usize) -> f64 {
     let row = table.rows.iter().find(|cells| cells[0] == row).unwrap_or_else(|| panic!("no row {row}"));
     row[column].parse().unwrap()
 }

@@ -2,7 +2,7 @@
 
 use super::Material;
 use crate::config::Experiment;
-use crate::report::Figure;
+use kalmems_figures::Figure;
 use serde::Serialize;
 
 /// A parameter with how well it is known.

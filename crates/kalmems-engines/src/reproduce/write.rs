@@ -2,7 +2,7 @@
 
 use super::page::page;
 use super::{Check, Effort, Head, Paper, ReproduceError, Reproduction, Verdict};
-use crate::report::{Table, write_figure};
+use crate::report::Table;
 use crate::simulate::WhiteNoise;
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
@@ -29,7 +29,7 @@ pub fn write_reproduction(
             output.write(&format!("tables/{key}_{n}.csv"), |w| write_table(table, w))?;
         }
         for figure in &item.figures {
-            write_figure::<ReproduceError>(output, figure)?;
+            figure.files(|name, content| Ok::<_, ReproduceError>(output.write(name, |w| w.write_all(content))?))?;
         }
         if stop() {
             return Err(ReproduceError::Interrupted);

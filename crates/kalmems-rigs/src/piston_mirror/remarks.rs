@@ -6,7 +6,7 @@ use super::plates::{capacitance_range, last_term_m};
 use super::range::Beyond;
 use super::settings::Hardware;
 use crate::estimate::Trajectory;
-use crate::report::significant;
+use kalmems_figures::significant;
 
 /// The gain error that stands for others: the effect goes with it.
 const GAIN: f64 = 1e-4;

@@ -5,7 +5,7 @@ use super::drawing::with_bars;
 use super::scanner::{
     DENSITY, INTERVAL, Motion, NOISE_VARIANCE, READOUT, SCANNER, START_SD, Score, Truth, signal,
 };
-use kalmems::report::{Axis, Figure, Panel};
+use kalmems::figures::{Axis, Figure, Panel};
 use kalmems_core::smooth::{Backward, Course, FixedLag, IntervalError, smooth_interval};
 use kalmems_core::update::{Always, Decimation, OnNeed, Policy};
 use kalmems_core::{

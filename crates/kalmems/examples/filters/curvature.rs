@@ -3,7 +3,7 @@
 use super::chance::{Chance, Spread, digits};
 use super::drawing::with_bars;
 use super::scanner::{INTERVAL, Motion, NOISE_VARIANCE, READOUT, SCANNER, START_SD, Truth, signal};
-use kalmems::report::{Axis, Figure, Panel};
+use kalmems::figures::{Axis, Figure, Panel};
 use kalmems_core::{
     ContinuousDiscrete, Covariance, Ekf, Filter, IteratedEkf, Measurement, NoiseDensity, SigmaPoints, Ukf,
 };

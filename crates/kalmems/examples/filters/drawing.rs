@@ -1,7 +1,7 @@
 //! Medians with bars that span all seeds.
 
 use super::chance::Spread;
-use kalmems::report::{Panel, Role, Series};
+use kalmems::figures::{Panel, Role, Series};
 
 /// Points of one colour with their bars, joined by a line or not.
 pub fn with_bars(panel: Panel, label: &str, points: &[(f64, Spread)], joined: bool) -> Panel {

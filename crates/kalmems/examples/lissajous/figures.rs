@@ -4,7 +4,7 @@ use kalmems::applications::image::{
     Lissajous, PhaseAccuracy, Picture, Raster, Scene, ShiftHistogram, edge_width, psnr_db,
     structural_similarity,
 };
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs::File;

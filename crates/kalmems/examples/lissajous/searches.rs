@@ -3,7 +3,7 @@
 use super::scans::Recorded;
 use kalmems::applications::image::{Scene, Sharpness, search_phases};
 use kalmems::estimate::Silent;
-use kalmems::report::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use std::error::Error;
 use std::fmt::Write as _;
 

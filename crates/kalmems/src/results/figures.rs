@@ -7,7 +7,7 @@ use super::summary::shown as shown_unit;
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use statrs::distribution::{ChiSquared, ContinuousCDF};

@@ -5,8 +5,9 @@ use super::{Output, RUN_FILE, WriteError};
 use crate::applications::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
 use crate::config::GyroscopeCalibration;
 use crate::recording::Source;
-use crate::report::{
-    Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table, write_figure,
+use super::figure_files::write_figure;
+use kalmems_figures::{
+    Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table,
 };
 use serde::Serialize;
 use std::io::{self, Write};

@@ -2,7 +2,7 @@
 
 use super::{OutputError, write_file};
 use crate::inspect::{self, Channel, Inspection};
-use crate::report::{Axis, Figure, Panel, ReportError, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, ReportError, Role, Series};
 use std::path::Path;
 
 /// Columns of the picture, each drawn from its smallest to its largest sample.

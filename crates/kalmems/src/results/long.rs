@@ -12,7 +12,8 @@ use super::{
 use crate::config::Experiment;
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
-use crate::report::{Figure, write_figure};
+use super::figure_files::write_figure;
+use kalmems_figures::Figure;
 use crate::rigs;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
 use std::collections::BTreeMap;

@@ -1,5 +1,6 @@
 //! Results: what is computed from an outcome, and the files and pictures that it becomes.
 
+mod figure_files;
 mod figures;
 mod files;
 mod grey_png;
@@ -16,6 +17,7 @@ mod simulation;
 mod spectrum;
 mod summary;
 
+pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{WriteError, WriteOptions, write_estimate};
 pub use grey_png::{PictureError, read_grey, write_grey};

@@ -7,7 +7,7 @@ use super::summary::{segment_name, shown};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::{Experiment, Peak};
 use crate::evaluate::{MotionErrors, ValueErrors};
-use crate::report::{Column, Figure, Page, ReportError, Section, Table};
+use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
 use crate::workflow::{Outcome, SegmentOutcome};
 
 /// The page, and its figures once more by their name.

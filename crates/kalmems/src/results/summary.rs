@@ -3,7 +3,7 @@
 use super::metrics::angles_of;
 use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
 use crate::evaluate::{MotionErrors, PartErrors};
-use crate::report::{Column, Severity, Table, significant};
+use kalmems_figures::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! Why there is no study.
 
 use crate::config::ConfigError;
-use crate::report::ReportError;
+use kalmems_figures::ReportError;
 use crate::results::OutputError;
 use crate::simulate::SimulateError;
 use crate::workflow::WorkflowError;

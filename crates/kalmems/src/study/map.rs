@@ -5,7 +5,7 @@ use super::axis::Axis;
 use super::pictures::{axis, name};
 use super::spread::{groups, spreads};
 use super::table::Table;
-use crate::report::{self, Grid, Panel, Scale, Series};
+use kalmems_figures::{self, Grid, Panel, Scale, Series};
 use std::collections::BTreeMap;
 
 /// What a map shows.
@@ -13,7 +13,7 @@ pub(super) struct Map {
     /// The places of what varies to the right and upwards.
     pub(super) places: [usize; 2],
     /// What is shown in colours.
-    pub(super) value: report::Axis,
+    pub(super) value: kalmems_figures::Axis,
     /// Where the colours part.
     pub(super) level: Option<f64>,
 }
@@ -44,9 +44,9 @@ pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Re
     }
     let mut colours = map.value.clone();
     if colours.scale == Scale::Log {
-        let unit = report::unit_sign(&colours.unit);
+        let unit = kalmems_figures::unit_sign(&colours.unit);
         let unit = if unit.is_empty() { String::new() } else { format!(" / {unit}") };
-        colours = report::Axis::new(format!("log10({}{unit})", colours.label), "");
+        colours = kalmems_figures::Axis::new(format!("log10({}{unit})", colours.label), "");
     }
     let panels = medians.into_iter().map(|(group, values)| {
         let lowest = values.iter().flatten().copied().fold(f64::NAN, f64::min);

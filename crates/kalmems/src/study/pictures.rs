@@ -6,7 +6,7 @@ use super::description::{Picture, Spacing};
 use super::map::{self, Map};
 use super::spread::{Group, groups, spreads};
 use super::table::{Table, number};
-use crate::report::{self, Figure, Panel, Role, Series};
+use kalmems_figures::{self, Figure, Panel, Role, Series};
 use crate::units::{Header, Value};
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Fi
         let words: Vec<&str> = name.split(['.', '_']).filter(|word| *word != "errors").collect();
         words.join(" ")
     });
-    let mut value = report::Axis::new(&label, header.unit_text);
+    let mut value = kalmems_figures::Axis::new(&label, header.unit_text);
     if picture.scale == Spacing::Log {
         value = value.log();
     }
@@ -62,7 +62,7 @@ fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Fi
 }
 
 /// Lines over one axis, or points where its values are drawn by chance.
-fn lines(plan: &Plan, table: &Table, column: usize, place: usize, y: report::Axis) -> Result<Panel, String> {
+fn lines(plan: &Plan, table: &Table, column: usize, place: usize, y: kalmems_figures::Axis) -> Result<Panel, String> {
     let series = match plan.axes[place].values {
         Values::Listed(_) => over_grid(plan, table, column, place)?,
         Values::Drawn(_) => over_draws(plan, table, column, place),
@@ -74,9 +74,9 @@ fn lines(plan: &Plan, table: &Table, column: usize, place: usize, y: report::Axi
 }
 
 /// What varies, along an axis of a picture.
-pub(super) fn axis(plan: &Plan, place: usize) -> report::Axis {
+pub(super) fn axis(plan: &Plan, place: usize) -> kalmems_figures::Axis {
     let varied = &plan.axes[place];
-    let axis = report::Axis::new(varied.name.replace('_', " "), varied.unit.clone());
+    let axis = kalmems_figures::Axis::new(varied.name.replace('_', " "), varied.unit.clone());
     let grid = plan.description.vary.get(place).and_then(|vary| vary.grid.as_ref());
     if grid.is_some_and(|grid| grid.spacing == Spacing::Log) { axis.log() } else { axis }
 }
@@ -154,7 +154,7 @@ fn over_grid(plan: &Plan, table: &Table, column: usize, place: usize) -> Result<
 fn value(setting: &Setting) -> String {
     let text = setting.toml.as_str().map_or_else(|| setting.toml.to_string(), str::to_owned);
     match Value::parse(&text) {
-        Ok(value) => format!("{} {}", value.parts().0, report::unit_sign(value.parts().1)).trim().to_owned(),
+        Ok(value) => format!("{} {}", value.parts().0, kalmems_figures::unit_sign(value.parts().1)).trim().to_owned(),
         Err(_) => text,
     }
 }

@@ -1,6 +1,6 @@
 //! A report with made-up data that resembles a real one.
 
-use kalmems::report::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use kalmems::figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
 use std::f64::consts::TAU;
 
 /// Normal numbers, good enough for a picture: sums of twelve uniform ones.

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::visibility::{Shifted, chance};
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use kalmems_models::constants::STANDARD_GRAVITY;
 
 /// By parameter, so that the lines can be told apart.

@@ -5,7 +5,7 @@ use super::gaps::GapFit;
 use super::sweep::{SweepFit, SweepPoint};
 use super::waveform::unknown;
 use crate::micro_stage::hardware::Hardware;
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::TAU;
 

@@ -2,7 +2,7 @@
 
 use super::{RingDown, RingDownFit, SteadyState, SteadyStateFit, integrated_capacitance, unknown};
 use crate::identify::{Identification, Material, Still};
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::TAU;
 

@@ -1,7 +1,7 @@
 //! The files of a regulated run.
 
 use super::report::{RegulationReport, RegulationWindow};
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use crate::simulate::{Paper, Papers};
 use std::fmt::Write as _;
 

@@ -3,7 +3,7 @@
 use super::super::hardware::Hardware;
 use super::{Found, unknown};
 use crate::identify::Material;
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use std::f64::consts::TAU;
 
 /// Cycles of a close-up.

@@ -1,7 +1,7 @@
 //! The pictures of a spectrum.
 
 use crate::applications::spectrum::SpectrumOutcome;
-use crate::report::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 
 /// As an axis has it.
 const PER_CM: &str = "cm^-1";

@@ -4,7 +4,7 @@ use crate::applications::spectrum::{
     CoaddedNoise, Contribution, MeasuredLine, Recalibration, ScanCounts, SpectrumOutcome,
 };
 use crate::config::Quantity;
-use crate::report::significant;
+use kalmems_figures::significant;
 use serde::Serialize;
 
 const PER_CM: f64 = 100.0;

@@ -11,9 +11,9 @@ pub use metrics::{
 };
 
 use super::{DrawError, Output, RUN_FILE, RunInfo};
+use crate::results::figure_files::write_figure;
 use crate::applications::spectrum::SpectrumOutcome;
 use crate::recording::Source;
-use crate::report::write_figure;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;

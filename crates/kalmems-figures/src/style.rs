@@ -1,13 +1,13 @@
 //! Colours and line widths. The colours are those of Okabe and Ito, which the colour-blind can tell apart.
 
-use super::figure::{Role, Series, Shape};
-use super::scene::{Colour, Stroke};
+use crate::figure::{Role, Series, Shape};
+use crate::scene::{Colour, Stroke};
 
-pub(super) const INK: Colour = Colour(0x22, 0x22, 0x22);
-pub(super) const FAINT_INK: Colour = Colour(0x66, 0x66, 0x66);
-pub(super) const FRAME: Stroke = Stroke { colour: Colour(0x77, 0x77, 0x77), width: 0.8, dashed: false };
-pub(super) const GRID: Stroke = Stroke { colour: Colour(0xe4, 0xe4, 0xe4), width: 0.7, dashed: false };
-pub(super) const BAND_OPACITY: f64 = 0.22;
+pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
+pub(crate) const FAINT_INK: Colour = Colour(0x66, 0x66, 0x66);
+pub(crate) const FRAME: Stroke = Stroke { colour: Colour(0x77, 0x77, 0x77), width: 0.8, dashed: false };
+pub(crate) const GRID: Stroke = Stroke { colour: Colour(0xe4, 0xe4, 0xe4), width: 0.7, dashed: false };
+pub(crate) const BAND_OPACITY: f64 = 0.22;
 
 const BLACK: Colour = Colour(0x00, 0x00, 0x00);
 const ORANGE: Colour = Colour(0xe6, 0x9f, 0x00);
@@ -38,7 +38,7 @@ fn colour_of(role: Role) -> Option<Colour> {
 /// The first line of a role has its colour and each further one the next that is free. A band has the colour
 /// of the line of the same role that it belongs to: the first band that of the first line. A series without a
 /// label goes with the one of its role before it.
-pub(super) fn colours(series: &[Series]) -> Vec<Colour> {
+pub(crate) fn colours(series: &[Series]) -> Vec<Colour> {
     let mut used: Vec<Colour> = series.iter().filter_map(|s| colour_of(s.role())).collect();
     let mut assigned: Vec<(Role, Vec<Colour>)> = Vec::new();
     let mut counts: Vec<(Role, bool, usize)> = Vec::new();
@@ -82,7 +82,7 @@ fn nth(counts: &mut Vec<(Role, bool, usize)>, role: Role, is_band: bool, continu
 }
 
 /// Blue to white to vermilion, which the colour-blind can tell apart, over −1 to 1.
-pub(super) fn diverging(position: f64) -> Colour {
+pub(crate) fn diverging(position: f64) -> Colour {
     let end = if position < 0.0 { BLUE } else { VERMILION };
     let share = position.abs().min(1.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between two bytes
@@ -91,10 +91,10 @@ pub(super) fn diverging(position: f64) -> Colour {
 }
 
 /// The line at the level of a map.
-pub(super) const CONTOUR: Stroke = Stroke { colour: INK, width: 1.6, dashed: false };
+pub(crate) const CONTOUR: Stroke = Stroke { colour: INK, width: 1.6, dashed: false };
 
 /// How a line of this role is drawn.
-pub(super) fn stroke(role: Role, colour: Colour) -> Stroke {
+pub(crate) fn stroke(role: Role, colour: Colour) -> Stroke {
     match role {
         Role::Measured | Role::Reference => Stroke { colour, width: 3.2, dashed: false },
         Role::Bound => Stroke { colour, width: 1.4, dashed: true },
@@ -103,13 +103,13 @@ pub(super) fn stroke(role: Role, colour: Colour) -> Stroke {
 }
 
 /// The edge of a band over dense data: darker than any line.
-pub(super) fn band_edge(colour: Colour) -> Stroke {
+pub(crate) fn band_edge(colour: Colour) -> Stroke {
     let darker = |part: u8| part / 2;
     Stroke { colour: Colour(darker(colour.0), darker(colour.1), darker(colour.2)), width: 0.9, dashed: false }
 }
 
 /// What is drawn first lies below: maps, then bands, then wide lines, then thin ones, then points.
-pub(super) fn layer(series: &Series) -> u8 {
+pub(crate) fn layer(series: &Series) -> u8 {
     match (series.shape(), series.role()) {
         (Shape::Map(_), _) => 0,
         (Shape::Band(_), Role::Bound) => 1,
@@ -123,7 +123,7 @@ pub(super) fn layer(series: &Series) -> u8 {
 }
 
 /// Many points are drawn smaller.
-pub(super) fn radius(points: usize) -> f64 {
+pub(crate) fn radius(points: usize) -> f64 {
     match points {
         0..=150 => 2.4,
         151..=600 => 1.7,

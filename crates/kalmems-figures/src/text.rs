@@ -3,24 +3,24 @@
 use ttf_parser::Face;
 
 /// The font of the figures, `DejaVu` Sans reduced to the characters that they use; see `assets/README.md`.
-const FONT: &[u8] = include_bytes!("../../assets/dejavu-sans-subset.ttf");
+const FONT: &[u8] = include_bytes!("../assets/dejavu-sans-subset.ttf");
 
 /// The bundled font. A test makes sure that it can be read.
-pub(super) fn font() -> Option<Face<'static>> {
+pub(crate) fn font() -> Option<Face<'static>> {
     Face::parse(FONT, 0).ok()
 }
 
 /// Measures text in the bundled font.
-pub(super) struct Ruler {
+pub(crate) struct Ruler {
     face: Option<Face<'static>>,
 }
 
 impl Ruler {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { face: font() }
     }
 
-    pub(super) fn width(&self, text: &str, size: f64) -> f64 {
+    pub(crate) fn width(&self, text: &str, size: f64) -> f64 {
         let em = |c: char| {
             let face = self.face.as_ref()?;
             let advance = face.glyph_hor_advance(face.glyph_index(c).unwrap_or_default())?;
@@ -30,7 +30,7 @@ impl Ruler {
     }
 
     /// Breaks text at spaces into lines no wider than `limit`; a longer word is cut with an ellipsis.
-    pub(super) fn wrap(&self, text: &str, size: f64, limit: f64) -> Vec<String> {
+    pub(crate) fn wrap(&self, text: &str, size: f64, limit: f64) -> Vec<String> {
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
             let word = self.cut(word, size, limit);
@@ -47,7 +47,7 @@ impl Ruler {
     }
 
     /// The text, or its start and an ellipsis where it is wider than `limit`.
-    pub(super) fn cut(&self, text: &str, size: f64, limit: f64) -> String {
+    pub(crate) fn cut(&self, text: &str, size: f64, limit: f64) -> String {
         if self.width(text, size) <= limit {
             return text.to_owned();
         }
@@ -63,7 +63,7 @@ impl Ruler {
 }
 
 /// Text for XML and HTML. Characters that XML cannot hold become U+FFFD.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -79,17 +79,17 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// The character itself, or U+FFFD for one that controls a terminal or is none.
-pub(super) fn printable(c: char) -> char {
+pub(crate) fn printable(c: char) -> char {
     if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '\u{fffd}' } else { c }
 }
 
 /// A label as it stands in a table header: `rms error (deg)`.
-pub(super) fn with_unit(label: &str, unit: &str) -> String {
+pub(crate) fn with_unit(label: &str, unit: &str) -> String {
     with_printed_unit(label, &unit_sign(unit))
 }
 
 /// The same for a unit that is already as printed.
-pub(super) fn with_printed_unit(label: &str, unit: &str) -> String {
+pub(crate) fn with_printed_unit(label: &str, unit: &str) -> String {
     match (label.trim(), unit) {
         (label, "") => label.to_owned(),
         ("", unit) => format!("({unit})"),
@@ -137,7 +137,7 @@ pub fn unit_sign(unit: &str) -> String {
 }
 
 /// `10⁻⁶`.
-pub(super) fn power_of_ten(exponent: i32) -> String {
+pub(crate) fn power_of_ten(exponent: i32) -> String {
     format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 
@@ -159,7 +159,7 @@ fn superscript(c: char) -> char {
 }
 
 /// `count · 10^exponent` in full, without rounding: `decimal(-250, -2)` is `−2.50`.
-pub(super) fn decimal(count: i64, exponent: i32) -> String {
+pub(crate) fn decimal(count: i64, exponent: i32) -> String {
     let sign = if count < 0 { "−" } else { "" };
     let digits = count.unsigned_abs().to_string();
     let places = usize::try_from(-i64::from(exponent)).unwrap_or(0);

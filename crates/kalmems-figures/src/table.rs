@@ -1,6 +1,6 @@
 //! Tables, for the page and for the terminal.
 
-use super::text::{printable, with_unit};
+use crate::text::{printable, with_unit};
 
 /// The head of a column.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,15 +60,15 @@ impl Table {
     }
 
     /// How many columns there are, counting the longest row.
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.rows.iter().map(Vec::len).chain([self.columns.len()]).max().unwrap_or(0)
     }
 
-    pub(super) fn is_numeric(&self, column: usize) -> bool {
+    pub(crate) fn is_numeric(&self, column: usize) -> bool {
         self.columns.get(column).is_some_and(|c| c.numeric)
     }
 
-    pub(super) fn head(&self, column: usize) -> String {
+    pub(crate) fn head(&self, column: usize) -> String {
         self.columns.get(column).map(Column::head).unwrap_or_default()
     }
 

@@ -3,10 +3,10 @@
 /// Samples beyond this magnitude count as missing: the span of an axis would overflow.
 const LARGEST: f64 = 1e300;
 /// Nearer to zero than this, the digits of a number run out, and no axis can resolve it.
-pub(super) const SMALLEST: f64 = 1e-300;
+pub(crate) const SMALLEST: f64 = 1e-300;
 
 /// Whether an axis can hold the value; false for NaN.
-pub(super) fn is_drawable(value: f64) -> bool {
+pub(crate) fn is_drawable(value: f64) -> bool {
     value.abs() <= LARGEST
 }
 

@@ -1,8 +1,8 @@
 //! The report page: one HTML file that needs nothing else.
 
-use super::error::ReportError;
-use super::figure::Figure;
-use super::table::Table;
+use crate::error::ReportError;
+use crate::figure::Figure;
+use crate::table::Table;
 use minijinja::{Environment, Value, context};
 
 const TEMPLATE: &str = include_str!("page.html");

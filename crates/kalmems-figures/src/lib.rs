@@ -1,10 +1,11 @@
-//! Figures and the report page.
+//! Figures, tables and report pages as plain data, drawn as SVG, PNG and HTML.
 //!
-//! Nothing here knows a device: others hand over figures, tables and text as plain data. A [`Figure`] becomes
-//! SVG or PNG from the same drawing; a [`Page`] becomes one HTML file that needs nothing else.
+//! Nothing here knows a device or an estimate: others hand over series, tables and text. A [`Figure`] becomes SVG or PNG
+//! from the same drawing, laid out once; a [`Page`] becomes one HTML file that needs nothing else. The same data give the
+//! same bytes on every machine, without fonts or libraries of the system.
 //!
 //! ```
-//! use kalmems_engines::report::{Axis, Figure, Page, Panel, Role, Section, Series};
+//! use kalmems_figures::{Axis, Figure, Page, Panel, Role, Section, Series};
 //! let time = |i: u32| f64::from(i) * 1e-6;
 //! let angle = |i: u32| (f64::from(i) / 10.0).sin();
 //! let panel = Panel::new(Axis::new("time", "s"), Axis::new("angle", "deg"))
@@ -15,7 +16,7 @@
 //!
 //! let page = Page::new("One run", "an example").with(Section::new("Motion").figure(figure));
 //! assert!(page.to_html()?.contains("time (µs)"));
-//! # Ok::<(), kalmems_engines::report::ReportError>(())
+//! # Ok::<(), kalmems_figures::ReportError>(())
 //! ```
 
 mod axis;
@@ -43,7 +44,6 @@ mod text;
 pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples};
 pub use error::ReportError;
 pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
-pub use files::write_figure;
 pub use page::{Block, Page, Section, Severity};
 pub use significant::significant;
 pub use table::{Column, Table};

@@ -2,30 +2,30 @@
 
 /// Red, green, blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Colour(pub(super) u8, pub(super) u8, pub(super) u8);
+pub(crate) struct Colour(pub(super) u8, pub(super) u8, pub(super) u8);
 
 /// A rectangle; y points down.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rect {
-    pub(super) left: f64,
-    pub(super) top: f64,
-    pub(super) width: f64,
-    pub(super) height: f64,
+pub(crate) struct Rect {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
 }
 
 impl Rect {
-    pub(super) fn right(&self) -> f64 {
+    pub(crate) fn right(&self) -> f64 {
         self.left + self.width
     }
 
-    pub(super) fn bottom(&self) -> f64 {
+    pub(crate) fn bottom(&self) -> f64 {
         self.top + self.height
     }
 }
 
 /// Where a text stands from its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Anchor {
+pub(crate) enum Anchor {
     Start,
     Middle,
     End,
@@ -33,15 +33,15 @@ pub(super) enum Anchor {
 
 /// How a line is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Stroke {
-    pub(super) colour: Colour,
-    pub(super) width: f64,
-    pub(super) dashed: bool,
+pub(crate) struct Stroke {
+    pub(crate) colour: Colour,
+    pub(crate) width: f64,
+    pub(crate) dashed: bool,
 }
 
 /// One thing to draw. Points are in units of the drawing.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Mark {
+pub(crate) enum Mark {
     Lines { runs: Vec<Vec<[f64; 2]>>, stroke: Stroke },
     Areas { outlines: Vec<Vec<[f64; 2]>>, colour: Colour, opacity: f64 },
     Dots { at: Vec<[f64; 2]>, colour: Colour, radius: f64 },
@@ -50,27 +50,27 @@ pub(super) enum Mark {
 
 /// Marks that belong together.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Group {
-    pub(super) class: &'static str,
+pub(crate) struct Group {
+    pub(crate) class: &'static str,
     /// What the SVG says about the group: the range of a panel, the label of a series.
-    pub(super) data: Vec<(&'static str, String)>,
+    pub(crate) data: Vec<(&'static str, String)>,
     /// What lies outside is not drawn.
-    pub(super) clip: Option<Rect>,
-    pub(super) marks: Vec<Mark>,
+    pub(crate) clip: Option<Rect>,
+    pub(crate) marks: Vec<Mark>,
 }
 
 impl Group {
-    pub(super) fn new(class: &'static str) -> Self {
+    pub(crate) fn new(class: &'static str) -> Self {
         Self { class, data: Vec::new(), clip: None, marks: Vec::new() }
     }
 }
 
 /// A whole drawing on white.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Scene {
-    pub(super) id: String,
-    pub(super) title: String,
-    pub(super) width: f64,
-    pub(super) height: f64,
-    pub(super) groups: Vec<Group>,
+pub(crate) struct Scene {
+    pub(crate) id: String,
+    pub(crate) title: String,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+    pub(crate) groups: Vec<Group>,
 }

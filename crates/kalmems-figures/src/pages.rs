@@ -1,8 +1,8 @@
 //! Figures of more panels than a sheet of paper takes, over several sheets.
 
-use super::figure::Figure;
-use super::layout::Layout;
-use super::text::Ruler;
+use crate::figure::Figure;
+use crate::layout::Layout;
+use crate::text::Ruler;
 
 /// The height of a sheet in units of the drawing: half of the highest picture that is drawn.
 const SHEET: f64 = 4_000.0;
@@ -50,7 +50,7 @@ impl Figure {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Axis, Panel, Role, Series};
+    use crate::{Axis, Panel, Role, Series};
     use super::*;
 
     fn figure(panels: usize) -> Figure {

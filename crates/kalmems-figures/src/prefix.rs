@@ -1,6 +1,6 @@
 //! SI prefixes for the labels of an axis.
 
-use super::text::{power_of_ten, unit_sign};
+use crate::text::{power_of_ten, unit_sign};
 
 /// Units that take a prefix when they stand first, as in V, V/√Hz and rad/s.
 const TAKE_PREFIX: [&str; 20] = [
@@ -14,31 +14,31 @@ const PREFIXES: [&str; 17] =
 
 /// A unit in which values of some size are short to write.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Prefixed {
+pub(crate) struct Prefixed {
     /// As printed: `µs`, or `10⁻⁶ V²` where no prefix can stand.
-    pub(super) unit: String,
+    pub(crate) unit: String,
     /// The power of ten by which values are divided.
-    pub(super) exponent: i32,
+    pub(crate) exponent: i32,
     /// Whether the power stands there as a number.
-    pub(super) is_power: bool,
+    pub(crate) is_power: bool,
 }
 
 impl Prefixed {
     /// The unit times the power of ten of the first digit of a value.
-    pub(super) fn power(unit: &str, value: f64) -> Self {
+    pub(crate) fn power(unit: &str, value: f64) -> Self {
         #[allow(clippy::cast_possible_truncation)] // a cast saturates, and exponents lie within ±400
         let exponent = (value.abs().log10() + 1e-9).floor() as i32;
         Self { unit: times_ten_to(exponent, &unit_sign(unit)), exponent, is_power: true }
     }
 
     /// What stands between a number and the unit.
-    pub(super) fn joint(&self) -> &'static str {
+    pub(crate) fn joint(&self) -> &'static str {
         if self.is_power { " · " } else { " " }
     }
 }
 
 /// The unit for values up to `largest`.
-pub(super) fn prefixed(unit: &str, largest: f64) -> Prefixed {
+pub(crate) fn prefixed(unit: &str, largest: f64) -> Prefixed {
     let sign = unit_sign(unit);
     let plain = Prefixed { unit: sign.clone(), exponent: 0, is_power: false };
     let decade = largest.abs().log10();

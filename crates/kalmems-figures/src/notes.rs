@@ -1,13 +1,13 @@
 //! What a figure does not show, in words below it: missing samples, thinned points, values off the axis.
 
-use super::axis::Range;
-use super::decimate::{SMALLEST, Thinning, is_drawable};
-use super::figure::{Axis, Figure, Panel, Scale, Series, Shape};
-use super::layout::{Layout, Place, extent};
-use super::prefix::{Prefixed, prefixed};
+use crate::axis::Range;
+use crate::decimate::{SMALLEST, Thinning, is_drawable};
+use crate::figure::{Axis, Figure, Panel, Scale, Series, Shape};
+use crate::layout::{Layout, Place, extent};
+use crate::prefix::{Prefixed, prefixed};
 
 /// One sentence for each thing.
-pub(super) fn notes(figure: &Figure, layout: &Layout<'_>) -> Vec<String> {
+pub(crate) fn notes(figure: &Figure, layout: &Layout<'_>) -> Vec<String> {
     let mut notes = Vec::new();
     for panel in &figure.panels {
         notes.extend([&panel.x, &panel.y].into_iter().filter_map(unusable));

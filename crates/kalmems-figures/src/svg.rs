@@ -1,14 +1,14 @@
 //! A drawing as SVG.
 
-use super::scene::{Anchor, Colour, Group, Mark, Scene};
-use super::text::escape;
+use crate::scene::{Anchor, Colour, Group, Mark, Scene};
+use crate::text::escape;
 use std::fmt::Write as _;
 
 /// The bundled font where it is installed, and the one whose widths are nearest where it is not.
 const FONT_FAMILY: &str = "DejaVu Sans, Verdana, sans-serif";
 
 /// The drawing as one `svg` element. Coordinates have two decimals.
-pub(super) fn write(scene: &Scene) -> String {
+pub(crate) fn write(scene: &Scene) -> String {
     let (width, height) = (number(scene.width), number(scene.height));
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \

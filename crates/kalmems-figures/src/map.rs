@@ -1,12 +1,12 @@
 //! Maps: cells in the colours of their values, the line at a level, and the colour bar.
 
-use super::axis::{Range, Ticks};
-use super::decimate::is_drawable;
-use super::figure::{Axis, Grid, Panel, Scale, Shape};
-use super::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
-use super::scene::{Anchor, Colour, Group, Mark, Rect};
-use super::style::{self, FRAME, INK};
-use super::text::Ruler;
+use crate::axis::{Range, Ticks};
+use crate::decimate::is_drawable;
+use crate::figure::{Axis, Grid, Panel, Scale, Shape};
+use crate::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
+use crate::scene::{Anchor, Colour, Group, Mark, Rect};
+use crate::style::{self, FRAME, INK};
+use crate::text::Ruler;
 
 /// Colours between the lowest and the highest value.
 const STEPS: u32 = 40;
@@ -16,7 +16,7 @@ const BAR_WIDTH: f64 = 14.0;
 const LABEL_GAP: f64 = 7.0;
 
 /// The colour bar of a panel with a map.
-pub(super) struct Bar {
+pub(crate) struct Bar {
     range: Range,
     level: f64,
     ticks: Ticks,
@@ -25,7 +25,7 @@ pub(super) struct Bar {
 
 impl Bar {
     /// For the first map of a panel, if it has one with values.
-    pub(super) fn of(panel: &Panel, ruler: &Ruler, height: f64) -> Option<Self> {
+    pub(crate) fn of(panel: &Panel, ruler: &Ruler, height: f64) -> Option<Self> {
         let grid = panel.series.iter().find_map(|series| match series.shape() {
             Shape::Map(grid) => Some(grid),
             _ => None,
@@ -38,12 +38,12 @@ impl Bar {
     }
 
     /// The room right of the frame.
-    pub(super) fn room(&self) -> f64 {
+    pub(crate) fn room(&self) -> f64 {
         BAR_GAP + BAR_WIDTH + LABEL_GAP + self.widest + 6.0 + AXIS_LINE
     }
 
     /// Right of a panel's frame.
-    pub(super) fn draw(&self, frame: &Rect) -> Group {
+    pub(crate) fn draw(&self, frame: &Rect) -> Group {
         let mut group = Group::new("colour-bar");
         let kind = [("low", self.range.low), ("high", self.range.high), ("level", self.level)];
         group.data = kind.map(|(name, value)| (name, format!("{value:e}"))).to_vec();
@@ -100,7 +100,7 @@ fn steps(range: Range, level: f64) -> impl Iterator<Item = (f64, Colour)> {
 
 /// The cells of a map: for each colour all that is at least so high, so that the next colour lies on it and no seam is
 /// left between cells.
-pub(super) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Mark> {
+pub(crate) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Mark> {
     let Some(range) = range(grid) else { return Vec::new() };
     // Between neighbours as they are drawn, so that cells are alike on a logarithmic axis as well.
     let (columns, rows) = (edges(grid.x.iter().map(|at| x(*at))), edges(grid.y.iter().map(|at| y(*at))));
@@ -135,7 +135,7 @@ fn edges(at: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 /// Where the values pass the level: a piece in each cell between four neighbours, straight between them.
-pub(super) fn contour(grid: &Grid) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn contour(grid: &Grid) -> Vec<Vec<[f64; 2]>> {
     let mut pieces = Vec::new();
     for (ys, rows) in grid.y.windows(2).zip(grid.values.windows(2)) {
         let ([low, high], [below, above]) = (ys, rows) else { continue };

@@ -1,22 +1,22 @@
 //! Where the panels of a figure lie, what their axes show, and where the legends stand.
 
-use super::axis::{Range, Ticks};
-use super::figure::{Axis, Figure, Panel, Series, Shape};
-use super::map::Bar;
-use super::scene::Rect;
-use super::text::Ruler;
+use crate::axis::{Range, Ticks};
+use crate::figure::{Axis, Figure, Panel, Series, Shape};
+use crate::map::Bar;
+use crate::scene::Rect;
+use crate::text::Ruler;
 
-pub(super) const WIDTH: f64 = 900.0;
-pub(super) const EDGE: f64 = 12.0;
-pub(super) const TITLE_SIZE: f64 = 14.0;
-pub(super) const TITLE_LINE: f64 = 19.0;
-pub(super) const AXIS_SIZE: f64 = 12.0;
-pub(super) const AXIS_LINE: f64 = 15.0;
-pub(super) const TICK_SIZE: f64 = 11.0;
-pub(super) const LEGEND_SIZE: f64 = 11.5;
-pub(super) const LEGEND_LINE: f64 = 18.0;
+pub(crate) const WIDTH: f64 = 900.0;
+pub(crate) const EDGE: f64 = 12.0;
+pub(crate) const TITLE_SIZE: f64 = 14.0;
+pub(crate) const TITLE_LINE: f64 = 19.0;
+pub(crate) const AXIS_SIZE: f64 = 12.0;
+pub(crate) const AXIS_LINE: f64 = 15.0;
+pub(crate) const TICK_SIZE: f64 = 11.0;
+pub(crate) const LEGEND_SIZE: f64 = 11.5;
+pub(crate) const LEGEND_LINE: f64 = 18.0;
 /// The sample of a line in a legend, and the room after it.
-pub(super) const SWATCH: f64 = 24.0;
+pub(crate) const SWATCH: f64 = 24.0;
 const SWATCH_ROOM: f64 = 6.0;
 const ENTRY_ROOM: f64 = 22.0;
 /// Between the title of the y axis, its labels and the frame.
@@ -25,48 +25,48 @@ const LABEL_ROOM: f64 = 13.0;
 const RIGHT: f64 = 28.0;
 
 /// One panel in its place.
-pub(super) struct Place<'a> {
-    pub(super) panel: &'a Panel,
-    pub(super) frame: Rect,
+pub(crate) struct Place<'a> {
+    pub(crate) panel: &'a Panel,
+    pub(crate) frame: Rect,
     /// None where there is nothing to show.
-    pub(super) x: Option<Range>,
-    pub(super) y: Option<Range>,
-    pub(super) x_ticks: Ticks,
-    pub(super) y_ticks: Ticks,
-    pub(super) y_title: Vec<String>,
+    pub(crate) x: Option<Range>,
+    pub(crate) y: Option<Range>,
+    pub(crate) x_ticks: Ticks,
+    pub(crate) y_ticks: Ticks,
+    pub(crate) y_title: Vec<String>,
     /// The right side of the y title, left of all labels.
-    pub(super) y_title_right: f64,
+    pub(crate) y_title_right: f64,
     /// Whether the labels of the x axis stand below this panel.
-    pub(super) labels_x: bool,
-    pub(super) legend: Vec<Entry>,
+    pub(crate) labels_x: bool,
+    pub(crate) legend: Vec<Entry>,
     /// Beside a map.
-    pub(super) bar: Option<Bar>,
+    pub(crate) bar: Option<Bar>,
 }
 
 /// A series in the legend.
-pub(super) struct Entry {
+pub(crate) struct Entry {
     /// Which series of the panel.
-    pub(super) series: usize,
-    pub(super) text: String,
+    pub(crate) series: usize,
+    pub(crate) text: String,
     /// The left end of the sample, and the middle of the line.
-    pub(super) at: [f64; 2],
+    pub(crate) at: [f64; 2],
 }
 
 impl Entry {
-    pub(super) fn text_at(&self) -> [f64; 2] {
+    pub(crate) fn text_at(&self) -> [f64; 2] {
         [self.at[0] + SWATCH + SWATCH_ROOM, self.at[1] + 0.36 * LEGEND_SIZE]
     }
 }
 
 /// The panels of a figure in their places.
-pub(super) struct Layout<'a> {
-    pub(super) title: Vec<String>,
-    pub(super) places: Vec<Place<'a>>,
-    pub(super) bottom: f64,
+pub(crate) struct Layout<'a> {
+    pub(crate) title: Vec<String>,
+    pub(crate) places: Vec<Place<'a>>,
+    pub(crate) bottom: f64,
 }
 
 impl<'a> Layout<'a> {
-    pub(super) fn of(figure: &'a Figure, ruler: &Ruler) -> Self {
+    pub(crate) fn of(figure: &'a Figure, ruler: &Ruler) -> Self {
         let height = match figure.panels.len() {
             0 | 1 => 320.0,
             2 => 220.0,
@@ -175,7 +175,7 @@ fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
 }
 
 /// All points as x, lowest and highest value; a level has no x and so none.
-pub(super) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_> {
+pub(crate) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_> {
     match series.shape() {
         Shape::Line(runs) => Box::new(runs.iter().flatten().map(|p| [p[0], p[1], p[1]])),
         Shape::Points(points) => Box::new(points.iter().map(|p| [p[0], p[1], p[1]])),

@@ -1,21 +1,21 @@
 //! The range of an axis, and where values and ticks lie on it.
 
-use super::decimate::{SMALLEST, is_drawable};
-use super::figure::{Axis, Scale};
-use super::prefix::{Prefixed, prefixed};
-use super::text::{decimal, power_of_ten, with_printed_unit, with_unit};
+use crate::decimate::{SMALLEST, is_drawable};
+use crate::figure::{Axis, Scale};
+use crate::prefix::{Prefixed, prefixed};
+use crate::text::{decimal, power_of_ten, with_printed_unit, with_unit};
 
 /// What an axis shows, from `low` to `high`, with `low < high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Range {
-    pub(super) scale: Scale,
-    pub(super) low: f64,
-    pub(super) high: f64,
+pub(crate) struct Range {
+    pub(crate) scale: Scale,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
 }
 
 impl Range {
     /// The range that the axis asks for, where it can be used.
-    pub(super) fn fixed(axis: &Axis) -> Option<Self> {
+    pub(crate) fn fixed(axis: &Axis) -> Option<Self> {
         let [low, high] = axis.range?;
         let usable = low < high && is_drawable(low) && is_drawable(high);
         let resolved = !is_constant(low, high);
@@ -24,7 +24,7 @@ impl Range {
     }
 
     /// All of the values, and `margin` of their span on either side. None where no value can be shown.
-    pub(super) fn around(scale: Scale, values: impl Iterator<Item = f64>, margin: f64) -> Option<Self> {
+    pub(crate) fn around(scale: Scale, values: impl Iterator<Item = f64>, margin: f64) -> Option<Self> {
         let positive = |v: &f64| scale == Scale::Linear || *v >= SMALLEST;
         let (low, high) = values.filter(|v| is_drawable(*v)).filter(positive).fold(None, |range, v| {
             let (low, high) = range.unwrap_or((v, v));
@@ -55,7 +55,7 @@ impl Range {
     }
 
     /// Where a value lies: 0 at `low`, 1 at `high`. On a logarithmic axis −∞ for what is not positive.
-    pub(super) fn position(self, value: f64) -> f64 {
+    pub(crate) fn position(self, value: f64) -> f64 {
         match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
             Scale::Log if value <= 0.0 => f64::NEG_INFINITY,
@@ -74,31 +74,31 @@ fn is_constant(low: f64, high: f64) -> bool {
 
 /// A labelled mark at a value of the data.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tick {
-    pub(super) at: f64,
-    pub(super) label: String,
+pub(crate) struct Tick {
+    pub(crate) at: f64,
+    pub(crate) label: String,
 }
 
 /// The marks of an axis and what it is called with them.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ticks {
-    pub(super) major: Vec<Tick>,
+pub(crate) struct Ticks {
+    pub(crate) major: Vec<Tick>,
     /// Without labels: between the decades of a logarithmic axis.
-    pub(super) minor: Vec<f64>,
+    pub(crate) minor: Vec<f64>,
     /// Label, offset and prefixed unit: `time − 100 s (µs)`.
-    pub(super) title: String,
+    pub(crate) title: String,
 }
 
 impl Ticks {
     /// About `count` marks at most.
-    pub(super) fn new(axis: &Axis, range: Range, count: f64) -> Self {
+    pub(crate) fn new(axis: &Axis, range: Range, count: f64) -> Self {
         match range.scale {
             Scale::Linear => linear_ticks(axis, range, count),
             Scale::Log => log_ticks(axis, range, count),
         }
     }
 
-    pub(super) fn none(axis: &Axis) -> Self {
+    pub(crate) fn none(axis: &Axis) -> Self {
         Self { major: Vec::new(), minor: Vec::new(), title: with_unit(&axis.label, &axis.unit) }
     }
 }

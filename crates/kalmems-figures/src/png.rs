@@ -1,8 +1,8 @@
 //! A drawing as PNG, with the bundled font.
 
-use super::error::ReportError;
-use super::scene::{Anchor, Colour, Group, Mark, Rect, Scene};
-use super::text::{Ruler, font};
+use crate::error::ReportError;
+use crate::scene::{Anchor, Colour, Group, Mark, Rect, Scene};
+use crate::text::{Ruler, font};
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
 };
@@ -14,7 +14,7 @@ const PIXELS: f32 = 2.0;
 const HIGHEST: u32 = 16_000;
 
 /// Draws and encodes it.
-pub(super) fn encode(scene: &Scene, figure: &str) -> Result<Vec<u8>, ReportError> {
+pub(crate) fn encode(scene: &Scene, figure: &str) -> Result<Vec<u8>, ReportError> {
     let (width, height) = (pixels(scene.width), pixels(scene.height));
     if height > HIGHEST {
         return Err(ReportError::TooHigh { figure: figure.to_owned(), height, limit: HIGHEST });

@@ -1,8 +1,8 @@
 //! Pictures of figures.
 
-use super::error::ReportError;
-use super::figure::Figure;
-use super::{draw, png, svg};
+use crate::error::ReportError;
+use crate::figure::Figure;
+use crate::{draw, png, svg};
 
 impl Figure {
     /// The picture as SVG, 900 units wide. The same figure gives the same bytes.

@@ -1,12 +1,12 @@
 //! Cuts what lies far outside of a panel, so that one value far away does not make the drawing huge.
 
-use super::scene::Rect;
+use crate::scene::Rect;
 
 /// How far beyond the frame lines still go; what lies outside of the frame itself is hidden.
 const ROOM: f64 = 20.0;
 
 /// The frame and some room around it.
-pub(super) fn guard(frame: &Rect) -> Rect {
+pub(crate) fn guard(frame: &Rect) -> Rect {
     Rect {
         left: frame.left - ROOM,
         top: frame.top - ROOM,
@@ -16,12 +16,12 @@ pub(super) fn guard(frame: &Rect) -> Rect {
 }
 
 /// Whether the point lies inside.
-pub(super) fn holds(rect: &Rect, point: &[f64; 2]) -> bool {
+pub(crate) fn holds(rect: &Rect, point: &[f64; 2]) -> bool {
     (rect.left..=rect.right()).contains(&point[0]) && (rect.top..=rect.bottom()).contains(&point[1])
 }
 
 /// The pieces of open lines that lie inside.
-pub(super) fn lines(runs: Vec<Vec<[f64; 2]>>, rect: &Rect) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn lines(runs: Vec<Vec<[f64; 2]>>, rect: &Rect) -> Vec<Vec<[f64; 2]>> {
     let mut pieces = Vec::new();
     for run in runs {
         if run.iter().all(|point| holds(rect, point)) {
@@ -63,7 +63,7 @@ fn inside(a: [f64; 2], b: [f64; 2], rect: &Rect) -> Option<(f64, f64)> {
 }
 
 /// What is left of an area after each side has cut off what lies beyond it.
-pub(super) fn area(outline: Vec<[f64; 2]>, rect: &Rect) -> Vec<[f64; 2]> {
+pub(crate) fn area(outline: Vec<[f64; 2]>, rect: &Rect) -> Vec<[f64; 2]> {
     if outline.iter().all(|point| holds(rect, point)) {
         return outline;
     }

@@ -1,6 +1,6 @@
 //! What a figure shows, as plain data: panels, axes and series.
 
-use super::decimate::{Decimated, Thinning, decimate, decimate_band, is_drawable};
+use crate::decimate::{Decimated, Thinning, decimate, decimate_band, is_drawable};
 
 /// Pixel columns of a figure, and so the columns to which a series is reduced.
 const COLUMNS: usize = 800;
@@ -163,7 +163,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    pub(super) fn finite(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn finite(&self) -> impl Iterator<Item = f64> + '_ {
         self.values.iter().flatten().copied().filter(|value| is_drawable(*value))
     }
 }
@@ -271,11 +271,11 @@ impl Series {
     }
 
     /// How many of the others are not positive.
-    pub(super) fn not_positive(&self) -> usize {
+    pub(crate) fn not_positive(&self) -> usize {
         self.not_positive
     }
 
-    pub(super) fn thinning(&self) -> Thinning {
+    pub(crate) fn thinning(&self) -> Thinning {
         self.thinning
     }
 }

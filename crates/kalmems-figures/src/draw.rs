@@ -1,18 +1,18 @@
 //! From a figure to a drawing.
 
-use super::axis::Range;
-use super::clip;
-use super::decimate::{Thinning, is_drawable};
-use super::figure::{Figure, Scale, Series, Shape};
-use super::layout::{
+use crate::axis::Range;
+use crate::clip;
+use crate::decimate::{Thinning, is_drawable};
+use crate::figure::{Figure, Scale, Series, Shape};
+use crate::layout::{
     AXIS_LINE, AXIS_SIZE, EDGE, Entry, LEGEND_SIZE, Layout, Place, SWATCH, TICK_SIZE, TITLE_LINE, TITLE_SIZE,
     WIDTH,
 };
-use super::map::{cells, contour};
-use super::notes::notes;
-use super::scene::{Anchor, Colour, Group, Mark, Rect, Scene, Stroke};
-use super::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
-use super::text::Ruler;
+use crate::map::{cells, contour};
+use crate::notes::notes;
+use crate::scene::{Anchor, Colour, Group, Mark, Rect, Scene, Stroke};
+use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
+use crate::text::Ruler;
 
 const NOTE_SIZE: f64 = 10.0;
 const NOTE_LINE: f64 = 14.0;
@@ -21,7 +21,7 @@ const TICK: f64 = 4.0;
 const FARTHEST: f64 = 1e9;
 
 /// Draws a figure.
-pub(super) fn scene(figure: &Figure) -> Scene {
+pub(crate) fn scene(figure: &Figure) -> Scene {
     let ruler = Ruler::new();
     let layout = Layout::of(figure, &ruler);
     let mut groups = Vec::new();
