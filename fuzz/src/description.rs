@@ -1,6 +1,9 @@
 //! Bytes as the files that an operator writes.
 
-use kalmems_engines::config::{Experiment, GyroscopeCalibration, Image, SpectrumFile};
+use kalmems_applications::calibration::GyroscopeCalibration;
+use kalmems_applications::image::Image;
+use kalmems_applications::spectrum::SpectrumFile;
+use kalmems_engines::config::Experiment;
 use kalmems_engines::estimate::Silent;
 use std::path::Path;
 

@@ -3,7 +3,6 @@
 //! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`. Nothing here knows which devices
 //! there are; a device brings a [`rig::Rig`]. Users take all of it from the crate `kalmems`.
 
-pub mod applications;
 pub mod circuit;
 pub mod config;
 pub mod estimate;

@@ -50,8 +50,8 @@ impl Figure {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Axis, Panel, Role, Series};
     use super::*;
+    use crate::{Axis, Panel, Role, Series};
 
     fn figure(panels: usize) -> Figure {
         (0..panels).fold(Figure::new("angle_error", "Angle error", "What it shows."), |figure, n| {

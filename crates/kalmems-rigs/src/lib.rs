@@ -12,10 +12,11 @@ pub mod workflow;
 pub use kalmems_engines::rig::{Estimator, Rig};
 
 use kalmems_engines::{
-    applications, circuit, config, estimate, evaluate, export, fit, identify, outlook, recording,
-    reproduce, signal, simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, outlook, recording, reproduce, signal,
+    simulate, units,
 };
 
+use kalmems_applications as applications;
 use kalmems_figures as report;
 
 use config::{ConfigError, Experiment, Fault};

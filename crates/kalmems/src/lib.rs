@@ -32,9 +32,10 @@ pub mod results;
 pub mod stream;
 pub mod study;
 
+pub use kalmems_applications as applications;
 pub use kalmems_engines::{
-    applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace,
-    recording, reproduce, signal, simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace, recording, reproduce,
+    signal, simulate, units,
 };
 pub use kalmems_figures as figures;
 pub use kalmems_rigs::{self as rigs, workflow};

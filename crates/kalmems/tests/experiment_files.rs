@@ -1,8 +1,7 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
-use kalmems::config::{
-    Clock, Experiment, Recording, gyroscope_schema, image_schema, schema, spectrum_schema,
-};
+use kalmems::applications::{calibration::GyroscopeCalibration, image::Image, spectrum::SpectrumFile};
+use kalmems::config::{Clock, Experiment, Recording, schema};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -149,7 +148,7 @@ fn as_json(toml: &str) -> serde_json::Value {
 
 #[test]
 fn the_schemas_of_studies_and_images_accept_the_examples_and_refuse_what_is_broken() {
-    let (studies, images) = (kalmems::study::schema(), image_schema());
+    let (studies, images) = (kalmems::study::schema(), Image::schema());
     let (study, image) = (example("study.toml"), example("image.toml"));
     assert_eq!((&studies["title"], &images["title"]), (&"A kalmems study".into(), &"A kalmems image".into()));
     assert!(accepts(&studies, &as_json(&study)) && accepts(&images, &as_json(&image)));
@@ -185,7 +184,7 @@ fn the_schemas_of_studies_and_images_accept_the_examples_and_refuse_what_is_brok
 #[test]
 fn the_schema_of_spectra_accepts_the_example_and_refuses_what_is_broken() {
     let text = fs::read_to_string("../../examples/piston_mirror/two_lines_spectrum.toml").unwrap();
-    let schema = spectrum_schema();
+    let schema = SpectrumFile::schema();
     assert!(accepts(&schema, &as_json(&text)));
     let recorded = "name = \"a\"\ninterferogram = { file = \"a.csv\", columns = [\"detector_1\"] }\n\
                     path = { laser = { wavenumber = \"15798 1/cm\", samples_per_fringe = 2 } }\n\
@@ -208,7 +207,7 @@ fn the_schema_of_spectra_accepts_the_example_and_refuses_what_is_broken() {
 
 #[test]
 fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() {
-    let schema = gyroscope_schema();
+    let schema = GyroscopeCalibration::schema();
     let example = |name: &str| fs::read_to_string(Path::new("../../examples/gyroscope").join(name)).unwrap();
     let calibration = example("calibration.toml");
     for text in [&calibration, &example("by_stage.toml"), &example("three_axes.toml")] {
@@ -256,9 +255,9 @@ fn every_example_in_a_schema_is_accepted_by_it() {
     for (whole, least) in [
         (schema(), 50),
         (kalmems::study::schema(), 8),
-        (image_schema(), 4),
-        (spectrum_schema(), 4),
-        (gyroscope_schema(), 12),
+        (Image::schema(), 4),
+        (SpectrumFile::schema(), 4),
+        (GyroscopeCalibration::schema(), 12),
     ] {
         let mut count = 0;
         visit(&whole, &mut |part| {

@@ -4,13 +4,14 @@
 #[path = "gyroscope/studies.rs"]
 mod studies;
 
+use kalmems::applications::calibration::GyroscopeCalibration;
+use kalmems::applications::calibration::write_calibration;
 use kalmems::applications::calibration::{
     Calibration, CalibrationError, Instrument, Matrix, Pair, Rest, Signals, SimulatedUnit, Tone, ToneError,
     Vibration, calibrate,
 };
-use kalmems::config::GyroscopeCalibration;
 use kalmems::estimate::Silent;
-use kalmems::results::{Output, RunInfo, Work, write_calibration};
+use kalmems::results::{Output, RunInfo, Work};
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};
 use realfft::num_complex::Complex64;

@@ -1,10 +1,10 @@
 //! Images against closed forms, published targets and known phases.
 
+use kalmems::applications::image::Image;
 use kalmems::applications::image::{
     Lissajous, Oscillation, PhaseAccuracy, Picture, Raster, Scan, ScanAxis, Scene, Sharpness, ShiftHistogram,
     Track, edge_width, pixel_index, psnr_db, search_phases,
 };
-use kalmems::config::Image;
 use kalmems::estimate::Silent;
 use kalmems::simulate::WhiteNoise;
 use proptest::prelude::*;

@@ -3,14 +3,16 @@
 mod parts;
 mod stage;
 
+use kalmems::applications::calibration::CalibrationSummary;
+use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
-use kalmems::config::{Device, Experiment, GyroscopeCalibration};
+use kalmems::config::{Device, Experiment};
 use kalmems::estimate::Silent;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::recording::Recording;
 use kalmems::reproduce::{Check, Effort, Settings, reproduce};
-use kalmems::results::{CalibrationSummary, Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
+use kalmems::results::{Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
 use kalmems::rigs;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,

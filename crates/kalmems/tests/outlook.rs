@@ -1,8 +1,8 @@
 //! What is said of the scanner before a recording, and the pictures of it.
 
 use kalmems::config::Experiment;
-use kalmems::outlook::Outlook;
 use kalmems::figures::Shape;
+use kalmems::outlook::Outlook;
 use kalmems::results::outlook_figures;
 use kalmems::rigs;
 use std::path::Path;

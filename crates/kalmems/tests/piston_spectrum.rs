@@ -3,10 +3,11 @@
 mod piston;
 mod scene;
 
+use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{
     Apodisation, dip_between, line_near, measure, path_weights, spectrum_at,
 };
-use kalmems::config::{Experiment, SpectrumFile};
+use kalmems::config::Experiment;
 use kalmems::estimate::{Silent, Trajectory};
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;

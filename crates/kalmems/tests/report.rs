@@ -401,7 +401,8 @@ fn markup_in_any_text_stays_text() {
         [(0.0, 1.0), (1.0, 2.0)],
     ));
     let figure = Figure::new(evil, evil, evil).with(panel);
-    let table = kalmems::figures::Table::new(evil, [kalmems::figures::Column::number(evil, evil)]).row([evil]);
+    let table =
+        kalmems::figures::Table::new(evil, [kalmems::figures::Column::number(evil, evil)]).row([evil]);
     let section = Section::new(evil)
         .paragraph(evil)
         .notice(kalmems::figures::Severity::Warning, evil)

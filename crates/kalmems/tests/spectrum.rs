@@ -2,12 +2,12 @@
 
 mod scene;
 
+use kalmems::applications::spectrum::SpectrumFile;
+use kalmems::applications::spectrum::SpectrumMetrics;
 use kalmems::applications::spectrum::{
     Apodisation, SpectrumError, SpectrumOutcome, line_height, measure, transform, zero_path,
 };
-use kalmems::config::SpectrumFile;
 use kalmems::estimate::Silent;
-use kalmems::results::SpectrumMetrics;
 use scene::{Scene, write_columns};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};

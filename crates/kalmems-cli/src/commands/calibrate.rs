@@ -3,9 +3,10 @@
 use crate::args::{CalibrateArguments, Calibrated};
 use crate::progress::Bar;
 use crate::{Ending, print, target};
+use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
-use kalmems::config::GyroscopeCalibration;
-use kalmems::results::{CalibrationSummary, RunInfo, Work, write_calibration};
+use kalmems::applications::calibration::{CalibrationSummary, write_calibration};
+use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {

@@ -3,9 +3,10 @@
 use crate::args::ImageArguments;
 use crate::progress::Bar;
 use crate::{Ending, print, target};
+use kalmems::applications::image::Image;
 use kalmems::applications::image::reconstruct;
-use kalmems::config::Image;
-use kalmems::results::{Developed, ImageMetrics, RunInfo, Work, read_grey, write_image};
+use kalmems::applications::image::{Developed, ImageMetrics, read_grey, write_image};
+use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {

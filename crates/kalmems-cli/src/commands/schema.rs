@@ -2,14 +2,17 @@
 
 use crate::args::{Described, SchemaArguments};
 use crate::{Ending, print};
-use kalmems::config::{gyroscope_schema, image_schema, schema, spectrum_schema};
+use kalmems::applications::calibration::GyroscopeCalibration;
+use kalmems::applications::image::Image;
+use kalmems::applications::spectrum::SpectrumFile;
+use kalmems::config::schema;
 
 pub fn run(arguments: &SchemaArguments) -> Result<(), Ending> {
     let schema = match arguments.of {
         Described::Experiment => schema(),
-        Described::Gyro => gyroscope_schema(),
-        Described::Image => image_schema(),
-        Described::Spectrum => spectrum_schema(),
+        Described::Gyro => GyroscopeCalibration::schema(),
+        Described::Image => Image::schema(),
+        Described::Spectrum => SpectrumFile::schema(),
         Described::Study => kalmems::study::schema(),
     };
     let schema = serde_json::to_string_pretty(&schema);

@@ -3,9 +3,10 @@
 use crate::args::SpectrumArguments;
 use crate::progress::Bar;
 use crate::{Ending, print, target};
+use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
-use kalmems::config::SpectrumFile;
-use kalmems::results::{RunInfo, SpectrumMetrics, Work, write_spectrum};
+use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
+use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {

@@ -182,14 +182,16 @@ impl JsonSchema for ColumnChoice {
 }
 
 /// A file with columns, as some table of the settings describes it.
-#[derive(Clone, Default)]
-pub(super) struct FileColumns<'a> {
-    pub(super) format: Option<&'a FileFormat>,
+#[derive(Clone, Debug, Default)]
+pub struct FileColumns<'a> {
+    /// How the file is written, where that cannot be told from it.
+    pub format: Option<&'a FileFormat>,
     /// Where there is none, samples count as one a second.
-    pub(super) clock: Option<&'a Clock>,
-    pub(super) segments: Option<&'a Segments>,
+    pub clock: Option<&'a Clock>,
+    /// What divides its rows into segments.
+    pub segments: Option<&'a Segments>,
     /// The keys of the settings that name its columns, these, and where their numbers need a unit one that would fit.
-    pub(super) columns: Vec<(&'a str, &'a ColumnChoice, Option<&'static str>)>,
+    pub columns: Vec<(&'a str, &'a ColumnChoice, Option<&'static str>)>,
 }
 
 impl FileColumns<'_> {
@@ -203,7 +205,7 @@ impl FileColumns<'_> {
     }
 
     /// How to read these columns of it, or all.
-    pub(super) fn layout(&self, columns: Option<&[&str]>) -> Layout {
+    pub fn layout(&self, columns: Option<&[&str]>) -> Layout {
         let all = || self.columns.iter().map(|(_, column, _)| column.name().to_owned()).collect();
         Layout {
             clock: match self.clock {
@@ -228,7 +230,7 @@ impl FileColumns<'_> {
     }
 
     /// Refuses a column that two keys read differently: the second of them, and why.
-    pub(super) fn check(&self) -> Result<(), (String, String)> {
+    pub fn check(&self) -> Result<(), (String, String)> {
         let mut first: BTreeMap<String, DeclaredColumn> = BTreeMap::new();
         for declared in self.declared() {
             if let Some(other) = first.get(&declared.column) {

@@ -23,10 +23,8 @@ mod experiment;
 mod filter;
 mod format;
 mod gaps;
-mod gyroscope;
 mod hybrid;
 mod identify;
-mod image;
 mod key;
 pub mod kinds;
 mod name;
@@ -38,14 +36,13 @@ mod schema;
 mod sign;
 mod simulate;
 mod source;
-mod spectrum;
 mod stream;
 #[cfg(test)]
 mod tests;
 mod values;
 
 pub use clock::{Clock, TimeColumn};
-pub use column::ColumnChoice;
+pub use column::{ColumnChoice, FileColumns};
 pub use device::*;
 pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Crossings, Estimate, Peak};
@@ -53,13 +50,8 @@ pub use experiment::Experiment;
 pub use filter::{Filter, FilterName, Method, Start, TrackedState};
 pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
-pub(crate) use gyroscope::is_per_record;
-pub use gyroscope::{
-    Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
-};
 pub use hybrid::{Applied, Threshold, Timing, Variant};
 pub use identify::{FeedthroughBy, Identify, Trusted};
-pub use image::{Fill, Image, ImageAxis, Intensity};
 pub use key::Key;
 pub use key::Step;
 pub use name::Name;
@@ -67,8 +59,7 @@ pub use quantity::Quantity;
 pub use reader::read_source;
 pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
-pub use schema::schema_of;
-pub use schema::{gyroscope_schema, image_schema, schema, spectrum_schema};
+pub use schema::{schema, schema_of};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
@@ -76,10 +67,5 @@ pub use simulate::{
     SweepDrive, TonesDrive,
 };
 pub use source::Source;
-pub use spectrum::{
-    Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,
-    PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
-    SpectrumReference, SpectrumTransform, TransformMethod,
-};
 pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
 pub use values::{AnyValue, Entry, Values};

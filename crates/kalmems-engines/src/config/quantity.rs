@@ -36,7 +36,8 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
         Self::parse(&format!("{number:e} {unit}"))
     }
 
-    pub(super) fn parse(text: &str) -> Result<Self, String> {
+    /// From text such as `2.5 kHz`; what is wrong comes back in words.
+    pub fn parse(text: &str) -> Result<Self, String> {
         let value = parse(text, &Self::expectation(), K::kind().example)?;
         S::SIGN.check(&value, K::kind())?;
         Ok(Self { value, marker: PhantomData })

@@ -128,7 +128,7 @@ impl Channels {
     }
 
     /// The columns of a file, all of which need a unit.
-    pub(super) fn in_file(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
+    pub fn in_file(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
         self.choices().map(|(meaning, column)| (meaning, column, Some(usual_unit(meaning)))).collect()
     }
 }

@@ -1,8 +1,7 @@
-//! The JSON schemas of experiment, calibration, image and spectrum files, and what those of other files are made with, from
-//! the types that read them.
+//! The JSON schema of experiment files, and what those of other files are made with, from the types that read them.
 
 use super::key::Step;
-use super::{Experiment, GyroscopeCalibration, Image, Key, SpectrumFile};
+use super::{Experiment, Key};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
@@ -11,21 +10,6 @@ use serde_json::Value;
 /// The JSON schema of an experiment file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {
     schema_of::<Experiment>("A kalmems experiment")
-}
-
-/// The JSON schema of the calibration file of a gyroscope.
-pub fn gyroscope_schema() -> Value {
-    schema_of::<GyroscopeCalibration>("A kalmems calibration of a gyroscope")
-}
-
-/// The JSON schema of an image file.
-pub fn image_schema() -> Value {
-    schema_of::<Image>("A kalmems image")
-}
-
-/// The JSON schema of a spectrum file.
-pub fn spectrum_schema() -> Value {
-    schema_of::<SpectrumFile>("A kalmems spectrum")
 }
 
 /// The JSON schema of what a type reads, under a title.

@@ -17,7 +17,7 @@ mod tests;
 mod text;
 
 pub use envelope::{Envelope, EnvelopePoint, envelope};
-pub(crate) use spectrum::magnitudes as spectrum_magnitudes;
+pub use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;
 

@@ -120,7 +120,7 @@ fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<Spec
 
 /// The magnitudes of the transform of the windowed values without their mean, and the amplitude of a tone in the middle of a
 /// bin by its magnitude.
-pub(crate) fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
+pub fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
     if values.len() < SHORTEST || !values.iter().all(|v| v.is_finite()) {
         return None;
     }

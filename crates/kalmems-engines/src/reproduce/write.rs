@@ -29,7 +29,9 @@ pub fn write_reproduction(
             output.write(&format!("tables/{key}_{n}.csv"), |w| write_table(table, w))?;
         }
         for figure in &item.figures {
-            figure.files(|name, content| Ok::<_, ReproduceError>(output.write(name, |w| w.write_all(content))?))?;
+            figure.files(|name, content| {
+                Ok::<_, ReproduceError>(output.write(name, |w| w.write_all(content))?)
+            })?;
         }
         if stop() {
             return Err(ReproduceError::Interrupted);

@@ -7,9 +7,9 @@ use super::summary::shown as shown_unit;
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Cycles of the motion that the close-up shows.

@@ -1,5 +1,6 @@
 //! The files of an estimate.
 
+use super::figure_files::write_figure;
 use super::names::prefix;
 use super::page::page;
 use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
@@ -7,9 +8,8 @@ use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::pace::Pace;
 use crate::recording::Source;
-use super::figure_files::write_figure;
-use kalmems_figures::ReportError;
 use crate::workflow::Outcome;
+use kalmems_figures::ReportError;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::time::UNIX_EPOCH;

@@ -1,10 +1,10 @@
 //! The files of an identification.
 
 use super::RunInfo;
+use super::figure_files::write_figure;
 use super::{Output, RUN_FILE, WriteError, way_from};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::recording::Source;
-use super::figure_files::write_figure;
 use kalmems_figures::{Column, Table};
 use serde::Serialize;
 use std::io;

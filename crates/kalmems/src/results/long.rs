@@ -1,5 +1,6 @@
 //! The results of an estimate that comes in parts, written as they come.
 
+use super::figure_files::write_figure;
 use super::figures::{course, figures};
 use super::files::{record_of_run, write_header, write_rows};
 use super::metrics::{segment, texts};
@@ -12,10 +13,9 @@ use super::{
 use crate::config::Experiment;
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
-use super::figure_files::write_figure;
-use kalmems_figures::Figure;
 use crate::rigs;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
+use kalmems_figures::Figure;
 use std::collections::BTreeMap;
 use std::fs;
 use std::time::UNIX_EPOCH;

@@ -3,10 +3,7 @@
 mod figure_files;
 mod figures;
 mod files;
-mod grey_png;
-mod gyroscope;
 mod identification;
-mod image;
 mod inspection;
 mod long;
 mod metrics;
@@ -14,16 +11,12 @@ mod names;
 mod outlook;
 mod page;
 mod simulation;
-mod spectrum;
 mod summary;
 
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{WriteError, WriteOptions, write_estimate};
-pub use grey_png::{PictureError, read_grey, write_grey};
-pub use gyroscope::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use identification::{IdentificationSummary, write_identification};
-pub use image::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use kalmems_store::{
     Committed, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
@@ -36,8 +29,4 @@ pub use metrics::{
 };
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
-pub use spectrum::{
-    ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
-    SpectrumReferenceMetrics, spectrum_figures, write_jcamp, write_spectrum,
-};
 pub use summary::{Notice, notices, summary_table};

@@ -1,12 +1,12 @@
 //! The pictures and files of what can be said of a device before a recording.
 
+use super::figure_files::write_figure;
 use super::inspection::write_png;
 use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
 use crate::config::Experiment;
 use crate::outlook::{AtFrequency, Information, Outlook, Response, Start};
-use super::figure_files::write_figure;
-use kalmems_figures::{Axis, Figure, Grid, Panel, Role, Series};
 use crate::simulate::{SteadyMotion, SweepPoint};
+use kalmems_figures::{Axis, Figure, Grid, Panel, Role, Series};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;

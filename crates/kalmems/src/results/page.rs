@@ -7,8 +7,8 @@ use super::summary::{segment_name, shown};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
 use crate::config::{Experiment, Peak};
 use crate::evaluate::{MotionErrors, ValueErrors};
-use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
 use crate::workflow::{Outcome, SegmentOutcome};
+use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
 
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {

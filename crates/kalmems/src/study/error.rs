@@ -1,10 +1,10 @@
 //! Why there is no study.
 
 use crate::config::ConfigError;
-use kalmems_figures::ReportError;
 use crate::results::OutputError;
 use crate::simulate::SimulateError;
 use crate::workflow::WorkflowError;
+use kalmems_figures::ReportError;
 use std::io;
 use std::path::PathBuf;
 

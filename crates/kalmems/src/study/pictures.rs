@@ -6,8 +6,8 @@ use super::description::{Picture, Spacing};
 use super::map::{self, Map};
 use super::spread::{Group, groups, spreads};
 use super::table::{Table, number};
-use kalmems_figures::{self, Figure, Panel, Role, Series};
 use crate::units::{Header, Value};
+use kalmems_figures::{self, Figure, Panel, Role, Series};
 use std::collections::BTreeMap;
 
 /// The most series that a picture can tell apart.
@@ -62,7 +62,13 @@ fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Fi
 }
 
 /// Lines over one axis, or points where its values are drawn by chance.
-fn lines(plan: &Plan, table: &Table, column: usize, place: usize, y: kalmems_figures::Axis) -> Result<Panel, String> {
+fn lines(
+    plan: &Plan,
+    table: &Table,
+    column: usize,
+    place: usize,
+    y: kalmems_figures::Axis,
+) -> Result<Panel, String> {
     let series = match plan.axes[place].values {
         Values::Listed(_) => over_grid(plan, table, column, place)?,
         Values::Drawn(_) => over_draws(plan, table, column, place),
@@ -154,7 +160,9 @@ fn over_grid(plan: &Plan, table: &Table, column: usize, place: usize) -> Result<
 fn value(setting: &Setting) -> String {
     let text = setting.toml.as_str().map_or_else(|| setting.toml.to_string(), str::to_owned);
     match Value::parse(&text) {
-        Ok(value) => format!("{} {}", value.parts().0, kalmems_figures::unit_sign(value.parts().1)).trim().to_owned(),
+        Ok(value) => {
+            format!("{} {}", value.parts().0, kalmems_figures::unit_sign(value.parts().1)).trim().to_owned()
+        }
         Err(_) => text,
     }
 }

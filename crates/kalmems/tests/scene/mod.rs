@@ -2,8 +2,8 @@
 
 #![allow(dead_code)] // each test uses its part
 
+use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{SpectrumError, SpectrumOutcome, measure};
-use kalmems::config::SpectrumFile;
 use kalmems::estimate::Silent;
 use std::f64::consts::TAU;
 use std::fmt::Write;

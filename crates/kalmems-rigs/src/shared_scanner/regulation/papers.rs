@@ -1,8 +1,8 @@
 //! The files of a regulated run.
 
 use super::report::{RegulationReport, RegulationWindow};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use crate::simulate::{Paper, Papers};
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use std::fmt::Write as _;
 
 /// What is written beside recording and truth, and what is said.

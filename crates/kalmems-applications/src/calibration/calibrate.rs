@@ -1,0 +1,450 @@
+//! From the files to the scale factors.
+
+use super::centre::{Centre, Shaken};
+use super::error::CalibrationError;
+use super::files::{Files, ReferenceRecord, Shows, UnitRecord};
+use super::matrix::{Matrix, Pair};
+use super::outcome::{
+    Calibrated, Calibration, Centred, Change, Contribution, Estimate, InPlane, RecordFigures,
+};
+use super::peaks::{HALF_WINDOW, PeakToPeak};
+use super::rest_record;
+use super::tone::{AXES, Tone};
+use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
+use crate::config::Key;
+use crate::estimate::Progress;
+use crate::named_files::NamedFiles;
+use realfft::num_complex::Complex64;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Calibrates a gyroscope as its file says.
+pub fn calibrate(
+    file: &GyroscopeCalibration,
+    progress: &dyn Progress,
+) -> Result<Calibration, CalibrationError> {
+    let named = NamedFiles::new("calibration file", progress);
+    let mut files = Files { file, named, origins: BTreeMap::new() };
+    let mut results = Vec::new();
+    for (index, condition) in file.conditions.iter().enumerate() {
+        let records = files.unit(index, condition)?;
+        let full_scale = file.gyroscope.full_scale.as_ref().map(crate::config::Quantity::si);
+        let tones: Vec<Tone> = records
+            .iter()
+            .map(|record| {
+                let place = || format!("{}, record `{}`", record.place, record.name);
+                let tone = record.rates.tone(full_scale);
+                tone.map_err(|fault| CalibrationError::Tone { place: place(), fault })
+            })
+            .collect::<Result<_, _>>()?;
+        let names: Vec<&str> = records.iter().map(|record| record.name.as_str()).collect();
+        for (number, reference) in condition.references.iter().enumerate() {
+            let key = Key::from("condition").index(index).child("reference").index(number);
+            let known = files.reference(&key, reference, &names)?;
+            let against = Against { file, condition, reference, records: &records, tones: &tones };
+            results.push(against.calibrate(&known)?);
+        }
+    }
+    let (rest, of_rest) = rest_record::measure(&mut files)?;
+    let NamedFiles { sources, findings, .. } = files.named;
+    let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
+    let findings = findings.chain(of_rest).collect();
+    Ok(Calibration { file: file.clone(), changes: changes(&results), results, rest, sources, findings })
+}
+
+/// One condition against one reference.
+struct Against<'a> {
+    file: &'a GyroscopeCalibration,
+    condition: &'a Condition,
+    reference: &'a MotionReference,
+    records: &'a [UnitRecord],
+    tones: &'a [Tone],
+}
+
+/// 97.5 % of a normal distribution.
+const NORMAL: f64 = 1.959_963_984_540_054;
+
+impl Against<'_> {
+    fn calibrate(&self, known: &[ReferenceRecord]) -> Result<Calibrated, CalibrationError> {
+        let tones = self.tones_of(known)?;
+        let axes_of_reference =
+            std::array::from_fn(|axis| self.reference.channels.column(AXES[axis]).is_some());
+        let pairs: Vec<Pair> = tones
+            .iter()
+            .zip(known)
+            .zip(self.tones)
+            .map(|((tone, known), shown)| pair(tone, known, shown))
+            .collect();
+        let strength = |axis: usize| pairs.iter().map(|p| p.reference[axis].norm_sqr()).sum::<f64>();
+        let common =
+            (0..3).filter(|axis| axes_of_reference[*axis] && pairs.iter().all(|p| p.shown[*axis].is_some()));
+        let Some(main) = common.max_by(|a, b| strength(*a).total_cmp(&strength(*b))) else {
+            return Err(self.no_common_axis(axes_of_reference));
+        };
+        let failed = |fault| CalibrationError::Fit {
+            condition: self.condition.name.to_string(),
+            reference: self.reference.name.to_string(),
+            fault,
+        };
+        let matrix = Matrix::fit(&pairs, axes_of_reference).map_err(failed)?;
+        let Some((scale, by_noise)) = matrix.entry(main, main) else {
+            return Err(self.no_common_axis(axes_of_reference));
+        };
+        let scatter = matrix.scatter();
+        let wander = tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max);
+        let budget = self.budget(&matrix, by_noise / scale.abs(), scatter, wander);
+        // What is not from the records is common to all entries, in proportion to each.
+        let of_records = |part: &&Contribution| part.origin == FROM_NOISE || part.origin == FROM_SCATTER;
+        let stated = budget.iter().filter(|part| !of_records(part)).filter_map(|part| part.ppm);
+        let stated = 1e-6 * stated.map(|ppm| ppm * ppm).sum::<f64>().sqrt();
+        let known_to = |(value, noise): (f64, f64), common: f64| {
+            let by_records = noise * scatter.unwrap_or(1.0);
+            let uncertainty = by_records.hypot(value * common);
+            // Of scatter only as much is known as records allow (Welch and Satterthwaite).
+            let freedom = matrix.freedom as f64 * (uncertainty / by_records).powi(4);
+            let quantile = match StudentsT::new(0.0, 1.0, freedom) {
+                Ok(law) if scatter.is_some() && freedom < 1e6 => law.inverse_cdf(0.975),
+                _ => NORMAL,
+            };
+            let half = quantile * uncertainty;
+            Estimate { value, by_records, uncertainty, interval: [value - half, value + half] }
+        };
+        let of_scale = |found| known_to(found, stated);
+        let of_angle = |found| known_to(found, 0.0);
+        let entries = std::array::from_fn(|i| std::array::from_fn(|j| matrix.entry(i, j).map(of_scale)));
+        let turns = matrix.turn_rad.clone();
+        let mut calibrated = Calibrated {
+            condition: self.condition.name.to_string(),
+            temperature_k: self.condition.temperature.as_ref().map(crate::config::Quantity::si),
+            reference: self.reference.name.to_string(),
+            main,
+            scale_factor: of_scale((scale, by_noise)),
+            matrix: entries,
+            bias: std::array::from_fn(|axis| self.bias(axis)),
+            budget,
+            records: self.figures(&tones, &pairs, main),
+            chi_square: matrix.chi_square,
+            freedom: matrix.freedom,
+            peak_to_peak: self.peak_to_peak(known, &tones, main),
+            excitation: matrix.excitation.clone(),
+            alignment: matrix.alignment().map(|[scale, angles, mounting]| {
+                [scale.map(of_scale), angles.map(of_angle), mounting.map(of_angle)]
+            }),
+            in_plane: None,
+            centre: None,
+            not_observed: not_observed(&matrix, axes_of_reference, &pairs),
+            warnings: Vec::new(),
+        };
+        if calibrated.alignment.is_none() {
+            let plane = [[0, 1], [1, 2], [0, 2]]
+                .into_iter()
+                .find_map(|axes| Some((axes, matrix.alignment_in_plane(axes)?)));
+            calibrated.in_plane = plane.map(|([a, b], [non_orthogonality, turn])| InPlane {
+                axes: [AXES[a], AXES[b]],
+                non_orthogonality: of_angle(non_orthogonality),
+                turn: of_angle(turn),
+            });
+        }
+        if self.file.gyroscope.accelerometers.is_some() {
+            calibrated.centre = Some(self.centre(&tones, &pairs, &turns).map_err(failed)?);
+            let arm = calibrated.centre.iter().flat_map(|centre| centre.arm.iter().zip(AXES));
+            let lost: Vec<&str> = arm.filter(|(found, _)| found.is_none()).map(|(_, axis)| axis).collect();
+            if !lost.is_empty() {
+                calibrated.not_observed.push(format!(
+                    "the centre of rotation along {}: turning about an axis says nothing of where along it",
+                    lost.join(" and ")
+                ));
+            }
+        }
+        calibrated.warnings = self.warnings(&calibrated, &tones);
+        Ok(calibrated)
+    }
+
+    /// The reference's vibrations, of the gyroscope's frequency.
+    fn tones_of(&self, known: &[ReferenceRecord]) -> Result<Vec<Tone>, CalibrationError> {
+        let tones: Vec<Tone> = known
+            .iter()
+            .zip(self.records)
+            .map(|(known, record)| {
+                let place = || format!("{}, record `{}`", known.place, record.name);
+                let tone = known.signals.tone(None);
+                tone.map_err(|fault| CalibrationError::Tone { place: place(), fault })
+            })
+            .collect::<Result<_, _>>()?;
+        for (tone, record) in tones.iter().zip(self.records.iter().zip(self.tones)) {
+            self.check_frequencies(tone, record.1, &record.0.name)?;
+        }
+        Ok(tones)
+    }
+
+    fn check_frequencies(&self, tone: &Tone, shown: &Tone, record: &str) -> Result<(), CalibrationError> {
+        let rate_hz = self.file.gyroscope.rate.si();
+        let tolerance = self.file.gyroscope.clock_tolerance.si();
+        if tone.frequency_hz > 0.5 * rate_hz * (1.0 - tolerance) {
+            let frequency_hz = tone.frequency_hz;
+            return Err(CalibrationError::Aliased { record: record.to_owned(), frequency_hz, rate_hz });
+        }
+        let off = shown.frequency_hz / tone.frequency_hz - 1.0;
+        if off.abs() > tolerance {
+            return Err(CalibrationError::Frequencies {
+                record: record.to_owned(),
+                reference: self.reference.name.to_string(),
+                shown_hz: shown.frequency_hz,
+                reference_hz: tone.frequency_hz,
+                off: 100.0 * off,
+                tolerance: 100.0 * tolerance,
+            });
+        }
+        Ok(())
+    }
+
+    fn no_common_axis(&self, axes_of_reference: [bool; 3]) -> CalibrationError {
+        let list = |has: &dyn Fn(usize) -> bool| {
+            let names: Vec<&str> = (0..3).filter(|axis| has(*axis)).map(|axis| AXES[axis]).collect();
+            names.join(", ")
+        };
+        CalibrationError::NoCommonAxis {
+            condition: self.condition.name.to_string(),
+            reference: self.reference.name.to_string(),
+            shown: list(&|axis| self.file.gyroscope.channels.column(AXES[axis]).is_some()),
+            known: list(&|axis| axes_of_reference[axis]),
+        }
+    }
+
+    fn budget(&self, matrix: &Matrix, noise: f64, scatter: Option<f64>, wander: f64) -> Vec<Contribution> {
+        let ppm = |part: f64| Some(1e6 * part);
+        let beyond = scatter.map_or(0.0, |factor| noise * (factor * factor - 1.0).max(0.0).sqrt());
+        let mut budget = vec![
+            Contribution {
+                source: "noise of the gyroscope",
+                ppm: ppm(noise * matrix.shown_part.sqrt()),
+                origin: FROM_NOISE,
+            },
+            Contribution {
+                source: "noise of the reference",
+                ppm: ppm(noise * (1.0 - matrix.shown_part).max(0.0).sqrt()),
+                origin: FROM_NOISE,
+            },
+            Contribution { source: "scatter of the records", ppm: ppm(beyond), origin: FROM_SCATTER },
+            Contribution {
+                source: "wander of the clocks",
+                ppm: ppm(wander),
+                origin: "measured, within records",
+            },
+        ];
+        for (source, value) in self.reference.uncertainty.contributions() {
+            let ppm = value.map(|value| 1e6 * value);
+            let origin = if ppm.is_some() { "stated" } else { "not stated: not in the interval" };
+            budget.push(Contribution { source, ppm, origin });
+        }
+        budget
+    }
+
+    /// The mean of the offsets: a vibration has no mean rate.
+    fn bias(&self, axis: usize) -> Option<Estimate> {
+        let offsets: Vec<(f64, f64)> = self
+            .tones
+            .iter()
+            .map(|tone| tone.axes[axis].map(|found| (found.offset, found.offset_deviation)))
+            .collect::<Option<_>>()?;
+        let count = offsets.len() as f64;
+        let value = offsets.iter().map(|(offset, _)| offset).sum::<f64>() / count;
+        let noise = offsets.iter().map(|(_, deviation)| deviation * deviation).sum::<f64>().sqrt() / count;
+        let square: f64 = offsets.iter().map(|(offset, sd)| ((offset - value) / sd).powi(2)).sum();
+        let freedom = count - 1.0;
+        let limit =
+            statrs::distribution::ChiSquared::new(freedom).map_or(f64::INFINITY, |l| l.inverse_cdf(0.99));
+        let (factor, quantile) = match StudentsT::new(0.0, 1.0, freedom) {
+            Ok(law) if square > limit => ((square / freedom).sqrt(), law.inverse_cdf(0.975)),
+            _ => (1.0, NORMAL),
+        };
+        let (by_records, half) = (noise * factor, noise * factor * quantile);
+        Some(Estimate { value, by_records, uncertainty: by_records, interval: [value - half, value + half] })
+    }
+
+    fn figures(&self, tones: &[Tone], pairs: &[Pair], main: usize) -> Vec<RecordFigures> {
+        let rate_hz = self.file.gyroscope.rate.si();
+        let records = self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs));
+        let figures = records.filter_map(|((record, shown), (tone, pair))| {
+            let (reference, amplitude) = (pair.reference[main].norm(), pair.shown[main]?.norm());
+            let scale_factor = amplitude / reference;
+            let relative =
+                (pair.reference_deviation[main] / reference).hypot(pair.shown_deviation[main] / amplitude);
+            let sample_rate_hz = rate_hz * tone.frequency_hz / shown.frequency_hz;
+            let of_clock = (tone.frequency_deviation_hz / tone.frequency_hz)
+                .hypot(shown.frequency_deviation_hz / shown.frequency_hz);
+            Some(RecordFigures {
+                record: record.name.clone(),
+                frequency_hz: tone.frequency_hz,
+                sample_rate_hz,
+                sample_rate_deviation_hz: sample_rate_hz * of_clock,
+                periods: [tone.periods, shown.periods],
+                reference,
+                shown: amplitude,
+                scale_factor,
+                deviation: scale_factor * relative,
+                distortion: [tone.axes[main]?.distortion, shown.axes[main]?.distortion],
+            })
+        });
+        figures.collect()
+    }
+
+    fn peak_to_peak(&self, known: &[ReferenceRecord], tones: &[Tone], main: usize) -> Option<PeakToPeak> {
+        let pairs: Option<Vec<(f64, f64)>> = known
+            .iter()
+            .zip(tones)
+            .zip(self.records.iter().zip(self.tones))
+            .map(|((known, tone), (record, shown))| {
+                let times = &known.signals.time_s;
+                let interval = (times.last()? - times.first()?) / (times.len() - 1) as f64;
+                let half = HALF_WINDOW * interval * tone.frequency_hz;
+                let at = |signals: &super::tone::Signals, tone: &Tone| {
+                    let phase = tone.axes[main]?.phasor.arg();
+                    signals.crest_to_trough(main, tone.frequency_hz, phase, half)
+                };
+                if known.shows[main] == Shows::Angle || half > 0.1 {
+                    return None;
+                }
+                Some((at(&known.signals, tone)?, at(&record.rates, shown)?))
+            })
+            .collect();
+        PeakToPeak::of(&pairs?)
+    }
+
+    fn centre(&self, tones: &[Tone], pairs: &[Pair], turns: &[f64]) -> Result<Centred, crate::fit::FitError> {
+        let mut shaken = Vec::new();
+        for ((record, shown), (tone, (pair, turn))) in
+            self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs.iter().zip(turns)))
+        {
+            let turn = Complex64::from_polar(1.0, *turn);
+            let found = record.forces.components(shown.frequency_hz);
+            shaken.push(Shaken {
+                frequency_hz: tone.frequency_hz,
+                rate: pair.reference.map(|rate| rate * turn),
+                force: found.map(|found| found.map(|c| c.phasor)),
+                deviation: found.map(|found| found.map_or(0.0, |c| c.deviation)),
+                reaction: found.map(|found| found.map_or(0.0, |c| c.offset)),
+            });
+        }
+        let centre = Centre::fit(&shaken)?;
+        let arm = std::array::from_fn(|axis| {
+            let (value, uncertainty) = centre.coordinate(axis)?;
+            let half = NORMAL * uncertainty;
+            let interval = [value - half, value + half];
+            Some(Estimate { value, by_records: uncertainty, uncertainty, interval })
+        });
+        Ok(Centred { arm, chi_square: centre.chi_square, freedom: centre.freedom })
+    }
+
+    fn warnings(&self, found: &Calibrated, tones: &[Tone]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if found.freedom > 0 && found.budget.iter().any(|p| p.origin == FROM_SCATTER && p.ppm > Some(0.0)) {
+            warnings.push(format!(
+                "the records scatter by more than their noise explains (χ² {:.1} at {} degrees of freedom): the interval is \
+                 widened by what they scatter; one sine per record, or one scale factor for all amplitudes, is not the whole \
+                 truth",
+                found.chi_square, found.freedom
+            ));
+        }
+        if tones.iter().chain(self.tones).any(|tone| tone.axes[tone.main].is_some_and(|c| !c.white)) {
+            warnings.push(
+                "what the sines leave is not white: its density beside the line counts as noise, which holds for noise and not \
+                 for errors that repeat with each period"
+                    .to_owned(),
+            );
+        }
+        let rates: Vec<(f64, f64)> =
+            found.records.iter().map(|r| (r.sample_rate_hz, r.sample_rate_deviation_hz)).collect();
+        let ends = rates.iter().fold(None::<[(f64, f64); 2]>, |ends, rate| {
+            let [low, high] = ends.unwrap_or([*rate; 2]);
+            Some([if rate.0 < low.0 { *rate } else { low }, if rate.0 > high.0 { *rate } else { high }])
+        });
+        if let Some([low, high]) = ends.filter(|[low, high]| high.0 - low.0 > 5.0 * high.1.hypot(low.1)) {
+            warnings.push(format!(
+                "the gyroscope's clock changes between records, from {:.3} to {:.3} samples per second: amplitudes do not hang \
+                 on it, but let the unit warm up where its clock matters",
+                low.0, high.0
+            ));
+        }
+        warnings
+    }
+}
+
+/// How noise is known.
+const FROM_NOISE: &str = "measured, residuals";
+/// How scatter is known.
+const FROM_SCATTER: &str = "measured, between records";
+
+/// Phasors of rates, in rad/s.
+fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
+    let of_angle = Complex64::i() * (TAU * tone.frequency_hz);
+    let mut pair = Pair {
+        reference: [Complex64::new(0.0, 0.0); 3],
+        reference_deviation: [0.0; 3],
+        shown: shown.axes.map(|found| found.map(|c| c.phasor)),
+        shown_deviation: shown.axes.map(|found| found.map_or(0.0, |c| c.deviation)),
+    };
+    for (axis, found) in tone.axes.iter().enumerate() {
+        let Some(found) = found else { continue };
+        let factor = match known.shows[axis] {
+            Shows::Rate => Complex64::new(1.0, 0.0),
+            Shows::Angle => of_angle,
+        };
+        pair.reference[axis] = found.phasor * factor;
+        pair.reference_deviation[axis] = found.deviation * factor.norm();
+    }
+    pair
+}
+
+fn not_observed(matrix: &Matrix, axes_of_reference: [bool; 3], pairs: &[Pair]) -> Vec<String> {
+    let mut said = Vec::new();
+    let rows: Vec<usize> = (0..3).filter(|i| pairs.iter().all(|pair| pair.shown[*i].is_some())).collect();
+    for column in 0..3 {
+        let name = AXES[column];
+        if rows.iter().all(|row| matrix.entry(*row, column).is_some()) {
+            continue;
+        }
+        let entries: Vec<String> = rows.iter().map(|row| format!("k_{}{name}", AXES[*row])).collect();
+        let why = if axes_of_reference[column] {
+            let strength = pairs.iter().map(|p| p.reference[column].norm()).fold(0.0, f64::max);
+            format!("the records hardly turn about {name} ({strength:.1e} rad/s)")
+        } else {
+            format!("the reference shows no {name}: turning about {name} is taken as none")
+        };
+        said.push(format!("{}: {why}", entries.join(", ")));
+    }
+    let whole = (0..9).all(|k| matrix.entry(k / 3, k % 3).is_some());
+    if !whole && rows.len() > 1 {
+        said.push(
+            "non-orthogonality apart from mounting needs all nine entries: in a matrix with an unknown column a tilt of a \
+             sensitive axis and a tilt of the case are one"
+                .to_owned(),
+        );
+    }
+    said
+}
+
+/// Between the first condition and each later one, by the references that both have.
+fn changes(results: &[Calibrated]) -> Vec<Change> {
+    let mut changes = Vec::new();
+    let Some(first) = results.first().map(|r| r.condition.clone()) else { return changes };
+    for later in results.iter().filter(|r| r.condition != first) {
+        let before = results
+            .iter()
+            .find(|r| r.condition == first && r.reference == later.reference && r.main == later.main);
+        let Some(before) = before else { continue };
+        let (old, new) = (before.scale_factor, later.scale_factor);
+        let ppm = 1e6 * (new.value / old.value - 1.0);
+        let warmer = later.temperature_k.zip(before.temperature_k).map(|(b, a)| b - a);
+        changes.push(Change {
+            reference: later.reference.clone(),
+            from: first.clone(),
+            to: later.condition.clone(),
+            ppm,
+            deviation_ppm: 1e6 * (old.by_records / old.value).hypot(new.by_records / new.value),
+            ppm_per_k: warmer.filter(|k| *k != 0.0).map(|k| ppm / k),
+        });
+    }
+    changes
+}

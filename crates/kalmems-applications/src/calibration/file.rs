@@ -1,0 +1,366 @@
+//! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
+
+use crate::config::FileColumns;
+use crate::config::FileFormat;
+use crate::config::Quantity;
+use crate::config::Source;
+use crate::config::Vibrometer;
+use crate::config::kinds::{AngularRate, Frequency, Ratio, Temperature};
+use crate::config::{
+    Channels, Clock, ColumnChoice, ConfigError, Fault, Key, Name, Segments, read_source, schema_of,
+};
+use crate::config::{NotNegative, Positive};
+use crate::recording::Layout;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What stands for a record's name in the name of a file.
+const RECORD: &str = "{record}";
+
+/// What a gyroscope is calibrated with, as one TOML file says.
+///
+/// Two are equal if they say the same, whatever file they came from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }]))]
+pub struct GyroscopeCalibration {
+    /// A name; results go to a folder of this name unless another is given.
+    pub name: Name,
+    /// What the calibration is about, in free text.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// The gyroscope.
+    pub gyroscope: InertialUnit,
+    /// The records under vibration, at one temperature or several.
+    #[serde(rename = "condition", default, skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<Condition>,
+    /// A record without motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rest: Option<RestRecord>,
+    #[serde(skip)]
+    source: Source,
+}
+
+/// The gyroscope, and the accelerometers in its case if there are any.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InertialUnit {
+    /// Its nominal sample rate. Its clock is its own: what it really is, the calibration finds.
+    pub rate: Quantity<Frequency, Positive>,
+    /// How far its clock may be off, relative to that.
+    pub clock_tolerance: Quantity<Ratio, NotNegative>,
+    /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references.
+    pub channels: Channels,
+    /// The columns of the accelerometers by axis, in the same file, for the centre of rotation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometers: Option<Channels>,
+    /// The largest rate that it can show; what is as large is clipped. Otherwise clipping is seen where a value repeats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub full_scale: Option<Quantity<AngularRate, Positive>>,
+}
+
+/// Records at one temperature, and the references for them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Condition {
+    /// A name, unique in the file, such as `room`.
+    pub name: Name,
+    /// The temperature of the unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Quantity<Temperature, Positive>>,
+    /// The file of the gyroscope. With `{record}` in its name, a file for each of `records`.
+    #[schemars(example = &"gyro.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where one file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// The records that are used; all if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub records: Option<Vec<String>>,
+    /// What the records are compared with: a vibrometer, an estimated motion.
+    #[serde(rename = "reference")]
+    #[schemars(length(min = 1))]
+    pub references: Vec<MotionReference>,
+}
+
+/// A motion that is known: angular rates, angles, or the voltage of a vibrometer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MotionReference {
+    /// A name, unique in the condition, such as `vibrometer` or `stage`.
+    pub name: Name,
+    /// Its file. With `{record}` in its name, a file for each record, such as `out/stage/{record}_trajectory_ekf.csv`.
+    #[schemars(example = &"bias_on.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where one file holds several records: the column that tells them apart, with the names that the gyroscope's have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken.
+    pub clock: Clock,
+    /// Its columns by axis: angular rates, angles, or volts of the `vibrometer`. An axis that is left out is taken to be
+    /// at rest.
+    pub channels: Channels,
+    /// For columns in volts: how they become angular rates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vibrometer: Option<Vibrometer>,
+    /// Relative standard uncertainties that the records cannot tell. What is left out is not in the interval, and said.
+    #[serde(default)]
+    pub uncertainty: StatedUncertainty,
+}
+
+/// Relative standard uncertainties of a reference, from elsewhere: a certificate, a data sheet, a study.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StatedUncertainty {
+    /// The vibrometer's gain; of an estimated motion, that of the vibrometer it was identified with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vibrometer: Option<Quantity<Ratio, NotNegative>>,
+    /// The lever arm that makes a rate of the vibrometer's velocity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lever_arm: Option<Quantity<Ratio, NotNegative>>,
+    /// The clock of the reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Quantity<Ratio, NotNegative>>,
+    /// What is left of the drive in the sensors' signals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feedthrough: Option<Quantity<Ratio, NotNegative>>,
+    /// The model behind an estimated motion: gap, gain, capacitance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<Quantity<Ratio, NotNegative>>,
+    /// The temperature between calibration and use.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Quantity<Ratio, NotNegative>>,
+    /// Motion about axes that the reference does not show, times the unit's cross-axis sensitivity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub off_axis: Option<Quantity<Ratio, NotNegative>>,
+}
+
+/// A record without motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RestRecord {
+    /// Its file.
+    #[schemars(example = &"rest.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart. None of them is joined to the next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the gyroscope's nominal rate if left out. A column of times has to show that rate within
+    /// its `clock_tolerance`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// Its columns by axis; those of the gyroscope if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+}
+
+/// The axes that a channel can be of.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+impl GyroscopeCalibration {
+    /// The JSON schema of such a file: for editors, and for checking one without this program.
+    pub fn schema() -> serde_json::Value {
+        schema_of::<Self>("A kalmems calibration of a gyroscope")
+    }
+
+    /// Reads a calibration file.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::from_source(Source::load(path)?)
+    }
+
+    /// Reads the text of a calibration file; `path` is where it stands, or would stand.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        Self::from_source(Source::of(text, path)?)
+    }
+
+    fn from_source(source: Source) -> Result<Self, ConfigError> {
+        let mut calibration: Self = read_source(&source)?;
+        calibration.source = source;
+        calibration.check()?;
+        Ok(calibration)
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        let refuse = |key: Key, why: String| Err(self.error(key, Fault::Value { why }));
+        let unit = Key::from("gyroscope");
+        self.check_axes(&unit.clone().child("channels"), &self.gyroscope.channels)?;
+        if let Some(channels) = &self.gyroscope.accelerometers {
+            self.check_axes(&unit.child("accelerometers"), channels)?;
+        }
+        if self.conditions.is_empty() && self.rest.is_none() {
+            let why = "found neither records under vibration nor one at rest; expected `[[condition]]`, or `[rest]`";
+            return refuse(Key::default(), why.to_owned());
+        }
+        let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
+        self.check_columns(&Key::from("gyroscope"), &both)?;
+        if let Some(rest) = &self.rest {
+            if let Some(channels) = &rest.channels {
+                self.check_axes(&Key::from("rest").child("channels"), channels)?;
+            }
+            let clock = rest.clock.clone().unwrap_or_else(|| self.gyroscope.clock());
+            self.check_columns(&Key::from("rest"), &rest.in_file(&self.gyroscope, &clock))?;
+        }
+        let mut conditions = BTreeMap::new();
+        for (index, condition) in self.conditions.iter().enumerate() {
+            let key = Key::from("condition").index(index);
+            if let Some(first) = conditions.insert(&condition.name, key.clone()) {
+                let fault =
+                    Fault::DuplicateName { name: condition.name.to_string(), first: first.to_string() };
+                return Err(self.error(key.child("name"), fault));
+            }
+            if is_per_record(&condition.file) && condition.records.is_none() {
+                let why =
+                    "a file for each record needs their names, such as `records = [\"test1\", \"test2\"]`";
+                return refuse(key.child("records"), why.to_owned());
+            }
+            if condition.references.is_empty() {
+                let why = "found no reference; expected at least one `[[condition.reference]]`";
+                return refuse(key.child("reference"), why.to_owned());
+            }
+            let mut names = BTreeMap::new();
+            for (number, reference) in condition.references.iter().enumerate() {
+                let key = key.clone().child("reference").index(number);
+                self.check_axes(&key.clone().child("channels"), &reference.channels)?;
+                self.check_columns(&key, &reference.in_file())?;
+                if let Some(first) = names.insert(&reference.name, key.clone()) {
+                    let fault =
+                        Fault::DuplicateName { name: reference.name.to_string(), first: first.to_string() };
+                    return Err(self.error(key.child("name"), fault));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a column that is read in two ways.
+    fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
+        file.check().map_err(|(_, why)| self.error(key.clone(), Fault::Value { why }))
+    }
+
+    fn check_axes(&self, key: &Key, channels: &Channels) -> Result<(), ConfigError> {
+        match channels.iter().find(|(axis, _)| !AXES.contains(axis)) {
+            Some((axis, _)) => {
+                let why = format!("`{axis}` is no axis; expected `x`, `y` or `z`");
+                Err(self.error(key.clone().child(axis), Fault::Value { why }))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// A file that it names: relative to the folder of the calibration file, with a record's name in its place.
+    pub fn resolve(&self, file: &Path, record: &str) -> PathBuf {
+        let named = PathBuf::from(file.to_string_lossy().replace(RECORD, record));
+        self.source.path.parent().unwrap_or(Path::new("")).join(named)
+    }
+
+    /// The files that a run reads because of it, itself among them; see [`Source::files`].
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = self.conditions.iter().flat_map(|condition| {
+            let files = condition.references.iter().map(|reference| &reference.file);
+            let records = condition.records.iter().flatten().map(String::as_str);
+            let of_record =
+                move |record| std::iter::once(&condition.file).chain(files.clone()).map(move |f| (f, record));
+            records.flat_map(of_record)
+        });
+        let named = named.map(|(file, record)| self.resolve(file, record));
+        self.source.files().into_iter().chain(named).collect()
+    }
+
+    /// An error at a key, with its line.
+    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+        self.source.error_at(key.into(), fault)
+    }
+}
+
+/// Whether a file's name has a record's name in it.
+pub(super) fn is_per_record(file: &Path) -> bool {
+    file.to_string_lossy().contains(RECORD)
+}
+
+impl InertialUnit {
+    /// The columns of a file of it.
+    fn columns(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
+        let mut columns = self.channels.in_file();
+        columns.extend(self.accelerometers.iter().flat_map(Channels::in_file));
+        columns
+    }
+
+    /// Its clock, by its nominal rate.
+    pub fn clock(&self) -> Clock {
+        Clock::Rate { rate: self.rate.clone(), start: None }
+    }
+}
+
+impl Condition {
+    /// How to read a file of the gyroscope.
+    pub fn layout(&self, unit: &InertialUnit) -> Layout {
+        let clock = unit.clock();
+        let (format, segments) = (self.format.as_ref(), self.segments.as_ref());
+        FileColumns { format, clock: Some(&clock), segments, columns: unit.columns() }.layout(None)
+    }
+}
+
+impl MotionReference {
+    /// How to read a file of it.
+    pub fn layout(&self) -> Layout {
+        self.in_file().layout(None)
+    }
+
+    fn in_file(&self) -> FileColumns<'_> {
+        FileColumns {
+            format: self.format.as_ref(),
+            clock: Some(&self.clock),
+            segments: self.segments.as_ref(),
+            columns: self.channels.in_file(),
+        }
+    }
+}
+
+impl RestRecord {
+    /// Its columns by axis.
+    pub fn channels<'a>(&'a self, unit: &'a InertialUnit) -> &'a Channels {
+        self.channels.as_ref().unwrap_or(&unit.channels)
+    }
+
+    /// How to read its file.
+    pub fn layout(&self, unit: &InertialUnit) -> Layout {
+        let clock = self.clock.clone().unwrap_or_else(|| unit.clock());
+        self.in_file(unit, &clock).layout(None)
+    }
+
+    fn in_file<'a>(&'a self, unit: &'a InertialUnit, clock: &'a Clock) -> FileColumns<'a> {
+        FileColumns {
+            format: self.format.as_ref(),
+            clock: Some(clock),
+            segments: self.segments.as_ref(),
+            columns: self.channels(unit).in_file(),
+        }
+    }
+}
+
+impl StatedUncertainty {
+    /// What each stands for, and its value where it is stated.
+    pub fn contributions(&self) -> [(&'static str, Option<f64>); 7] {
+        let of = |ratio: &Option<Quantity<Ratio, NotNegative>>| ratio.as_ref().map(Quantity::si);
+        [
+            ("vibrometer", of(&self.vibrometer)),
+            ("lever arm", of(&self.lever_arm)),
+            ("clock", of(&self.clock)),
+            ("feedthrough", of(&self.feedthrough)),
+            ("model", of(&self.model)),
+            ("temperature", of(&self.temperature)),
+            ("off-axis motion", of(&self.off_axis)),
+        ]
+    }
+}

@@ -1,0 +1,156 @@
+//! Reading what a calibration file names.
+
+use super::error::CalibrationError;
+use super::tone::{AXES, Signals};
+use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
+use crate::config::{Channels, Fault, Key};
+use crate::named_files::{NamedFileError, NamedFiles};
+use crate::recording::{Instant, Layout, Recording};
+use crate::units::{Kind, Unit, kind};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a column of a reference is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// Angular rates.
+    Rate,
+    /// Angles, whose rates are jω times them.
+    Angle,
+}
+
+/// A gyroscope's record with its accelerometers.
+pub struct UnitRecord {
+    pub name: String,
+    pub place: String,
+    pub rates: Signals,
+    pub forces: Signals,
+}
+
+/// A reference's record.
+pub struct ReferenceRecord {
+    pub place: String,
+    pub signals: Signals,
+    pub shows: [Shows; 3],
+}
+
+/// Reads files and remembers what they were.
+pub struct Files<'a> {
+    pub file: &'a GyroscopeCalibration,
+    pub named: NamedFiles<'a>,
+    /// Where the times of each record of the gyroscope count from.
+    pub origins: BTreeMap<String, Instant>,
+}
+
+impl Files<'_> {
+    /// The gyroscope's records of one condition.
+    pub fn unit(&mut self, index: usize, condition: &Condition) -> Result<Vec<UnitRecord>, CalibrationError> {
+        let key = || Key::from("condition").index(index);
+        let unit = &self.file.gyroscope;
+        let layout = condition.layout(unit);
+        let per_record = is_per_record(&condition.file);
+        let mut records = Vec::new();
+        let names = condition.records.clone().unwrap_or_default();
+        let passes = if per_record { names.clone() } else { vec![String::new()] };
+        for name in &passes {
+            let path = self.file.resolve(&condition.file, name);
+            let recording = self.read(key().child("file"), &path, &layout)?;
+            let labels: Vec<String> = recording.segments().iter().map(|s| s.label.clone()).collect();
+            let wanted: Vec<String> = match (per_record, &condition.records) {
+                (true, _) => labels.iter().take(1).cloned().collect(),
+                (false, Some(names)) => names.clone(),
+                (false, None) => labels.clone(),
+            };
+            for label in wanted {
+                let Some(segment) = recording.segments().iter().find(|s| s.label == label) else {
+                    let place = path.display().to_string();
+                    return Err(CalibrationError::NoRecord { place, record: label, known: labels });
+                };
+                let time_s = segment.time.to_vec();
+                let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
+                    let mut axes = [None, None, None];
+                    for (axis, slot) in AXES.iter().zip(&mut axes) {
+                        if let Some(column) = channels.and_then(|channels| channels.column(axis)) {
+                            *slot = Some(recording.column_of(column, kind)?.of(segment).to_vec());
+                        }
+                    }
+                    Ok(Signals { time_s: time_s.clone(), axes })
+                };
+                let name = if per_record { name.clone() } else { label };
+                self.origins.insert(name.clone(), recording.origin());
+                records.push(UnitRecord {
+                    name,
+                    place: path.display().to_string(),
+                    rates: axes(Some(&unit.channels), &kind::ANGULAR_RATE)?,
+                    forces: axes(unit.accelerometers.as_ref(), &kind::ACCELERATION)?,
+                });
+            }
+        }
+        Ok(records)
+    }
+
+    /// A reference's records, in the order of these names.
+    pub fn reference(
+        &mut self,
+        key: &Key,
+        reference: &MotionReference,
+        names: &[&str],
+    ) -> Result<Vec<ReferenceRecord>, CalibrationError> {
+        let layout = reference.layout();
+        let per_record = is_per_record(&reference.file);
+        let mut records = Vec::new();
+        let mut whole: Option<Recording> = None;
+        for name in names {
+            let layout = Layout { origin: self.origins.get(*name).copied(), ..layout.clone() };
+            let path = self.file.resolve(&reference.file, name);
+            let there = whole.as_ref().map(Recording::origin);
+            if per_record || there.is_none() || layout.origin.is_some_and(|origin| there != Some(origin)) {
+                whole = Some(self.read(key.clone().child("file"), &path, &layout)?);
+            }
+            let Some(recording) = &whole else { continue };
+            let mut segments = recording.segments().iter();
+            let alone = per_record || (names.len() == 1 && reference.segments.is_none());
+            let found = if alone { segments.next() } else { segments.find(|s| s.label == *name) };
+            let Some(segment) = found else {
+                return Err(CalibrationError::NoRecord {
+                    place: path.display().to_string(),
+                    record: (*name).to_owned(),
+                    known: recording.segments().iter().map(|s| s.label.clone()).collect(),
+                });
+            };
+            let mut axes = [None, None, None];
+            let mut shows = [Shows::Rate; 3];
+            for ((axis, slot), shows) in AXES.iter().zip(&mut axes).zip(&mut shows) {
+                let Some(column) = reference.channels.column(axis) else { continue };
+                let values = recording.column(column)?;
+                let unit = values.header.unit.unwrap_or(Unit::ONE).dimension();
+                let factor = if let Some(vibrometer) = &reference.vibrometer {
+                    recording.column_of(column, &kind::VOLTAGE)?;
+                    2.0 / (vibrometer.gain.si() * vibrometer.target_width.si())
+                } else {
+                    if kind::ANGLE.accepts(unit) {
+                        *shows = Shows::Angle;
+                    } else {
+                        recording.column_of(column, &kind::ANGULAR_RATE)?;
+                    }
+                    1.0
+                };
+                *slot = Some(values.of(segment).iter().map(|v| v * factor).collect());
+            }
+            records.push(ReferenceRecord {
+                place: path.display().to_string(),
+                signals: Signals { time_s: segment.time.to_vec(), axes },
+                shows,
+            });
+        }
+        Ok(records)
+    }
+
+    /// Reads a file and remembers it.
+    pub fn read(&mut self, key: Key, path: &Path, layout: &Layout) -> Result<Recording, CalibrationError> {
+        self.named.read(path, layout).map_err(|error| match error {
+            NamedFileError::Missing(why) => self.file.error(key, Fault::Value { why }).into(),
+            NamedFileError::Read(error) => error.into(),
+        })
+    }
+}

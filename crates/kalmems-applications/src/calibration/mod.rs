@@ -1,0 +1,40 @@
+//! Calibration of a gyroscope by a vibration that is known.
+//!
+//! A stage shakes the gyroscope, a reference knows how: a vibrometer, or the stage's own estimated motion. Each has its own
+//! clock, so that amplitudes and relative phases are all that can be compared: both records are fitted by sines of free
+//! frequency ([`Signals::tone`]), and K of Ω_I = K·Ω + b to the phasors of all records ([`Matrix::fit`]), each with a phase
+//! of its own. [`calibrate`] does all that a calibration file says.
+
+mod calibrate;
+mod centre;
+mod error;
+mod file;
+mod files;
+mod matrix;
+mod motion;
+mod noise_study;
+mod off_axis;
+mod outcome;
+mod peaks;
+mod rest;
+mod rest_record;
+mod results;
+mod simulated;
+mod stretches;
+mod tone;
+
+pub use calibrate::calibrate;
+pub use centre::{Centre, Shaken};
+pub use error::CalibrationError;
+pub use file::{
+    Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
+};
+pub use matrix::{Matrix, Pair};
+pub use noise_study::{NoiseShare, NoiseStudy};
+pub use off_axis::OffAxisMotion;
+pub use outcome::{Calibrated, Calibration, Centred, Change, Contribution, Estimate, InPlane, RecordFigures};
+pub use peaks::{HALF_WINDOW, PeakToPeak};
+pub use rest::Rest;
+pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
+pub use simulated::{Instrument, SimulatedUnit, Vibration};
+pub use tone::{AXES, Component, FEWEST_PERIODS, FEWEST_SAMPLES, Signals, Tone, ToneError};

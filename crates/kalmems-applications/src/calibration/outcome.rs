@@ -1,0 +1,160 @@
+//! What a calibration found.
+
+use super::peaks::PeakToPeak;
+use super::rest::Rest;
+use crate::calibration::file::GyroscopeCalibration;
+use crate::recording::Source;
+use serde::Serialize;
+
+/// A calibration.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// The calibration file.
+    pub file: GyroscopeCalibration,
+    /// Each condition with each of its references.
+    pub results: Vec<Calibrated>,
+    /// How scale factors change between conditions.
+    pub changes: Vec<Change>,
+    /// The record at rest, axis by axis.
+    pub rest: Vec<Rest>,
+    /// The files that were read, each once.
+    pub sources: Vec<Source>,
+    /// What was found in the files and does not keep them from being used.
+    pub findings: Vec<String>,
+}
+
+/// A number with what it is known to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its standard uncertainty by the records alone: noise, and scatter where there is more than noise.
+    pub by_records: f64,
+    /// Its standard uncertainty with all that is stated besides.
+    pub uncertainty: f64,
+    /// The interval that holds it 95 times in 100.
+    pub interval: [f64; 2],
+}
+
+/// A gyroscope at one temperature by one reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct Calibrated {
+    /// The condition.
+    pub condition: String,
+    /// Its temperature in K, where it is stated.
+    pub temperature_k: Option<f64>,
+    /// The reference.
+    pub reference: String,
+    /// The axis that moves most: 0 for x.
+    pub main: usize,
+    /// The scale factor of that axis.
+    pub scale_factor: Estimate,
+    /// K row by row; none where the records do not tell it.
+    pub matrix: [[Option<Estimate>; 3]; 3],
+    /// The bias of each axis in rad/s.
+    pub bias: [Option<Estimate>; 3],
+    /// What the scale factor's uncertainty is made of.
+    pub budget: Vec<Contribution>,
+    /// The records.
+    pub records: Vec<RecordFigures>,
+    /// The sum of squared residuals by their variances, and how many are free.
+    pub chi_square: f64,
+    /// Residuals less parameters and phases.
+    pub freedom: usize,
+    /// The published method, where the reference shows rates.
+    pub peak_to_peak: Option<PeakToPeak>,
+    /// The singular values of the reference's rates in rad/s rms and their directions.
+    pub excitation: Vec<(f64, [f64; 3])>,
+    /// Scale along each axis, non-orthogonality xy, xz, yz and mounting about x, y, z, where all of K is known.
+    pub alignment: Option<[[Estimate; 3]; 3]>,
+    /// Where two columns are known: the axes, their non-orthogonality, and the turn about the third.
+    pub in_plane: Option<InPlane>,
+    /// The accelerometers' place from the centre of rotation in m, where there are any.
+    pub centre: Option<Centred>,
+    /// What these records cannot tell, and why.
+    pub not_observed: Vec<String>,
+    /// What a reader must know.
+    pub warnings: Vec<String>,
+}
+
+/// What two columns of K tell of the geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct InPlane {
+    /// The two axes.
+    pub axes: [&'static str; 2],
+    /// By how much the two are closer than square, in rad.
+    pub non_orthogonality: Estimate,
+    /// By how much the case is turned about the third axis, in rad.
+    pub turn: Estimate,
+}
+
+/// The place of the accelerometers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Centred {
+    /// From the centre of rotation, in m; none along an axis that everything turned about.
+    pub arm: [Option<Estimate>; 3],
+    /// The sum of squared residuals by their variances.
+    pub chi_square: f64,
+    /// Residuals less parameters.
+    pub freedom: usize,
+}
+
+/// A part of an uncertainty.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Contribution {
+    /// What it comes from.
+    pub source: &'static str,
+    /// Its relative standard uncertainty in ppm; none where nobody said.
+    pub ppm: Option<f64>,
+    /// How it is known.
+    pub origin: &'static str,
+}
+
+/// One record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecordFigures {
+    /// Its name.
+    pub record: String,
+    /// The frequency by the reference in Hz.
+    pub frequency_hz: f64,
+    /// The rate of the gyroscope's clock by the reference's, in Hz.
+    pub sample_rate_hz: f64,
+    /// Its standard deviation.
+    pub sample_rate_deviation_hz: f64,
+    /// Periods of the reference and of the gyroscope.
+    pub periods: [f64; 2],
+    /// The amplitude of the main axis by the reference in rad/s.
+    pub reference: f64,
+    /// That by the gyroscope.
+    pub shown: f64,
+    /// The quotient of both.
+    pub scale_factor: f64,
+    /// Its standard deviation by noise.
+    pub deviation: f64,
+    /// The harmonics of reference and gyroscope, as parts of the amplitude.
+    pub distortion: [f64; 2],
+}
+
+/// A scale factor in two conditions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The reference that both have.
+    pub reference: String,
+    /// From one condition.
+    pub from: String,
+    /// To the other.
+    pub to: String,
+    /// The change in ppm of the first.
+    pub ppm: f64,
+    /// Its standard uncertainty in ppm by the records: what is stated of the reference is common to both.
+    pub deviation_ppm: f64,
+    /// The same by the difference of the temperatures, in ppm/K.
+    pub ppm_per_k: Option<f64>,
+}
+
+impl Contribution {
+    /// The root of the sum of squares of all that is known, in ppm.
+    pub fn total(budget: &[Self]) -> f64 {
+        budget.iter().filter_map(|part| part.ppm).map(|ppm| ppm * ppm).sum::<f64>().sqrt()
+    }
+}

@@ -1,0 +1,544 @@
+//! The files of a gyroscope's calibration.
+
+use crate::WriteError;
+use crate::calibration::file::GyroscopeCalibration;
+use crate::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
+use crate::recording::Source;
+use kalmems_figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use kalmems_store::{Output, RUN_FILE, RunInfo};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::time::UNIX_EPOCH;
+
+/// What was found, as `calibration.json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub struct CalibrationSummary<'a> {
+    /// The calibration's name.
+    pub name: String,
+    /// Each condition with each reference.
+    pub results: &'a [Calibrated],
+    /// Changes between conditions.
+    pub changes: &'a [Change],
+    /// The record at rest, axis by axis.
+    pub rest: Vec<RestSummary<'a>>,
+    /// What was found in the files and does not keep them from being used.
+    pub findings: &'a [String],
+}
+
+/// One axis at rest with its deviations.
+#[derive(Clone, Debug, Serialize)]
+pub struct RestSummary<'a> {
+    /// Bias and noise.
+    #[serde(flatten)]
+    pub rest: &'a Rest,
+    /// Averaging time in s, Allan's deviation in rad/s, its interval of 95 %, the degrees of freedom, and the power of
+    /// the frequency in the noise.
+    pub allan: Vec<(f64, f64, [f64; 2], f64, i32)>,
+}
+
+impl<'a> CalibrationSummary<'a> {
+    /// The numbers of a calibration.
+    pub fn of(found: &'a Calibration) -> Self {
+        let rest = found.rest.iter().map(|rest| RestSummary {
+            rest,
+            allan: rest
+                .deviations
+                .iter()
+                .map(|d| (d.averaged.time_s, d.averaged.deviation, d.interval, d.freedom, d.exponent))
+                .collect(),
+        });
+        Self {
+            name: found.file.name.to_string(),
+            results: &found.results,
+            changes: &found.changes,
+            rest: rest.collect(),
+            findings: &found.findings,
+        }
+    }
+
+    /// For a terminal.
+    pub fn to_text(&self) -> String {
+        let mut text = String::new();
+        if !self.results.is_empty() {
+            text += &scale_factors(self.results).to_text();
+            for result in self.results {
+                text += &format!("\n{}", budget(result).to_text());
+                if let Some(table) = matrix(result) {
+                    text += &format!("\n{}", table.to_text());
+                }
+                for line in geometry(result) {
+                    text += &format!("\n{line}\n");
+                }
+                for line in &result.not_observed {
+                    text += &format!("\nnot observed: {line}\n");
+                }
+                for line in &result.warnings {
+                    text += &format!("\nWARNING: {line}\n");
+                }
+            }
+        }
+        if !self.changes.is_empty() {
+            text += &format!("\n{}", changes(self.changes).to_text());
+        }
+        let rests: Vec<&Rest> = self.rest.iter().map(|rest| rest.rest).collect();
+        if !rests.is_empty() {
+            text += &format!("\n{}", at_rest(&rests).to_text());
+        }
+        for finding in self.findings {
+            text += &format!("\nnote: {finding}\n");
+        }
+        text
+    }
+}
+
+/// A line for each condition and reference.
+fn scale_factors(results: &[Calibrated]) -> Table {
+    let columns = [
+        Column::text("condition"),
+        Column::text("reference"),
+        Column::text("axis"),
+        Column::number("scale factor", ""),
+        Column::number("± 95 %", "ppm"),
+        Column::number("by the records alone", "ppm"),
+        Column::number("to the first reference", "ppm"),
+        Column::number("crest to trough", ""),
+        Column::number("with intercept", ""),
+        Column::number("bias", "rad/s"),
+        Column::number("±", "rad/s"),
+    ];
+    let mut table = Table::new("Scale factors, gyroscope by reference", columns);
+    for result in results {
+        let Estimate { value, by_records, interval, .. } = result.scale_factor;
+        let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
+        let first = first.map_or(value, |first| first.scale_factor.value);
+        let peaks = result.peak_to_peak;
+        let or_dash = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.6}"));
+        let bias = result.bias[result.main];
+        table.push([
+            result.condition.clone(),
+            result.reference.clone(),
+            AXES[result.main].to_owned(),
+            format!("{value:.6}"),
+            format!("{:.1}", 0.5e6 * (interval[1] - interval[0]) / value.abs()),
+            format!("{:.1}", 1.96e6 * by_records / value.abs()),
+            format!("{:+.1}", 1e6 * (value / first - 1.0)),
+            or_dash(peaks.map(|p| p.through_origin)),
+            or_dash(peaks.and_then(|p| p.slope)),
+            bias.map_or_else(|| "–".to_owned(), |b| format!("{:.5}", b.value)),
+            bias.map_or_else(|| "–".to_owned(), |b| format!("{:.5}", 0.5 * (b.interval[1] - b.interval[0]))),
+        ]);
+    }
+    table
+}
+
+/// What an uncertainty is made of.
+fn budget(result: &Calibrated) -> Table {
+    let columns =
+        [Column::text("source"), Column::number("standard uncertainty", "ppm"), Column::text("known from")];
+    let caption = format!("Uncertainty of the scale factor: {}, {}", result.condition, result.reference);
+    let mut table = Table::new(caption, columns);
+    for part in &result.budget {
+        let ppm = part.ppm.map_or_else(|| "?".to_owned(), |ppm| format!("{ppm:.2}"));
+        table.push([part.source.to_owned(), ppm, part.origin.to_owned()]);
+    }
+    let total = Contribution::total(&result.budget);
+    table.push([
+        "all that is known".to_owned(),
+        format!("{total:.2}"),
+        "root of the sum of squares".to_owned(),
+    ]);
+    table
+}
+
+/// K, where there is more than one entry.
+fn matrix(result: &Calibrated) -> Option<Table> {
+    let known = result.matrix.iter().flatten().flatten().count();
+    if known < 2 {
+        return None;
+    }
+    let columns = [
+        Column::text("entry"),
+        Column::number("value", ""),
+        Column::number("± 95 %", ""),
+        Column::number("95 % interval from", ""),
+        Column::number("to", ""),
+    ];
+    let caption = format!("K, row: gyroscope, column: rotation: {}, {}", result.condition, result.reference);
+    let mut table = Table::new(caption, columns);
+    for (i, row) in result.matrix.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            let Some(entry) = entry else { continue };
+            let [low, high] = entry.interval;
+            table.push([
+                format!("k_{}{}", AXES[i], AXES[j]),
+                format!("{:.6}", entry.value),
+                format!("{:.6}", 0.5 * (high - low)),
+                format!("{low:.6}"),
+                format!("{high:.6}"),
+            ]);
+        }
+    }
+    Some(table)
+}
+
+fn in_mrad(angle: &Estimate) -> String {
+    let half = 0.5 * (angle.interval[1] - angle.interval[0]);
+    format!("{:.4} ± {:.4} mrad", 1e3 * angle.value, 1e3 * half)
+}
+
+/// What else there is, in sentences.
+fn geometry(result: &Calibrated) -> Vec<String> {
+    let mut lines = Vec::new();
+    if result.matrix.iter().flatten().flatten().count() > 1 {
+        let parts = result
+            .excitation
+            .iter()
+            .map(|(size, [x, y, z])| format!("{size:.3e} rad/s along ({x:+.2}, {y:+.2}, {z:+.2})"));
+        lines.push(format!("singular values of the rotation: {}", parts.collect::<Vec<_>>().join("; ")));
+    }
+    if let Some([_, angles, mounting]) = &result.alignment {
+        let named = |names: [&str; 3], of: &[Estimate; 3]| {
+            let parts = names.iter().zip(of).map(|(name, angle)| format!("{name} {}", in_mrad(angle)));
+            parts.collect::<Vec<_>>().join(", ")
+        };
+        lines.push(format!("non-orthogonality of the axes: {}", named(["xy", "xz", "yz"], angles)));
+        lines.push(format!("mounting, turned about: {}", named(["x", "y", "z"], mounting)));
+    }
+    if let Some(plane) = &result.in_plane {
+        let [a, b] = plane.axes;
+        lines.push(format!(
+            "to first order: axes {a} and {b} are closer than square by {}; the case is turned by {} from {a} to {b}",
+            in_mrad(&plane.non_orthogonality),
+            in_mrad(&plane.turn)
+        ));
+    }
+    if let Some(centre) = &result.centre {
+        let known = centre.arm.iter().zip(AXES).filter_map(|(arm, axis)| {
+            let arm = (*arm)?;
+            let half = 0.5 * (arm.interval[1] - arm.interval[0]);
+            Some(format!("{axis} {:.2} ± {:.2} µm", 1e6 * arm.value, 1e6 * half))
+        });
+        lines.push(format!(
+            "accelerometers from the centre of rotation: {} (χ² {:.1} at {} degrees of freedom)",
+            known.collect::<Vec<_>>().join(", "),
+            centre.chi_square,
+            centre.freedom
+        ));
+    }
+    lines
+}
+
+fn changes(changes: &[Change]) -> Table {
+    let columns = [
+        Column::text("reference"),
+        Column::text("from"),
+        Column::text("to"),
+        Column::number("change", "ppm"),
+        Column::number("standard uncertainty", "ppm"),
+        Column::number("per kelvin", "ppm/K"),
+    ];
+    let mut table = Table::new("How the scale factor changes", columns);
+    for change in changes {
+        table.push([
+            change.reference.clone(),
+            change.from.clone(),
+            change.to.clone(),
+            format!("{:+.1}", change.ppm),
+            format!("{:.1}", change.deviation_ppm),
+            change.ppm_per_k.map_or_else(|| "–".to_owned(), |k| format!("{k:+.2}")),
+        ]);
+    }
+    table
+}
+
+fn at_rest(rests: &[&Rest]) -> Table {
+    let columns = [
+        Column::text("axis"),
+        Column::number("static bias", "mrad/s"),
+        Column::number("± 95 %", "mrad/s"),
+        Column::number("rms noise", "mrad/s"),
+        Column::number("angle random walk", "deg/√h"),
+        Column::number("bias instability", "deg/h"),
+        Column::number("at", "s"),
+    ];
+    let mut table = Table::new("At rest", columns);
+    for rest in rests {
+        let half = 0.5 * (rest.bias_interval[1] - rest.bias_interval[0]);
+        let bound = if rest.floor_is_seen { "" } else { "< " };
+        let dash = || "–".to_owned();
+        table.push([
+            rest.axis.to_owned(),
+            format!("{:.4}", 1e3 * rest.bias),
+            format!("{:.4}", 1e3 * half),
+            format!("{:.4}", 1e3 * rest.noise),
+            rest.angle_random_walk.map_or_else(dash, |walk| format!("{:.4}", walk.to_degrees() * 60.0)),
+            rest.bias_instability
+                .map_or_else(dash, |[bias, _]| format!("{bound}{:.3}", bias.to_degrees() * 3600.0)),
+            rest.bias_instability.map_or_else(dash, |[_, time]| format!("{time:.3}")),
+        ]);
+    }
+    table
+}
+
+/// The pictures of a calibration.
+pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
+    let mut figures: Vec<Figure> =
+        found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
+    if !found.rest.is_empty() {
+        figures.push(of_rest(&found.rest));
+    }
+    figures
+}
+
+/// The scale factor of each record.
+fn of_records(result: &Calibrated) -> Figure {
+    let value = result.scale_factor.value;
+    let ppm = |k: f64| 1e6 * (k / value - 1.0);
+    let end = |sign: f64| {
+        result.records.iter().map(move |r| (r.reference, ppm(r.scale_factor + sign * 1.96 * r.deviation)))
+    };
+    let half = 1.96e6 * result.scale_factor.by_records / value.abs();
+    let mut records = Panel::new(
+        Axis::new("rate amplitude by the reference", "rad/s"),
+        Axis::new("scale factor less the fitted one", "ppm"),
+    );
+    let both: Vec<((f64, f64), (f64, f64))> = end(-1.0).zip(end(1.0)).collect();
+    for (k, (low, high)) in both.into_iter().enumerate() {
+        let label = if k == 0 { "95 % by its noise" } else { "" };
+        records = records.with(Series::line(label, Role::Measured, [low, high]));
+    }
+    let points: Vec<(f64, f64)> = result.records.iter().map(|r| (r.reference, ppm(r.scale_factor))).collect();
+    records = records
+        .with(Series::points("each record", Role::Estimate, points))
+        .with(Series::level("95 % of the fit, by the records alone", Role::Bound, half))
+        .with(Series::level("", Role::Bound, -half));
+    Figure::new(
+        format!("records-{}-{}", result.condition, result.reference),
+        format!("Condition {}, reference {}", result.condition, result.reference),
+        "The scale factor of each record, by sine fits, against the one that is fitted to all. Records further apart than \
+         their bars say that one factor is not the whole truth.",
+    )
+    .with(records)
+}
+
+/// Allan's deviation of each axis.
+fn of_rest(rests: &[Rest]) -> Figure {
+    let figure = Figure::new(
+        "allan",
+        "At rest",
+        "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100 where the noise is what \
+         its exponent says.",
+    );
+    let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
+    rests.iter().fold(figure, |figure, rest| {
+        let known = || rest.deviations.iter().filter(|d| d.interval[1].is_finite());
+        let mut panel = Panel::new(
+            Axis::new("averaging time", "s").log(),
+            Axis::new(format!("deviation of {}", rest.axis), "deg/h").log(),
+        )
+        .with(Series::band(
+            "95 %",
+            Role::Estimate,
+            known()
+                .map(|d| (d.averaged.time_s, per_hour(d.interval[0]), per_hour(d.interval[1])))
+                .collect::<Vec<_>>(),
+        ))
+        .with(Series::line(
+            "Allan's deviation",
+            Role::Estimate,
+            known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
+        ));
+        if let Some(walk) = rest.angle_random_walk {
+            let line = known().map(|d| (d.averaged.time_s, per_hour(walk / d.averaged.time_s.sqrt())));
+            panel =
+                panel.with(Series::line("angle random walk alone", Role::Bound, line.collect::<Vec<_>>()));
+        }
+        figure.with(panel)
+    })
+}
+
+/// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
+/// `records.csv`, `allan.csv` where there is a record at rest, `report.html`, its pictures in `figures/`, `run.toml`.
+pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
+    let input_id = input_id(found);
+    let summary = CalibrationSummary::of(found);
+    output.write("calibration.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, &summary)?;
+        writeln!(w)
+    })?;
+    output.write("calibration.csv", |w| entries(&found.results, w))?;
+    if !found.results.is_empty() {
+        output.write("records.csv", |w| records(&found.results, w))?;
+    }
+    if !found.rest.is_empty() {
+        output.write("allan.csv", |w| allan(&found.rest, w))?;
+    }
+    let figures = calibration_figures(found);
+    let html = page(found, &figures).to_html()?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    for figure in &figures {
+        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
+    }
+    output.write(RUN_FILE, |w| {
+        let run = Run {
+            version: env!("CARGO_PKG_VERSION"),
+            command: "calibrate gyro",
+            input_id,
+            timing: Timing {
+                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+                took_s: info.took.as_secs_f64(),
+            },
+            input: &found.sources,
+            calibration: &found.file,
+        };
+        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+    })?;
+    Ok(())
+}
+
+fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
+    writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
+    for result in results {
+        let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
+        let entries = names.zip(result.matrix.iter().flatten()).map(|(name, entry)| (name, "1", entry));
+        let biases =
+            AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
+        for (name, unit, entry) in entries.chain(biases) {
+            let Some(Estimate { value, by_records, uncertainty, interval: [low, high] }) = entry else {
+                continue;
+            };
+            writeln!(
+                w,
+                "{},{},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
+                result.condition, result.reference
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn records(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
+    let mut table = csv::Writer::from_writer(w);
+    table.write_record([
+        "condition",
+        "reference",
+        "record",
+        "axis",
+        "frequency_Hz",
+        "sample_rate_Hz",
+        "reference_rad_per_s",
+        "gyroscope_rad_per_s",
+        "scale_factor_1",
+        "scale_factor_sd_1",
+    ])?;
+    for result in results {
+        for r in &result.records {
+            let numbers =
+                [r.frequency_hz, r.sample_rate_hz, r.reference, r.shown, r.scale_factor, r.deviation];
+            let words = [&result.condition, &result.reference, &r.record].map(Clone::clone);
+            let words = words.into_iter().chain([AXES[result.main].to_owned()]);
+            table.write_record(words.chain(numbers.map(|number| format!("{number:e}"))))?;
+        }
+    }
+    table.flush()
+}
+
+fn allan(rests: &[Rest], w: &mut dyn Write) -> io::Result<()> {
+    writeln!(w, "axis,time_s,deviation_rad_per_s,low_rad_per_s,high_rad_per_s,freedom_1,exponent_1")?;
+    for rest in rests {
+        for d in &rest.deviations {
+            let ([low, high], a) = (d.interval, d.averaged);
+            writeln!(
+                w,
+                "{},{:e},{:e},{low:e},{high:e},{:e},{}",
+                rest.axis, a.time_s, a.deviation, d.freedom, d.exponent
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn page(found: &Calibration, figures: &[Figure]) -> Page {
+    let subtitle = found.file.description.clone().unwrap_or_default();
+    let mut page = Page::new(found.file.name.to_string(), subtitle);
+    if !found.results.is_empty() {
+        let mut section = Section::new("Result");
+        for result in &found.results {
+            for warning in &result.warnings {
+                let text = format!("{}, {}: {warning}", result.condition, result.reference);
+                section = section.notice(Severity::Warning, text);
+            }
+        }
+        section = section.table(scale_factors(&found.results)).paragraph(
+            "Both instruments are fitted by sines of free frequency: each has its own clock. The interval has all that the \
+             budget knows of; what nobody stated is not in it. Crest to trough is the published method, samples about the \
+             turning points averaged; with an intercept, as printed, its errors are three to four times larger.",
+        );
+        if !found.changes.is_empty() {
+            section = section.table(changes(&found.changes));
+        }
+        page = page.with(section);
+    }
+    for result in &found.results {
+        let mut section =
+            Section::new(format!("Condition {}, reference {}", result.condition, result.reference));
+        section = section.table(budget(result));
+        if let Some(table) = matrix(result) {
+            section = section.table(table);
+        }
+        for line in geometry(result) {
+            section = section.paragraph(line);
+        }
+        for line in &result.not_observed {
+            section = section.notice(Severity::Note, format!("Not observed: {line}"));
+        }
+        let id = format!("records-{}-{}", result.condition, result.reference);
+        for figure in figures.iter().filter(|figure| figure.id == id) {
+            section = section.figure(figure.clone());
+        }
+        page = page.with(section);
+    }
+    if !found.rest.is_empty() {
+        let rests: Vec<&Rest> = found.rest.iter().collect();
+        let mut section = Section::new("At rest").table(at_rest(&rests));
+        for figure in figures.iter().filter(|figure| figure.id == "allan") {
+            section = section.figure(figure.clone());
+        }
+        page = page.with(section);
+    }
+    for finding in &found.findings {
+        page = page.with(Section::new("In the files").notice(Severity::Note, finding.clone()));
+    }
+    let file = toml::to_string(&found.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
+    page.with(
+        Section::new("How it was made")
+            .paragraph(format!(
+                "kalmems {}. The same files give the same page to the last byte; dates and durations are in run.toml.",
+                env!("CARGO_PKG_VERSION")
+            ))
+            .preformatted("The calibration file as it was understood", file),
+    )
+}
+
+/// What tells one input from another: the name and the bytes of the files.
+fn input_id(found: &Calibration) -> String {
+    let files =
+        found.sources.iter().map(|s| format!("{} {}", s.file, s.sha256.get(..12).unwrap_or(&s.sha256)));
+    format!("{}: calibration of a gyroscope, {}", found.file.name, files.collect::<Vec<_>>().join(", "))
+}
+
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: String,
+    timing: Timing,
+    input: &'a [Source],
+    calibration: &'a GyroscopeCalibration,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    started_unix_s: u64,
+    took_s: f64,
+}

@@ -1,0 +1,52 @@
+//! Registration of images from the motion of a scanner.
+//!
+//! A scanner sweeps a spot over an object and a detector records one intensity after the other. Where each belongs is
+//! known from the motion alone: an error of its phase puts it in a wrong pixel.
+//!
+//! Positions run over the field of view from 0 to 1, x to the right and y downwards. A position is taken as proportional
+//! to the mirror's angle, x = ½ + ½·θ/θ_field, as in Chen et al. 2020, (1), with the amplitude ½ that the field of view
+//! from 0 to 1 calls for (it is printed as 1).
+//!
+//! ```
+//! use kalmems_applications::image::{Lissajous, PhaseAccuracy, Raster, Scene};
+//! // 300 pixels, one pixel of shift at most.
+//! let target = PhaseAccuracy::of(300, 1);
+//! assert!((target.one_pass_rad.to_degrees() - 0.38).abs() < 0.005);
+//!
+//! let scene = Scene::mucosa(1);
+//! let mut raster = Raster::new([100, 100]);
+//! for spot in Lissajous::published(2e6).frame(20e-3) {
+//!     raster.add(spot.position, scene.intensity(spot.position));
+//! }
+//! assert!(raster.coverage() > 0.9);
+//! ```
+
+mod accuracy;
+mod file;
+mod grey_png;
+mod lissajous;
+mod merit;
+mod picture;
+mod raster;
+mod reconstruct;
+mod results;
+mod scan;
+mod scene;
+mod search;
+mod sharpness;
+mod track;
+
+pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
+pub use file::{Fill, Image, ImageAxis, Intensity};
+pub use grey_png::{PictureError, read_grey, write_grey};
+pub use lissajous::{Lissajous, Oscillation, Spot};
+pub use merit::{edge_width, psnr_db, structural_similarity};
+pub use picture::Picture;
+pub use raster::{Passes, Raster};
+pub use reconstruct::{AxisOutcome, ImageError, ImageOutcome, reconstruct};
+pub use results::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
+pub use scan::{Counts, Scan, ScanAxis};
+pub use scene::Scene;
+pub use search::{FoundPhase, SearchError, search_phases};
+pub use sharpness::Sharpness;
+pub use track::{Placed, Track, TrackError, Walk};

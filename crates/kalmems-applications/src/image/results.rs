@@ -1,0 +1,297 @@
+//! The files of an image.
+
+use super::PictureError;
+use super::grey_png::{write_counts, write_grey};
+use crate::image::file::Fill;
+use crate::image::{Counts, ImageOutcome, PhaseAccuracy, Picture, psnr_db, structural_similarity};
+use crate::recording::Source;
+use kalmems_store::{Output, OutputError, RUN_FILE, RunInfo};
+use serde::Serialize;
+use std::io;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+/// An image with its grey values.
+#[derive(Clone, Debug)]
+pub struct Developed {
+    /// Black 0, white 1; NaN where there is no sample.
+    pub picture: Picture,
+    /// The same of the samples taken while x grows.
+    pub forward: Picture,
+    /// The same of those taken while x falls.
+    pub backward: Picture,
+    /// The intensity that became black.
+    pub black: f64,
+    /// The intensity that became white.
+    pub white: f64,
+}
+
+impl Developed {
+    /// With black and white as the image file says, or else from the darkest to the brightest pixel.
+    pub fn of(outcome: &ImageOutcome) -> Self {
+        let mean = outcome.passes.together().picture();
+        let [least, most] = mean.range().unwrap_or([0.0, 1.0]);
+        let black = outcome.image.intensity.black.unwrap_or(least);
+        let white = outcome.image.intensity.white.unwrap_or(most);
+        // An image of one grey is black.
+        let span = if white == black { 1.0 } else { white - black };
+        let grey = |picture: Picture| picture.map(|v| (v - black) / span);
+        let [forward, backward] =
+            [&outcome.passes.forward, &outcome.passes.backward].map(|p| grey(p.picture()));
+        Self { picture: grey(mean), forward, backward, black, white }
+    }
+}
+
+/// What is said of an image.
+#[derive(Clone, Debug, Serialize)]
+pub struct ImageMetrics {
+    /// Its name.
+    pub name: String,
+    /// What became of the samples.
+    pub samples: Counts,
+    /// Pixels with at least one sample.
+    pub filled_pixels: usize,
+    /// Pixels without one.
+    pub empty_pixels: usize,
+    /// Empty pixels that the picture for the eye has filled from their neighbours.
+    pub filled_for_the_eye: usize,
+    /// The part of the pixels with at least one sample.
+    pub coverage: f64,
+    /// The intensity that became black.
+    pub black: f64,
+    /// The intensity that became white.
+    pub white: f64,
+    /// Pixels darker than black or brighter than white, cut in the picture.
+    pub beyond_grey: usize,
+    /// The root mean square of the samples about the mean of their pixel, as a grey value.
+    pub within_pixel_rms: Option<f64>,
+    /// Axis by axis.
+    pub axes: Vec<AxisMetrics>,
+    /// Against the picture that it should be, where one was given.
+    pub reference: Option<ReferenceMetrics>,
+    /// What was found in the files and does not keep them from being used.
+    pub findings: Vec<String>,
+}
+
+/// What is said of an axis.
+#[derive(Clone, Debug, Serialize)]
+pub struct AxisMetrics {
+    /// `x` or `y`.
+    pub name: &'static str,
+    /// Pixels along it.
+    pub pixels: u32,
+    /// Its frequency in Hz.
+    pub frequency_hz: f64,
+    /// Its amplitude in degrees.
+    pub amplitude_deg: f64,
+    /// The angle at the edge of the field of view in degrees.
+    pub half_field_deg: f64,
+    /// How far it was taken to be ahead of its trajectory, in degrees of its cycle.
+    pub phase_deg: f64,
+    /// The standard error of that, where it was searched.
+    pub phase_sd_deg: Option<f64>,
+    /// The phase error that moves no sample by more than a pixel.
+    pub one_pixel_deg: f64,
+    /// The root mean square of the difference between its passes, as a grey value.
+    pub passes_differ_rms: Option<f64>,
+    /// What the interpolation of the trajectory may be off by in pixels.
+    pub interpolation_error_px: f64,
+    /// Gaps in the trajectory, in which nothing was interpolated.
+    pub gaps: usize,
+}
+
+/// How far an image is from what it should be.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReferenceMetrics {
+    /// The peak signal-to-noise ratio in dB; none where no pixel differs.
+    pub psnr_db: Option<f64>,
+    /// The structural similarity.
+    pub ssim: Option<f64>,
+}
+
+impl ImageMetrics {
+    /// Of an image; `reference` is the picture that it should be, and its file.
+    pub fn of(
+        outcome: &ImageOutcome,
+        developed: &Developed,
+        reference: Option<(&Path, &Picture)>,
+    ) -> Result<Self, PictureError> {
+        let all = outcome.passes.together();
+        let span = (developed.white - developed.black).abs();
+        let finite = |value: f64| value.is_finite().then_some(value);
+        let reference = match reference {
+            Some((path, truth)) if truth.size() != all.size() => {
+                let (path, found, expected) = (path.to_owned(), truth.size(), all.size());
+                return Err(PictureError::Size { path, found, expected });
+            }
+            Some((_, truth)) => Some(ReferenceMetrics {
+                psnr_db: psnr_db(&developed.picture, truth).and_then(finite),
+                ssim: structural_similarity(&developed.picture, truth),
+            }),
+            None => None,
+        };
+        let freedom = all.samples() as f64 - all.filled() as f64;
+        let passes = [Some(&outcome.passes), outcome.passes_of_y.as_ref()];
+        let axes = outcome.axes.iter().zip(passes).map(|(axis, passes)| AxisMetrics {
+            name: axis.name,
+            pixels: axis.pixels,
+            frequency_hz: axis.frequency_hz,
+            amplitude_deg: axis.amplitude_rad.to_degrees(),
+            half_field_deg: axis.half_field_rad.to_degrees(),
+            phase_deg: axis.phase_rad.to_degrees(),
+            phase_sd_deg: axis.found.and_then(|found| finite(found.sd_rad.to_degrees())),
+            one_pixel_deg: PhaseAccuracy::of(axis.pixels, 1).one_pass_rad.to_degrees(),
+            passes_differ_rms: passes.and_then(|passes| finite(passes.difference_rms() / span)),
+            interpolation_error_px: axis.interpolation_error_px,
+            gaps: axis.gaps,
+        });
+        let beyond = developed.picture.values().iter().filter(|v| !v.is_nan() && !(0.0..=1.0).contains(*v));
+        Ok(Self {
+            name: outcome.image.name.to_string(),
+            samples: outcome.counts,
+            filled_pixels: all.filled(),
+            empty_pixels: all.counts().len() - all.filled(),
+            filled_for_the_eye: for_the_eye(outcome, developed).map_or(0, |(_, count)| count),
+            coverage: all.coverage(),
+            black: developed.black,
+            white: developed.white,
+            beyond_grey: beyond.count(),
+            within_pixel_rms: finite((all.scatter() / freedom).sqrt() / span),
+            axes: axes.collect(),
+            reference,
+            findings: outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")).collect(),
+        })
+    }
+
+    /// For a reader.
+    pub fn to_text(&self) -> String {
+        let Counts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
+            self.samples;
+        let mut text = format!(
+            "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
+             before or after it {beyond_trajectory}, without intensity {without_intensity}\n\
+             coverage {:.2} %: {} pixels have samples, {} are empty",
+            100.0 * self.coverage,
+            self.filled_pixels,
+            self.empty_pixels
+        );
+        if self.filled_for_the_eye > 0 {
+            text += &format!("; {} of them filled in picture.png", self.filled_for_the_eye);
+        }
+        text += "\n";
+        if self.beyond_grey > 0 {
+            text += &format!(
+                "{} pixels are darker than black or brighter than white, and cut\n",
+                self.beyond_grey
+            );
+        }
+        for axis in &self.axes {
+            text += &format!(
+                "{}: {} pixels, {:.3} Hz, amplitude {:.4} deg in a field of ±{:.4} deg, phase {:.4} deg",
+                axis.name,
+                axis.pixels,
+                axis.frequency_hz,
+                axis.amplitude_deg,
+                axis.half_field_deg,
+                axis.phase_deg
+            );
+            if let Some(sd) = axis.phase_sd_deg {
+                text += &format!(" ± {sd:.4} (found)");
+            }
+            text += &format!(
+                "; one pixel is {:.3} deg, interpolation within {:.4} pixels",
+                axis.one_pixel_deg, axis.interpolation_error_px
+            );
+            if let Some(rms) = axis.passes_differ_rms {
+                text += &format!("; forward and backward differ by {rms:.4} rms");
+            }
+            text += "\n";
+        }
+        if let Some(reference) = &self.reference {
+            let psnr =
+                reference.psnr_db.map_or_else(|| "no difference".to_owned(), |db| format!("PSNR {db:.2} dB"));
+            let ssim = reference.ssim.map_or_else(String::new, |ssim| format!(", SSIM {ssim:.4}"));
+            text += &format!("against the reference: {psnr}{ssim}\n");
+        }
+        for finding in &self.findings {
+            text += &format!("note: {finding}\n");
+        }
+        text
+    }
+}
+
+fn for_the_eye(outcome: &ImageOutcome, developed: &Developed) -> Option<(Picture, usize)> {
+    outcome.image.fill.map(|Fill::Neighbours| developed.picture.filled_from_neighbours())
+}
+
+/// Writes an image into a result.
+///
+/// `image.png`, `forward.png` and `backward.png`, grey with 16 bits and transparent where there is no sample;
+/// `counts.png`, the number of samples as grey value; `picture.png`, filled, where the image file says how;
+/// `metrics.json` and `run.toml`.
+pub fn write_image(
+    outcome: &ImageOutcome,
+    developed: &Developed,
+    metrics: &ImageMetrics,
+    output: &Output,
+    info: RunInfo,
+) -> Result<(), OutputError> {
+    let input_id = input_id(outcome);
+    let pictures = [
+        ("image.png", &developed.picture),
+        ("forward.png", &developed.forward),
+        ("backward.png", &developed.backward),
+    ];
+    for (name, picture) in pictures {
+        output.write(name, |w| write_grey(picture, w))?;
+    }
+    let all = outcome.passes.together();
+    output.write("counts.png", |w| write_counts(all.counts(), all.size(), w))?;
+    if let Some((picture, _)) = for_the_eye(outcome, developed) {
+        output.write("picture.png", |w| write_grey(&picture, w))?;
+    }
+    output.write("metrics.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, metrics)?;
+        writeln!(w)
+    })?;
+    output.write(RUN_FILE, |w| {
+        let run = Run {
+            version: env!("CARGO_PKG_VERSION"),
+            command: "image",
+            input_id,
+            timing: Timing {
+                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+                took_s: info.took.as_secs_f64(),
+            },
+            input: &outcome.sources,
+            image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
+        };
+        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+    })
+}
+
+/// What tells one input from another: the image's name and the bytes of its files. Phases are none of it, so that an
+/// image tuned by hand takes the place of the one before.
+fn input_id(outcome: &ImageOutcome) -> String {
+    let files = outcome.sources.iter().map(|source| {
+        let digest = source.sha256.get(..12).unwrap_or(&source.sha256);
+        format!("{} {digest}", source.file)
+    });
+    format!("{}: image of {}", outcome.image.name, files.collect::<Vec<_>>().join(", "))
+}
+
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: String,
+    timing: Timing,
+    input: &'a [Source],
+    image: toml::Value,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    started_unix_s: u64,
+    took_s: f64,
+}

@@ -1,0 +1,14 @@
+//! What an estimated motion is for: images of scanners, spectra of piston mirrors, calibrations of gyroscopes.
+//!
+//! Each room has the file that an operator writes, the computation, and what becomes of it in a result's folder. Nothing here
+//! knows how a motion was estimated: it comes as recorded trajectories with their standard deviations.
+
+pub mod calibration;
+pub mod image;
+mod named_files;
+pub mod spectrum;
+mod write_error;
+
+pub use write_error::WriteError;
+
+use kalmems_engines::{config, estimate, fit, identify, inspect, recording, signal, simulate, units};

@@ -1,0 +1,52 @@
+//! Spectra from interferograms: what a piston mirror moves for.
+//!
+//! Positions are optical path differences x in m, wavenumbers ν in 1/m: a line at ν gives cos(2π·ν·x). A mirror that
+//! moves by d changes the path by 2·d.
+
+mod apodisation;
+mod budget;
+mod coadd;
+mod file;
+mod grid;
+mod input;
+mod light;
+mod line;
+mod measure;
+mod mertz;
+mod nonuniform;
+mod process;
+mod recalibrate;
+mod register;
+mod resample;
+mod results;
+mod scans;
+mod track;
+mod transform;
+mod zero_path;
+
+pub use apodisation::Apodisation;
+pub use budget::{Contribution, Reason, budget, detector_limit, line_height, line_shift};
+pub use coadd::{CoaddedNoise, MeasuredLine, Scans};
+pub use file::{
+    Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,
+    PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
+    SpectrumReference, SpectrumTransform, TransformMethod,
+};
+pub use grid::Grid;
+pub use light::{detect, intensity};
+pub use line::{Line, dip_between, line_near};
+pub use measure::{Comparison, Correction, SpectrumError, SpectrumOutcome, measure};
+pub use mertz::{MertzError, mertz};
+pub use nonuniform::{path_weights, spectrum_at};
+pub use process::{PathSample, Processed};
+pub use recalibrate::{KnownLine, Recalibration, recalibrate};
+pub use register::{shift_to, turn};
+pub use resample::{ResampleError, resample};
+pub use results::{
+    ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
+    SpectrumReferenceMetrics, spectrum_figures, write_jcamp, write_spectrum,
+};
+pub use scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
+pub use track::{Position, PositionTrack, PositionTrackError};
+pub use transform::{Spectrum, TransformError, transform};
+pub use zero_path::zero_path;

@@ -1,0 +1,405 @@
+//! From interferograms to the spectrum of each scan.
+
+use super::coadd::Scans;
+use super::grid::Grid;
+use super::measure::SpectrumError;
+use super::mertz::mertz;
+use super::nonuniform::path_weights;
+use super::register::{shift_to, turn};
+use super::resample::resample;
+use super::scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
+use super::track::PositionTrack;
+use super::transform::{Spectrum, transform};
+use super::zero_path::zero_path;
+use crate::config::Quantity;
+use crate::estimate::Progress;
+use crate::spectrum::file::{
+    Band, Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
+};
+use realfft::num_complex::Complex64;
+
+/// The spectra of all scans, and what was met on the way.
+#[derive(Clone, Debug)]
+pub struct Processed {
+    /// The spectra.
+    pub scans: Scans,
+    /// What became of the samples, along a trajectory.
+    pub counts: Option<ScanCounts>,
+    /// The position in m that counts as the zero path, along a trajectory.
+    pub zero_m: Option<f64>,
+    /// Where the zero path of each scan lies beyond the common one, in m of path; with `phase = "none"`.
+    pub misregistration_m: Vec<f64>,
+    /// Whether the light lowers the detector's value.
+    pub inverted: bool,
+    /// By how much the path changes for each unit of the position; 2 where there is no trajectory.
+    pub path_per_position: f64,
+    /// The largest path difference in m.
+    pub largest_m: f64,
+    /// The largest wavenumber in 1/m that the samples can tell from lower ones where they are furthest apart.
+    pub limit_per_m: f64,
+    /// The interferogram of the first scan: path differences in m and values.
+    pub interferogram: Vec<(f64, f64)>,
+    /// Samples in scans, along a trajectory: for the budget.
+    pub samples: Vec<PathSample>,
+}
+
+/// A sample of a scan: its time and what it counts for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathSample {
+    /// In s.
+    pub time_s: f64,
+    /// The path's speed in m/s, negative where it falls.
+    pub speed_m_per_s: f64,
+    /// Its share of the path times its apodisation.
+    pub weight: f64,
+    /// What it counts for where interferograms are laid over each other: its share of the path times the square of its
+    /// apodised value.
+    pub energy: f64,
+}
+
+/// Samples that are kept for the budget, at most.
+const SAMPLES: usize = 100_000;
+
+/// Spectra of columns with a known step.
+pub(super) fn of_steps(
+    columns: &[Detector],
+    step_m: f64,
+    settings: &SpectrumTransform,
+) -> Result<Processed, SpectrumError> {
+    let mertz_wanted = settings.phase == PhaseCorrection::Mertz;
+    let mut centred = Vec::new();
+    for column in columns {
+        let mut values = column.value.clone();
+        let mut zero = zero_path(&values).ok_or(SpectrumError::NoZeroPath)?;
+        // The long side lies behind.
+        if mertz_wanted && zero > values.len() / 2 {
+            values.reverse();
+            zero = values.len() - 1 - zero;
+        }
+        centred.push((values, zero));
+    }
+    let reaches = centred.iter().map(|(values, zero)| {
+        let behind = values.len() - 1 - zero;
+        if mertz_wanted { behind } else { behind.min(*zero) }
+    });
+    let all = reaches.min().unwrap_or(0) as f64 * step_m;
+    let largest_m = settings.largest_path_difference.as_ref().map_or(all, Quantity::si);
+    if largest_m > all * (1.0 + 1e-9) || all == 0.0 {
+        return Err(SpectrumError::Reach { wanted_m: largest_m, found_m: all });
+    }
+    let points = points(largest_m / step_m, settings);
+    let mut spectra = Vec::new();
+    let mut grid = None;
+    for (values, zero) in &centred {
+        let (spectrum, on) = fast(values, *zero, step_m, largest_m, points, settings)?;
+        grid = Some(on);
+        spectra.push(spectrum);
+    }
+    let grid = grid.ok_or(SpectrumError::NoScan(ScanCounts::default()))?;
+    let forward = vec![true; spectra.len()];
+    // Each has its own zero path anyway.
+    let finished = finish(spectra, forward, grid, settings, Registration::Each, false);
+    let interferogram = centred.first().map(|(values, zero)| {
+        let place = |k: usize| step_m * (k as f64 - *zero as f64);
+        values.iter().enumerate().map(|(k, y)| (place(k), *y)).collect()
+    });
+    Ok(Processed {
+        largest_m,
+        limit_per_m: 0.5 / step_m,
+        interferogram: interferogram.unwrap_or_default(),
+        ..finished
+    })
+}
+
+/// Spectra along a trajectory. Where the zero path is to be searched, all is done twice: about the sample that deviates most,
+/// and, as that may be some fringes off, about the zero path that the spectrum then shows.
+pub(super) fn along(
+    columns: &[Detector],
+    track: &PositionTrack,
+    trajectory: &PathTrajectory,
+    settings: &SpectrumTransform,
+    progress: &dyn Progress,
+) -> Result<Processed, SpectrumError> {
+    let told = settings.zero_path.as_ref().map(Quantity::si);
+    let about = |zero| along_about(zero, columns, track, trajectory, settings, progress);
+    let found = about(told)?;
+    match found.zero_m {
+        Some(zero) if told.is_none() && settings.phase != PhaseCorrection::Mertz => about(Some(zero)),
+        _ => Ok(found),
+    }
+}
+
+fn along_about(
+    told: Option<f64>,
+    columns: &[Detector],
+    track: &PositionTrack,
+    trajectory: &PathTrajectory,
+    settings: &SpectrumTransform,
+    progress: &dyn Progress,
+) -> Result<Processed, SpectrumError> {
+    let largest_m = settings.largest_path_difference.as_ref().map_or(0.0, Quantity::si);
+    let short_m = settings.short_path_difference.as_ref().map_or(largest_m, Quantity::si);
+    let reach = Reach { largest_m, short_m };
+    let factor = trajectory.path_per_position();
+    let scale =
+        PathScale { path_per_position: factor, delay_s: trajectory.delay_s(), zero_m: told.unwrap_or(0.0) };
+    let mut counts = ScanCounts::default();
+    let mut passes: Vec<(usize, Scan)> = Vec::new();
+    let mut paths = Vec::new();
+    let mut zero_m = told;
+    for (index, column) in columns.iter().enumerate() {
+        let (mut path, of_column) = path_differences(column, track, scale);
+        let zero = match zero_m {
+            Some(zero) => zero,
+            None => coarse_zero(column, &path).ok_or(SpectrumError::NoScan(of_column))? / factor,
+        };
+        zero_m = Some(zero);
+        if told.is_none() {
+            for x in &mut path {
+                *x -= factor * zero;
+            }
+        }
+        let mut of_column = of_column;
+        for scan in scans(&column.time_s, &path, reach, &mut of_column) {
+            let wanted = match settings.directions.unwrap_or_default() {
+                Directions::Both => true,
+                Directions::Forward => scan.forward,
+                Directions::Backward => !scan.forward,
+            };
+            if wanted {
+                of_column.used += scan.rows.len();
+                passes.push((index, scan));
+            } else {
+                of_column.unwanted_scans += 1;
+            }
+        }
+        counts = counts.plus(of_column);
+        paths.push(path);
+    }
+    let path_of = |(column, scan): &(usize, Scan)| &paths[*column][scan.rows.clone()];
+    let widest = passes.iter().flat_map(|pass| path_of(pass).windows(2).map(|p| (p[1] - p[0]).abs()));
+    let widest = widest.fold(0.0, f64::max);
+    if passes.is_empty() || widest == 0.0 {
+        return Err(SpectrumError::NoScan(counts));
+    }
+    progress.begin("transforming", passes.len() as u64);
+    let mut spectra = Vec::new();
+    let mut grid = None;
+    for (done, pass) in passes.iter().enumerate() {
+        let (column, scan) = pass;
+        let (spectrum, on) = match settings.method.unwrap_or_default() {
+            TransformMethod::Weighted => {
+                let value = &columns[*column].value[scan.rows.clone()];
+                weighted(path_of(pass), value, largest_m, settings)?
+            }
+            TransformMethod::Resampled => {
+                #[allow(clippy::cast_possible_truncation)] // as many as there are samples
+                let ends = (-(short_m / widest).floor() as i32, (largest_m / widest).floor() as i32);
+                let even = resample(&columns[*column].value, &paths[*column], scan, widest, ends)?;
+                let points = points(largest_m / widest, settings);
+                let zero = usize::try_from(-ends.0).unwrap_or(0);
+                fast(&even, zero, widest, largest_m, points, settings)?
+            }
+        };
+        grid = Some(on);
+        spectra.push(spectrum);
+        if progress.reached(done as u64 + 1).is_break() {
+            return Err(SpectrumError::Interrupted);
+        }
+    }
+    let grid = grid.ok_or(SpectrumError::NoScan(counts))?;
+    let forward = passes.iter().map(|(_, scan)| scan.forward).collect();
+    let registration = settings.registration.unwrap_or_default();
+    let finished = finish(spectra, forward, grid, settings, registration, told.is_some());
+    let interferogram = passes.first().map(|pass| {
+        let value = &columns[pass.0].value[pass.1.rows.clone()];
+        path_of(pass).iter().copied().zip(value.iter().copied()).collect()
+    });
+    Ok(Processed {
+        samples: path_samples(columns, &paths, &passes, counts.used, settings),
+        counts: Some(counts),
+        path_per_position: factor,
+        zero_m: zero_m.map(|zero| zero + finished.zero_m.unwrap_or(0.0) / factor),
+        largest_m,
+        limit_per_m: 0.5 / widest,
+        interferogram: interferogram.unwrap_or_default(),
+        ..finished
+    })
+}
+
+/// The samples of all passes, or some of many.
+fn path_samples(
+    columns: &[Detector],
+    paths: &[Vec<f64>],
+    passes: &[(usize, Scan)],
+    used: usize,
+    settings: &SpectrumTransform,
+) -> Vec<PathSample> {
+    let every = (used / SAMPLES).max(1);
+    let largest_m = settings.largest_path_difference.as_ref().map_or(0.0, Quantity::si);
+    let samples = passes.iter().flat_map(|(column, scan)| {
+        let time = &columns[*column].time_s[scan.rows.clone()];
+        let value = &columns[*column].value[scan.rows.clone()];
+        let path = &paths[*column][scan.rows.clone()];
+        let mean = value.iter().sum::<f64>() / value.len() as f64;
+        let speeds = time.windows(2).zip(path.windows(2)).zip(value).step_by(every);
+        speeds.map(move |((t, x), y)| {
+            let (share, apodised) = ((x[1] - x[0]).abs(), settings.apodisation.weight(x[0] / largest_m));
+            PathSample {
+                time_s: t[0],
+                speed_m_per_s: (x[1] - x[0]) / (t[1] - t[0]),
+                weight: share * apodised,
+                energy: share * (apodised * (y - mean)).powi(2),
+            }
+        })
+    });
+    samples.collect()
+}
+
+/// The path at the sample that deviates most.
+fn coarse_zero(column: &Detector, path: &[f64]) -> Option<f64> {
+    let placed: Vec<f64> =
+        column.value.iter().zip(path).map(|(y, x)| if x.is_nan() { f64::NAN } else { *y }).collect();
+    zero_path(&placed).map(|row| path[row])
+}
+
+/// Points of a fast transform: a power of two, for speed.
+fn points(reach: f64, settings: &SpectrumTransform) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    let samples = (2.0 * reach).ceil() as usize + 1;
+    samples.saturating_mul(settings.zero_filling.unwrap_or(DEFAULT_FILLING) as usize).next_power_of_two()
+}
+
+/// Values for each resolved one, where nothing is said.
+const DEFAULT_FILLING: u32 = 8;
+
+fn weighted(
+    path: &[f64],
+    value: &[f64],
+    largest_m: f64,
+    settings: &SpectrumTransform,
+) -> Result<(Vec<Complex64>, Grid), SpectrumError> {
+    let [from, to] = settings.band.as_ref().map_or([0.0, 0.0], Band::per_m);
+    let filling = f64::from(settings.zero_filling.unwrap_or(DEFAULT_FILLING));
+    let step_per_m = (2.0 * largest_m * filling).recip();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked below
+    let points = ((to - from) / step_per_m).floor() as usize + 1;
+    if points > MOST_POINTS {
+        return Err(SpectrumError::TooManyPoints { points });
+    }
+    let grid = Grid { first_per_m: from, step_per_m, points };
+    let weights = path_weights(path);
+    let total: f64 = weights.iter().sum();
+    let mean = value.iter().zip(&weights).map(|(y, w)| y * w).sum::<f64>() / total;
+    let weighted: Vec<f64> = (value.iter().zip(&weights).zip(path))
+        .map(|((y, w), x)| (y - mean) * w * settings.apodisation.weight(x / largest_m))
+        .collect();
+    Ok((grid.transform(path, &weighted), grid))
+}
+
+/// The most wavenumbers of a weighted transform.
+const MOST_POINTS: usize = 1 << 20;
+
+fn fast(
+    values: &[f64],
+    zero: usize,
+    step_m: f64,
+    largest_m: f64,
+    points: usize,
+    settings: &SpectrumTransform,
+) -> Result<(Vec<Complex64>, Grid), SpectrumError> {
+    let end = (settings.apodisation, largest_m);
+    let spectrum = if settings.phase == PhaseCorrection::Mertz {
+        let (Spectrum { step_per_m, .. }, corrected) = mertz(values, zero, step_m, end, points)?;
+        let values = corrected.into_iter().map(|value| Complex64::new(value, 0.0)).collect();
+        Spectrum { step_per_m, values }
+    } else {
+        transform(values, zero, step_m, end, points)?
+    };
+    let step_per_m = spectrum.step_per_m;
+    let last = spectrum.values.len() - 1;
+    let [from, to] = settings.band.as_ref().map_or([0.0, f64::INFINITY], Band::per_m);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    let index = |nu: f64| ((nu / step_per_m) as usize).min(last);
+    let (first, last) = (index(from), index(to));
+    let cut = spectrum.values[first..=last].to_vec();
+    let grid = Grid { first_per_m: step_per_m * first as f64, step_per_m, points: cut.len() };
+    Ok((cut, grid))
+}
+
+/// Real spectra: phases are removed, and scans laid over each other.
+fn finish(
+    mut spectra: Vec<Vec<Complex64>>,
+    forward: Vec<bool>,
+    grid: Grid,
+    settings: &SpectrumTransform,
+    registration: Registration,
+    zero_is_told: bool,
+) -> Processed {
+    let mut misregistration_m = Vec::new();
+    let (mut common_m, mut inverted) = (0.0, false);
+    if settings.phase == PhaseCorrection::None {
+        misregistration_m = misregistrations(&spectra, grid);
+        if registration == Registration::Each {
+            for (spectrum, shift) in spectra.iter_mut().zip(&misregistration_m) {
+                turn(spectrum, grid, *shift);
+            }
+        }
+    }
+    if settings.phase != PhaseCorrection::Mertz {
+        let together = mean(&spectra, grid);
+        if zero_is_told {
+            inverted = together.iter().map(|value| value.re).sum::<f64>() < 0.0;
+        } else {
+            let (shift, sign) = shift_to(&together, None, grid);
+            (common_m, inverted) = (shift, sign < 0.0);
+            for spectrum in &mut spectra {
+                turn(spectrum, grid, shift);
+            }
+        }
+    }
+    let power = settings.phase == PhaseCorrection::Power;
+    // A magnitude has no sign.
+    let inverted = inverted && !power;
+    let sign = if inverted { -1.0 } else { 1.0 };
+    let real = |value: &Complex64| if power { value.norm() } else { sign * value.re };
+    let spectra = spectra.iter().map(|spectrum| spectrum.iter().map(real).collect()).collect();
+    Processed {
+        scans: Scans { grid, spectra, forward },
+        counts: None,
+        zero_m: Some(common_m),
+        misregistration_m,
+        inverted,
+        path_per_position: 2.0,
+        largest_m: 0.0,
+        limit_per_m: 0.0,
+        interferogram: Vec::new(),
+        samples: Vec::new(),
+    }
+}
+
+/// Where the zero path of each scan lies beyond their mean one: first against the mean of the scans as they are, then against
+/// the mean of those that were laid over it.
+fn misregistrations(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<f64> {
+    let as_they_are = mean(spectra, grid);
+    let mut laid = spectra.to_vec();
+    for spectrum in &mut laid {
+        let (shift, _) = shift_to(spectrum, Some(&as_they_are), grid);
+        turn(spectrum, grid, shift);
+    }
+    let together = mean(&laid, grid);
+    let shifts: Vec<f64> =
+        spectra.iter().map(|spectrum| shift_to(spectrum, Some(&together), grid).0).collect();
+    let middle = shifts.iter().sum::<f64>() / shifts.len().max(1) as f64;
+    shifts.iter().map(|shift| shift - middle).collect()
+}
+
+fn mean(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<Complex64> {
+    let mut mean = vec![Complex64::new(0.0, 0.0); grid.points];
+    for spectrum in spectra {
+        for (mean, value) in mean.iter_mut().zip(spectrum) {
+            *mean += value / spectra.len() as f64;
+        }
+    }
+    mean
+}

@@ -1,0 +1,71 @@
+//! The pictures of a spectrum.
+
+use crate::spectrum::SpectrumOutcome;
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+
+/// As an axis has it.
+const PER_CM: &str = "cm^-1";
+
+/// The spectrum, the first interferogram, and the noise over the number of scans where there are enough.
+pub fn spectrum_figures(outcome: &SpectrumOutcome) -> Vec<Figure> {
+    let mut figures = vec![spectrum(outcome), interferogram(outcome)];
+    figures.extend(noise(outcome));
+    figures
+}
+
+fn wavenumber() -> Axis {
+    Axis::new("wavenumber", PER_CM)
+}
+
+fn spectrum(outcome: &SpectrumOutcome) -> Figure {
+    let scans = &outcome.processed.scans;
+    let nu: Vec<f64> = scans.grid.wavenumbers().iter().map(|nu| nu / 100.0).collect();
+    let points = |values: &[f64]| nu.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
+    let count = scans.spectra.len();
+    let label = if count == 1 { "one scan".to_owned() } else { format!("mean of {count} scans") };
+    let mut panel = Panel::new(wavenumber(), Axis::new("spectrum", "1"));
+    if let Some(comparison) = &outcome.comparison {
+        let theirs = comparison.wavenumber_per_m.iter().map(|nu| nu / 100.0);
+        let theirs: Vec<(f64, f64)> = theirs.zip(comparison.theirs.iter().copied()).collect();
+        panel = panel.with(Series::line("reference", Role::Reference, theirs));
+    }
+    panel = panel.with(Series::line(label, Role::Estimate, points(&outcome.spectrum)));
+    let mut figure = Figure::new("spectrum", "Spectrum", "").with(panel);
+    if let Some(comparison) = &outcome.comparison {
+        let differences: Vec<(f64, f64)> = (comparison.wavenumber_per_m.iter())
+            .zip(comparison.ours.iter().zip(&comparison.theirs))
+            .map(|(nu, (ours, theirs))| (nu / 100.0, ours - theirs))
+            .collect();
+        let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
+        figure = figure.with(difference.with(Series::line("", Role::Estimate, differences)).sharing_x());
+    } else if let Some(error) = &outcome.standard_error {
+        let panel = Panel::new(wavenumber(), Axis::new("standard error", "1"));
+        figure = figure.with(panel.with(Series::line("", Role::Estimate, points(error))).sharing_x());
+    }
+    figure
+}
+
+fn interferogram(outcome: &SpectrumOutcome) -> Figure {
+    let panel = Panel::new(Axis::new("path difference", "m"), Axis::new("interferogram", "1"));
+    let points = outcome.processed.interferogram.clone();
+    Figure::new("interferogram", "The first scan", "").with(panel.with(Series::line(
+        "",
+        Role::Measured,
+        points,
+    )))
+}
+
+fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
+    let (first, last) = (outcome.noise.first()?, outcome.noise.last()?);
+    if outcome.noise.len() < 3 || first.noise <= 0.0 || last.noise <= 0.0 {
+        return None;
+    }
+    let points: Vec<(f64, f64)> = outcome.noise.iter().map(|n| (n.scans as f64, n.noise)).collect();
+    let root: Vec<(f64, f64)> = (points.iter())
+        .map(|(scans, _)| (*scans, first.noise * (first.scans as f64 / scans).sqrt()))
+        .collect();
+    let panel = Panel::new(Axis::new("scans", "1").log(), Axis::new("noise of their mean", "1").log())
+        .with(Series::line("1/√scans", Role::Bound, root))
+        .with(Series::points("measured", Role::Measured, points));
+    Some(Figure::new("coadding", "Noise of the mean of scans", "").with(panel))
+}

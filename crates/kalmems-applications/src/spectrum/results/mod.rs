@@ -1,0 +1,131 @@
+//! The files of a spectrum.
+
+mod figures;
+mod jcamp;
+mod metrics;
+
+pub use figures::spectrum_figures;
+pub use jcamp::{JcampSpectrum, write_jcamp};
+pub use metrics::{
+    ContributionMetrics, CorrectionMetrics, LineMetrics, SpectrumMetrics, SpectrumReferenceMetrics,
+};
+
+use crate::WriteError;
+use crate::recording::Source;
+use crate::spectrum::SpectrumOutcome;
+use kalmems_store::{Output, RUN_FILE, RunInfo};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::time::UNIX_EPOCH;
+
+/// Writes a spectrum into a result.
+///
+/// `spectrum.csv` with its standard error, `scans.csv`, `spectrum.jdx` (JCAMP-DX), `metrics.json`, pictures in `figures/`,
+/// `run.toml`; `interferogram.csv` of a simulated detector.
+pub fn write_spectrum(
+    outcome: &SpectrumOutcome,
+    metrics: &SpectrumMetrics,
+    output: &Output,
+    info: RunInfo,
+) -> Result<(), WriteError> {
+    let input_id = input_id(outcome);
+    output.write("spectrum.csv", |w| spectrum_csv(outcome, w))?;
+    output.write("scans.csv", |w| scans_csv(outcome, w))?;
+    let grid = outcome.processed.scans.grid;
+    let jcamp = JcampSpectrum {
+        title: &metrics.name,
+        first_per_cm: grid.first_per_m / 100.0,
+        step_per_cm: grid.step_per_m / 100.0,
+        resolution_per_cm: metrics::resolution_per_cm(outcome),
+        values: &outcome.spectrum,
+    };
+    output.write("spectrum.jdx", |w| write_jcamp(&jcamp, w))?;
+    output.write("metrics.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, metrics)?;
+        writeln!(w)
+    })?;
+    for figure in spectrum_figures(outcome) {
+        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
+    }
+    if let Some(detector) = &outcome.simulated {
+        output.write("interferogram.csv", |w| {
+            writeln!(w, "time_s,detector_1")?;
+            for (time, value) in detector.time_s.iter().zip(&detector.value) {
+                writeln!(w, "{time},{value}")?;
+            }
+            Ok(())
+        })?;
+    }
+    output.write(RUN_FILE, |w| {
+        let run = Run {
+            version: env!("CARGO_PKG_VERSION"),
+            command: "spectrum",
+            input_id,
+            timing: Timing {
+                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+                took_s: info.took.as_secs_f64(),
+            },
+            input: &outcome.sources,
+            spectrum: toml::Value::try_from(&outcome.file).map_err(io::Error::other)?,
+        };
+        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+    })?;
+    Ok(())
+}
+
+fn spectrum_csv(outcome: &SpectrumOutcome, w: &mut dyn Write) -> io::Result<()> {
+    let error = outcome.standard_error.as_ref();
+    writeln!(w, "wavenumber_per_m,spectrum_1{}", error.map_or("", |_| ",spectrum_sd_1"))?;
+    let grid = outcome.processed.scans.grid;
+    for (index, value) in outcome.spectrum.iter().enumerate() {
+        write!(w, "{},{value:e}", grid.wavenumber(index))?;
+        if let Some(error) = error {
+            write!(w, ",{:e}", error[index])?;
+        }
+        writeln!(w)?;
+    }
+    Ok(())
+}
+
+fn scans_csv(outcome: &SpectrumOutcome, w: &mut dyn Write) -> io::Result<()> {
+    writeln!(w, "scan,forward,zero_path_m")?;
+    for (index, forward) in outcome.processed.scans.forward.iter().enumerate() {
+        write!(w, "{},{},", index + 1, u8::from(*forward))?;
+        match outcome.processed.misregistration_m.get(index) {
+            Some(shift) => writeln!(w, "{shift:e}")?,
+            None => writeln!(w)?,
+        }
+    }
+    Ok(())
+}
+
+/// What tells one input from another: the file's name and the bytes of all files that it names.
+fn input_id(outcome: &SpectrumOutcome) -> String {
+    let mut hash = Sha256::new();
+    for source in &outcome.sources {
+        hash.update(&source.sha256);
+    }
+    let mut digest = String::new();
+    for byte in hash.finalize().iter().take(6) {
+        let _ = write!(digest, "{byte:02x}");
+    }
+    format!("{}: spectrum of {digest}", outcome.file.name)
+}
+
+#[derive(Serialize)]
+struct Run<'a> {
+    version: &'static str,
+    command: &'static str,
+    input_id: String,
+    timing: Timing,
+    input: &'a [Source],
+    spectrum: toml::Value,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    started_unix_s: u64,
+    took_s: f64,
+}

@@ -1,6 +1,0 @@
-//! What an estimated motion is for.
-
-pub mod calibration;
-mod files;
-pub mod image;
-pub mod spectrum;
