@@ -4,7 +4,7 @@ use kalmems_applications::calibration::GyroscopeCalibration;
 use kalmems_applications::image::Image;
 use kalmems_applications::spectrum::SpectrumFile;
 use kalmems_engines::config::Experiment;
-use kalmems_engines::estimate::Silent;
+use kalmems_engines::progress::Silent;
 use std::path::Path;
 
 /// Reads the text as each kind of description, and makes of an experiment all that is made before a recording is opened.

@@ -11,4 +11,6 @@ mod write_error;
 
 pub use write_error::WriteError;
 
-use kalmems_engines::{config, estimate, fit, identify, inspect, recording, signal, simulate, units};
+use kalmems_engines::{
+    config, fit, identify, inspect, progress, recording, signal, simulate, units,
+};

@@ -1,6 +1,6 @@
 //! Reading the files that a calibration, an image or a spectrum names.
 
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use crate::recording::{Finding, Layout, ReadError, Recording, Source};
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
-use kalmems::estimate::Progress;
+use kalmems::progress::Progress;
 use std::cell::RefCell;
 use std::io::IsTerminal;
 use std::ops::ControlFlow;

@@ -774,7 +774,7 @@ fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
 
 #[test]
 fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
-    use kalmems::estimate::Silent;
+    use kalmems::progress::Silent;
     use kalmems::{config::Experiment, results::Metrics, workflow};
     let folder = tempfile::tempdir().unwrap();
     let path = long_recording(folder.path(), workflow::LONG + 5_000, true);

@@ -12,7 +12,7 @@ pub mod fit;
 pub mod identify;
 pub mod inspect;
 pub mod outlook;
-pub mod pace;
+pub mod progress;
 pub mod recording;
 pub mod reproduce;
 pub mod rig;

@@ -4,13 +4,12 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
 use crate::config::{ConfigError, Device, Experiment, Fault, Key};
-use crate::estimate::{
-    Around, EstimateError, Part, Past, Progress, SegmentEstimate, StretchJudge, StretchSummary,
-};
+use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, StretchJudge, StretchSummary};
 use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
-use crate::export::{ExportError, Filter};
+use crate::export::{self, ExportError, Exported, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
+use crate::progress::Progress;
 use crate::recording::{Finding, Layout, Recording, Segment};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
@@ -123,6 +122,20 @@ pub trait Rig: Sync {
     fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
         let _ = (experiment, place);
         Err(ExportError::Device { device: self.name() })
+    }
+
+    /// The source code of a filter of the experiment for a microcontroller.
+    fn export(&self, experiment: &Experiment, request: &export::Request) -> Result<Exported, ExportError> {
+        let place = export::place_of_filter(experiment, request)?;
+        let name = experiment.estimate.iter().flat_map(|estimate| &estimate.filters).nth(place);
+        let name = name.map(|filter| filter.name.to_string()).unwrap_or_default();
+        let (filter, columns) = self.exported(experiment, place)?;
+        let first_recording = || {
+            let Some(index) = self.wanted(experiment)?.first().copied() else { return Ok(None) };
+            let file = experiment.resolve(&experiment.recording(index)?.file);
+            Ok(Some((file, self.layout(experiment, index)?)))
+        };
+        export::export((experiment, request), (&filter, name), &columns, first_recording)
     }
 
     /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.

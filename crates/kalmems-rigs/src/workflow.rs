@@ -5,10 +5,11 @@ mod parts;
 pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in_parts, is_long};
 
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
-use crate::estimate::{EstimateError, Progress, SegmentEstimate, StretchSummary};
+use crate::estimate::{EstimateError, SegmentEstimate, StretchSummary};
 use crate::evaluate::{
     ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, ValueState, evaluate_values,
 };
+use crate::progress::Progress;
 use crate::recording::{ReadError, Recording};
 use crate::simulate::Unwritten;
 use crate::{Rig, of};

@@ -3,8 +3,8 @@
 //!     cargo run --release --example figures
 
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Work, WriteOptions, outlook_figures, summary_table, write_estimate,
 };

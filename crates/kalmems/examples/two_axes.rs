@@ -3,8 +3,8 @@
 //!     cargo run --release --example two_axes
 
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
 use kalmems::rigs::Rig;
 use kalmems::rigs::shared_scanner::two_axes::{BandPlan, Hardware, PlannedDrive, TwoAxesRig};

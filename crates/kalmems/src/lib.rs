@@ -4,7 +4,7 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{config::Experiment, estimate::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
+//! use kalmems::{config::Experiment, progress::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -34,8 +34,8 @@ pub mod study;
 
 pub use kalmems_applications as applications;
 pub use kalmems_engines::{
-    circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace, recording, reproduce,
-    signal, simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, progress, recording,
+    reproduce, signal, simulate, units,
 };
 pub use kalmems_figures as figures;
 pub use kalmems_rigs::{self as rigs, workflow};

@@ -1,9 +1,10 @@
 //! The accelerometer on a recording that this program did not make, and on those that it simulates.
 
 use kalmems::config::{Device, Experiment};
-use kalmems::estimate::{EstimateError, Silent};
+use kalmems::estimate::EstimateError;
 use kalmems::identify::{Identification, Identified};
 use kalmems::outlook::Outlook;
+use kalmems::progress::Silent;
 use kalmems::reproduce::{Check, Effort, Reproduction, Settings, Spread, Verdict, reproduce};
 use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimate_figures, summary_table};
 use kalmems::rigs::{self, Rig, accelerometer::AccelerometerRig};

@@ -5,8 +5,9 @@
 mod c;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{SegmentEstimate, Silent};
-use kalmems::export::{self, ExportError, Exported, Request, Target, write_export};
+use kalmems::estimate::SegmentEstimate;
+use kalmems::export::{ExportError, Exported, Request, Target, write_export};
+use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Output, OutputError, Work};
 use kalmems::rigs;
@@ -46,7 +47,7 @@ const SCANNER: &str = "shared_scanner/microcontroller.toml";
 const THRESHOLD: &str = "threshold_scanner/experiment.toml";
 
 fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
-    export::export(rigs::of(experiment).unwrap(), experiment, request)
+    rigs::of(experiment).unwrap().export(experiment, request)
 }
 
 fn request(target: Target, filter: &str) -> Request {

@@ -10,7 +10,7 @@ use kalmems::applications::calibration::{
     Calibration, CalibrationError, Instrument, Matrix, Pair, Rest, Signals, SimulatedUnit, Tone, ToneError,
     Vibration, calibrate,
 };
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use kalmems::results::{Output, RunInfo, Work};
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};

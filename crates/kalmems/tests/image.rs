@@ -5,7 +5,7 @@ use kalmems::applications::image::{
     Lissajous, Oscillation, PhaseAccuracy, Picture, Raster, Scan, ScanAxis, Scene, Sharpness, ShiftHistogram,
     Track, edge_width, pixel_index, psnr_db, search_phases,
 };
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use kalmems::simulate::WhiteNoise;
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};

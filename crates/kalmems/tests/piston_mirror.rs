@@ -4,7 +4,8 @@ mod parts;
 mod piston;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{SegmentEstimate, Silent};
+use kalmems::estimate::SegmentEstimate;
+use kalmems::progress::Silent;
 use kalmems::recording::{Recording, UnwrittenRecording};
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;

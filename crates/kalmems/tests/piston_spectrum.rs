@@ -8,7 +8,8 @@ use kalmems::applications::spectrum::{
     Apodisation, dip_between, line_near, measure, path_weights, spectrum_at,
 };
 use kalmems::config::Experiment;
-use kalmems::estimate::{Silent, Trajectory};
+use kalmems::estimate::Trajectory;
+use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;

@@ -1,8 +1,8 @@
 //! Reproductions: the engine on a paper that is made up, and the shared-electrode scanner against what is known of it
 //! independently.
 
-use kalmems::estimate::{Progress, Silent};
 use kalmems::figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems::progress::{Progress, Silent};
 use kalmems::reproduce::{
     Check, Effort, Head, Item, Kind, Origin, Paper, Part, Place, Program, ReproduceError, Reproduction,
     Settings, Spread, Verdict, Work, reproduce, write_reproduction,

@@ -9,7 +9,8 @@ mod scanner;
 mod stream;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{Silent, Trajectory};
+use kalmems::estimate::Trajectory;
+use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs;

@@ -4,8 +4,9 @@
 mod regulation;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{LockEvent, Silent};
+use kalmems::estimate::LockEvent;
 use kalmems::figures::{Figure, Series, Shape};
+use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, WriteError, WriteOptions, estimate_figures, notices,
     write_estimate,

@@ -7,7 +7,7 @@ use kalmems::applications::spectrum::SpectrumMetrics;
 use kalmems::applications::spectrum::{
     Apodisation, SpectrumError, SpectrumOutcome, line_height, measure, transform, zero_path,
 };
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use scene::{Scene, write_columns};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Studies: the same bytes by every way, and what is refused.
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{Progress, Silent};
+use kalmems::progress::{Progress, Silent};
 use kalmems::recording::{Clock, Hints, Layout, Recording};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs;

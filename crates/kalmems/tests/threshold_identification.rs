@@ -2,7 +2,7 @@
 //! independent program identified.
 
 use kalmems::config::{self, Experiment};
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use kalmems::rigs;
 use kalmems::rigs::threshold_scanner::identification::{
     CurvePoint, Decay, DecayError, DecayFit, fit_curve, fit_decay, unknown,

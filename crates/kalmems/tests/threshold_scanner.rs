@@ -6,7 +6,8 @@ mod parts;
 mod threshold;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{EstimateError, Silent};
+use kalmems::estimate::EstimateError;
+use kalmems::progress::Silent;
 use kalmems::reproduce::{Effort, Verdict};
 use kalmems::results::{Metrics, notices};
 use kalmems::rigs;

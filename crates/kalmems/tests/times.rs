@@ -3,8 +3,8 @@
 mod parts;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
 use kalmems::inspect::inspect;
+use kalmems::progress::Silent;
 use kalmems::recording::{FindingKind, Recording};
 use kalmems::{rigs, workflow};
 use parts::{goes_on_after_a_kill, same_bits_in_a_stream};

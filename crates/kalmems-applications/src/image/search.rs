@@ -3,7 +3,7 @@
 use super::raster::{Passes, Raster};
 use super::scan::Scan;
 use super::sharpness::Sharpness;
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use serde::Serialize;
 
 /// A phase that was found.

@@ -12,7 +12,7 @@ use super::track::PositionTrack;
 use super::transform::{Spectrum, transform};
 use super::zero_path::zero_path;
 use crate::config::Quantity;
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use crate::spectrum::file::{
     Band, Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
 };

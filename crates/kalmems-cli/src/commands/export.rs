@@ -3,7 +3,7 @@
 use crate::args::{ExportArguments, Language};
 use crate::{Ending, print, target};
 use kalmems::config::Experiment;
-use kalmems::export::{Request, Target, export, write_export};
+use kalmems::export::{Request, Target, write_export};
 use kalmems::results::Work;
 use kalmems::rigs;
 use kalmems::units::{Value, kind};
@@ -22,8 +22,8 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
         update_every: arguments.update_every,
         samples: arguments.samples,
     };
-    let exported = export(rigs::of(&experiment).map_err(|e| wrong(&e))?, &experiment, &request)
-        .map_err(|e| wrong(&e))?;
+    let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
+    let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;
     let work = Work::of_file("export", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["exported", &experiment.name.to_string()], &work)?;
     write_export(&exported, &output).map_err(|e| wrong(&e))?;

@@ -3,7 +3,8 @@
 use super::engine::Followed;
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
-use super::{Course, EstimateError, FilterBasics, Progress, SignalSegment, StateName, Trajectory};
+use super::{Course, EstimateError, FilterBasics, SignalSegment, StateName, Trajectory};
+use crate::progress::Progress;
 use kalmems_core::Filter;
 use std::any::Any;
 use std::ops::Range;

@@ -1,8 +1,9 @@
 //! The one loop that takes a filter through a segment.
 
 use super::smoothing::Linked;
-use super::{Counts, Failure, Lock, Progress, StateSeries, TakenOver, Trajectory, TrajectoryKind};
-use crate::pace::Pace;
+use super::{Counts, Failure, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind};
+use crate::progress::Pace;
+use crate::progress::Progress;
 use crate::units::Kind;
 use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Measurement};
 use std::ops::{ControlFlow, Range};

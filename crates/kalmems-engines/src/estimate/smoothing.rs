@@ -1,8 +1,9 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
 use super::engine::Derived;
-use super::{Counts, Course, Failure, Progress, Trajectory, TrajectoryKind};
-use crate::pace::Pace;
+use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
+use crate::progress::Pace;
+use crate::progress::Progress;
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
 use kalmems_core::update::Policy;
 use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Link, Measurement, Process};

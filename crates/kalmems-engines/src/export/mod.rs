@@ -15,7 +15,7 @@ mod write;
 pub use error::ExportError;
 pub use scanner::{Integration, ScannerFilter};
 pub use threshold::{CrossingSettings, ThresholdFilter};
-pub use write::{Exported, export, write_export};
+pub use write::{Exported, export, place_of_filter, write_export};
 
 use std::fmt::Display;
 use std::num::NonZeroU32;

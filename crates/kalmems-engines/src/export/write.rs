@@ -2,9 +2,8 @@
 
 use super::samples::Samples;
 use super::{ExportError, Filter, Request, Target, c, rust};
-use crate::config::{Experiment, Fault};
-use crate::recording::{ReadError, Recording};
-use crate::rig::Rig;
+use crate::config::{ConfigError, Experiment, Fault};
+use crate::recording::{Layout, ReadError, Recording};
 use crate::signal::cubic_between;
 use crate::units::kind;
 use kalmems_store::{Output, RUN_FILE};
@@ -12,6 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io;
+use std::path::PathBuf;
 
 /// The files of an export, and what they say of themselves.
 #[derive(Clone, Debug)]
@@ -26,21 +26,32 @@ pub struct Exported {
     input_id: String,
 }
 
-/// Derives the constants and writes the source. The same experiment and recording give the same bytes.
-pub fn export(rig: &dyn Rig, experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+/// The place of the filter that is asked for among those of the experiment.
+pub fn place_of_filter(experiment: &Experiment, request: &Request) -> Result<usize, ExportError> {
     let filters =
         experiment.estimate.as_ref().map(|estimate| estimate.filters.as_slice()).unwrap_or_default();
     let wanted = |filter: &crate::config::Filter| {
         filter.name.to_string() == request.filter || filter.name.key() == request.filter
     };
-    let Some(place) = filters.iter().position(wanted) else {
+    filters.iter().position(wanted).ok_or_else(|| {
         let known = filters.iter().map(|filter| format!("`{}`", filter.name)).collect();
-        return Err(ExportError::NoFilter { found: request.filter.clone(), known });
-    };
-    let name = filters[place].name.to_string();
-    let (filter, columns) = rig.exported(experiment, place)?;
+        ExportError::NoFilter { found: request.filter.clone(), known }
+    })
+}
+
+/// Derives the constants of the filter called `name` and writes the source. The same experiment and recording give the same
+/// bytes.
+///
+/// `columns` are those of drive and signal in the first recording, which `recording` names with how it is read: the
+/// sampling interval and the samples come from there where the request does not say them.
+pub fn export(
+    (experiment, request): (&Experiment, &Request),
+    (filter, name): (&Filter, String),
+    columns: &[String; 2],
+    recording: impl FnOnce() -> Result<Option<(PathBuf, Layout)>, ConfigError>,
+) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
-    let (interval_s, samples) = sampled(experiment, rig, request, &columns)?;
+    let (interval_s, samples) = sampled(experiment, request, columns, recording)?;
     let digest = digest(experiment);
     let every = request.update_every.get();
     let mut heading = vec![
@@ -51,7 +62,7 @@ pub fn export(rig: &dyn Rig, experiment: &Experiment, request: &Request) -> Resu
     if every > 1 {
         heading[2] = format!("Sampling interval {interval_s:e} s, corrected by one sample in {every}.");
     }
-    let mut files = match (&filter, request.target) {
+    let mut files = match (filter, request.target) {
         (Filter::Scanner(filter), Target::Rust) => {
             let body = filter.scaled(interval_s).to_rust(filter.integration, every);
             let what = "The filter of a shared-electrode scanner, for a microcontroller.";
@@ -119,9 +130,9 @@ struct Run<'a> {
 /// The sampling interval, and the samples that are asked for.
 fn sampled(
     experiment: &Experiment,
-    rig: &dyn Rig,
     request: &Request,
     [drive, signal]: &[String; 2],
+    recording: impl FnOnce() -> Result<Option<(PathBuf, Layout)>, ConfigError>,
 ) -> Result<(f64, Samples), ExportError> {
     if let Some(interval_s) = request.interval_s {
         if request.samples > 0 {
@@ -129,12 +140,11 @@ fn sampled(
         }
         return Ok((interval_s, Samples::default()));
     }
-    let Some(index) = rig.wanted(experiment)?.first().copied() else {
+    let Some((file, layout)) = recording()? else {
         let why = "there is no recording to take the sampling interval from; give `--rate`".to_owned();
         return Err(experiment.error("recording", Fault::Value { why }).into());
     };
-    let file = experiment.resolve(&experiment.recording(index)?.file);
-    let recording = Recording::read(&file, &rig.layout(experiment, index)?)?;
+    let recording = Recording::read(&file, &layout)?;
     let shown = || recording.source().file.clone();
     let segment = recording.segments().first();
     let Some((segment, interval_s)) = segment.and_then(|s| Some((s, s.time.interval_s()?))) else {

@@ -3,8 +3,8 @@
 use super::still::STRETCH;
 use super::{IdentifyError, Still, StillRecord};
 use crate::config::{self, Experiment, Fault, Key, Role};
-use crate::estimate::Progress;
 use crate::evaluate::{ONE_ANGLE, Reference, ReferenceRecording};
+use crate::progress::Progress;
 use crate::recording::{Around, Finding, Recording, Segment, Source, Stretches};
 use crate::units::Kind;
 

@@ -1,7 +1,7 @@
 //! What there is to reproduce, and the run that does it.
 
 use super::{Head, Item, ReproduceError, Work};
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use serde::Serialize;
 
 /// A source.

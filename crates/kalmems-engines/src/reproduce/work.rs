@@ -1,7 +1,7 @@
 //! Points of a computation over threads.
 
 use super::{Effort, ReproduceError};
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -92,7 +92,7 @@ impl Progress for Watch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::Silent;
+    use crate::progress::Silent;
 
     #[test]
     fn results_come_in_order_whatever_the_number_of_threads() {

@@ -2,7 +2,7 @@
 
 use super::{Channel, SimulateError, Simulation};
 use crate::config::{Channels, Clock, ColumnChoice, Experiment, Name, Recording, Reference};
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use crate::recording::{self, Layout, ReadError, UnwrittenRecording};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;

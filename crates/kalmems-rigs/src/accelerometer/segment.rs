@@ -9,9 +9,10 @@ use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, FilterBasics, FilterPast, Motion, Past, Progress, Samples,
-    StateSeries, Trajectory, TrajectoryKind, answers, follow,
+    AnyFilter, ConstantGain, EstimateError, FilterBasics, FilterPast, Motion, Past, Samples, StateSeries,
+    Trajectory, TrajectoryKind, answers, follow,
 };
+use crate::progress::Progress;
 use crate::units::kind;
 use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales, SchmidtEkf};
 use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};

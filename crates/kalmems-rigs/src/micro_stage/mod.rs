@@ -19,12 +19,11 @@ mod simulation;
 
 use super::{Estimator, Rig};
 use crate::config::{self, ConfigError, Device, Experiment, Fault, Key, Role};
-use crate::estimate::{
-    Around, Axis, EstimateError, Motion, Part, Past, Progress, SegmentEstimate, SignalSegment,
-};
+use crate::estimate::{Around, Axis, EstimateError, Motion, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
+use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
 use crate::reproduce::Program;
 use crate::signal::Sine;

@@ -2,8 +2,8 @@
 
 use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
-use crate::estimate::Progress;
 use crate::identify::{IdentifyError, Material};
+use crate::progress::Progress;
 use crate::recording::{Finding, FindingKind, Instant, Layout, ReadError, Recording, Segment};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;

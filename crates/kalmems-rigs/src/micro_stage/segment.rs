@@ -6,9 +6,9 @@ use super::identification::motion_by;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, FilterPast, Motion, Past, Progress, StateName, Trajectory,
-    TrajectoryKind, answers,
+    self, AnyFilter, EstimateError, FilterPast, Motion, Past, StateName, Trajectory, TrajectoryKind, answers,
 };
+use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
 use kalmems_core::Covariance;

@@ -26,9 +26,10 @@ mod trigger;
 
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Key, Role};
-use crate::estimate::{Around, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment};
+use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
+use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};

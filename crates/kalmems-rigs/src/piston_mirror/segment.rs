@@ -10,9 +10,10 @@ use super::settings::{FilterSettings, Motion, Settings};
 use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, FilterPast, Past, Progress, Samples, StateName, Trajectory,
-    TrajectoryKind, answers, follow,
+    self, AnyFilter, EstimateError, FilterPast, Past, Samples, StateName, Trajectory, TrajectoryKind,
+    answers, follow,
 };
+use crate::progress::Progress;
 use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::readout::PhasorDetector;

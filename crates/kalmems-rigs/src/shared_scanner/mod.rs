@@ -24,13 +24,12 @@ pub mod two_axes;
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{
-    Around, Axis, Beside, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment,
-};
+use crate::estimate::{Around, Axis, Beside, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
+use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};

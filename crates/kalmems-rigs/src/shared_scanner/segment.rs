@@ -7,9 +7,10 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, PHASE, Plant};
 use crate::estimate::{
-    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Past, Progress,
-    StateName, Trajectory, TrajectoryKind, answers,
+    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Past, StateName,
+    Trajectory, TrajectoryKind, answers,
 };
+use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, SquareRootUkf};
 use std::f64::consts::{PI, TAU};

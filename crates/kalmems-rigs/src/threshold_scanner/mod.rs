@@ -23,13 +23,12 @@ mod verdict;
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, Device, Experiment, Key, Role};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{
-    self, Around, Axis, EstimateError, Part, Past, Progress, SegmentEstimate, SignalSegment,
-};
+use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
+use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
 use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};

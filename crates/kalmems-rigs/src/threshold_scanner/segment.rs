@@ -8,8 +8,9 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{
-    EstimateError, FilterPast, ModelAlone, Motion, Past, Progress, Trajectory, TrajectoryKind, answers,
+    EstimateError, FilterPast, ModelAlone, Motion, Past, Trajectory, TrajectoryKind, answers,
 };
+use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Ekf, Filter};
 

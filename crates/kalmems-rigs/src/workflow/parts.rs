@@ -2,8 +2,9 @@
 
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
-use crate::estimate::{Around, EstimateError, Part, Progress, SegmentEstimate, StretchJudge, StretchSummary};
+use crate::estimate::{Around, EstimateError, Part, SegmentEstimate, StretchJudge, StretchSummary};
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
+use crate::progress::Progress;
 use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, of};
 use std::cell::Cell;

@@ -2,8 +2,8 @@
 
 use super::scans::Recorded;
 use kalmems::applications::image::{Scene, Sharpness, search_phases};
-use kalmems::estimate::Silent;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::progress::Silent;
 use std::error::Error;
 use std::fmt::Write as _;
 

@@ -6,7 +6,7 @@ use super::page::page;
 use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
-use crate::pace::Pace;
+use crate::progress::Pace;
 use crate::recording::Source;
 use crate::workflow::Outcome;
 use kalmems_figures::ReportError;

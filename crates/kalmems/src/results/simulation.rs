@@ -2,7 +2,7 @@
 
 use super::{Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::Experiment;
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use crate::recording::Source;
 use crate::simulate::{
     Channel, RECORDING, REFERENCE, Sample, SimulateError, Simulation, WhiteNoise, described,

@@ -9,9 +9,10 @@ use super::state::Keeper;
 use super::supervision::{Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
-    EstimateError, ForetoldCounts, Motion, Part, Past, Progress, SegmentEstimate, StretchJudge,
-    StretchSummary, Trajectory,
+    EstimateError, ForetoldCounts, Motion, Part, Past, SegmentEstimate, StretchJudge, StretchSummary,
+    Trajectory,
 };
+use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
 use crate::rigs::{Estimator, Rig};
 use std::cell::Cell;

@@ -8,7 +8,7 @@
 //! and the run's index alone: neither threads, nor interruptions, nor shards change a byte of the results.
 //!
 //! ```
-//! use kalmems::estimate::Silent;
+//! use kalmems::progress::Silent;
 //! use kalmems::results::Output;
 //! use kalmems::study::{Options, Plan, Shard};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

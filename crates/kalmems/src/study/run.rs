@@ -5,7 +5,7 @@ use super::journal::{Finished, Header, Journal, Runs};
 use super::plan::Ready;
 use super::rows::rows;
 use super::{Plan, Shard, StudyError};
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use crate::results::Metrics;
 use crate::simulate::Unwritten;
 use crate::workflow;

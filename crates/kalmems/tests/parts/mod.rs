@@ -3,7 +3,8 @@
 #![allow(dead_code)] // each test uses its part
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{Crossing, LockEvent, Part, Silent, Trajectory};
+use kalmems::estimate::{Crossing, LockEvent, Part, Trajectory};
+use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs;
 use kalmems::stream::{Connection, Opened, Outputs, StreamError, StreamSummary, stream};

@@ -3,7 +3,8 @@
 #![allow(dead_code)] // each test uses its part
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{Silent, Trajectory};
+use kalmems::estimate::Trajectory;
+use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs;
 use kalmems::simulate::Unwritten;

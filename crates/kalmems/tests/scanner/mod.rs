@@ -4,8 +4,9 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
-use kalmems::estimate::{Silent, Trajectory};
+use kalmems::estimate::Trajectory;
 use kalmems::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs;
 use kalmems::simulate::{Drive, Simulator, WhiteNoise};

@@ -2,7 +2,7 @@
 
 use super::example;
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs;
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport};

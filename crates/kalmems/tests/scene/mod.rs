@@ -4,7 +4,7 @@
 
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{SpectrumError, SpectrumOutcome, measure};
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Experiments with the threshold-sensing scanner, recorded or simulated.
 
 use kalmems::config::Experiment;
-use kalmems::estimate::Silent;
+use kalmems::progress::Silent;
 use kalmems::reproduce::{Effort, Reproduction, Settings, reproduce};
 use kalmems::results::Metrics;
 use kalmems::rigs::{self, Rig, threshold_scanner::ThresholdScannerRig};

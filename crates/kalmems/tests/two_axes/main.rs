@@ -5,7 +5,8 @@ mod wrong_models;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Past, Silent, Trajectory, judge_lock};
+use kalmems::estimate::{Past, Trajectory, judge_lock};
+use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, estimate_figures, notices, summary_table, write_simulation,
 };

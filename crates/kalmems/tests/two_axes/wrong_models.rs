@@ -5,8 +5,9 @@
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Past, Silent, Trajectory};
+use kalmems::estimate::{Past, Trajectory};
 use kalmems::evaluate::{Extent, Reference, evaluate_motion};
+use kalmems::progress::Silent;
 use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate, first_tones};
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};

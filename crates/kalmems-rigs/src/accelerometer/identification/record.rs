@@ -3,8 +3,8 @@
 use super::super::MEANINGS;
 use super::super::data::SegmentData;
 use crate::config::{Experiment, Fault, Key, Role};
-use crate::estimate::Progress;
 use crate::identify::{IdentifyError, Material};
+use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::units::kind;
 

@@ -1,7 +1,7 @@
 //! The most likely parameters.
 
 use super::likelihood::{Likelihood, LikelihoodError, unknown};
-use crate::estimate::Progress;
+use crate::progress::Progress;
 use kalmems_core::adapt::Score;
 use kalmems_core::{Covariance, Dual, Ldl, Mat};
 use std::ops::ControlFlow;

@@ -31,9 +31,9 @@ use super::hardware::Hardware;
 use super::records::{self, Records, of_role};
 use crate::config::kinds::KindOf;
 use crate::config::{Device, Experiment, Fault, Key, MicroStage, Quantity, Role, SignOf};
-use crate::estimate::Progress;
 use crate::fit::FitError;
 use crate::identify::{Identification, IdentifyError};
+use crate::progress::Progress;
 use std::f64::consts::TAU;
 
 /// Identifies what the recordings' roles allow.

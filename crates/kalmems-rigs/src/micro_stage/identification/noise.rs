@@ -3,10 +3,10 @@
 use super::common_noise::CommonNoise;
 use super::{quantity, words};
 use crate::config::{Experiment, Fault, Key, MicroStage};
-use crate::estimate::Progress;
 use crate::identify::{Identification, IdentifyError, Material, STRETCH, StillRecord};
 use crate::micro_stage::hardware::Hardware;
 use crate::micro_stage::records::{DRIVE, place};
+use crate::progress::Progress;
 use crate::recording::{Around, Stretches};
 use crate::units::kind;
 

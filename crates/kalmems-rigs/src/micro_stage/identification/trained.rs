@@ -2,12 +2,13 @@
 
 use super::gaps::GapFit;
 use crate::config::Experiment;
-use crate::estimate::{self, EstimateError, Past, Progress};
+use crate::estimate::{self, EstimateError, Past};
 use crate::fit::Derived;
 use crate::identify::{AffineFit, IdentifyError, fit_affine};
 use crate::micro_stage::records::Records;
 use crate::micro_stage::segment::{self, Samples};
 use crate::micro_stage::settings::Settings;
+use crate::progress::Progress;
 use std::f64::consts::TAU;
 
 /// ω_EST = α·ω_LDV + β over the training records (Chen, dissertation, 2018, equations 59 to 61 and the end of section

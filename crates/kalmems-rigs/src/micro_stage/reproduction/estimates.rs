@@ -4,7 +4,7 @@ use super::super::MicroStageRig;
 use super::failed;
 use super::sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
 use crate::Rig;
-use crate::estimate::Silent;
+use crate::progress::Silent;
 use crate::report::{Axis, Figure, Panel, Role, Series};
 use crate::reproduce::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
 use crate::simulate::{SimulateError, Unwritten, described};

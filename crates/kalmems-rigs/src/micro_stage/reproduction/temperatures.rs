@@ -11,7 +11,7 @@ use super::sets::{
 use crate::Rig;
 use crate::applications::calibration::{HALF_WINDOW, PeakToPeak, Signals, Vibration};
 use crate::config::Trusted;
-use crate::estimate::Silent;
+use crate::progress::Silent;
 use crate::report::{Axis, Column, Figure, Panel, Role, Series, Table};
 use crate::reproduce::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
 use crate::signal::fit_sine_at;

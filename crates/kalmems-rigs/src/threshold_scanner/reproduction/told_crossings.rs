@@ -3,7 +3,7 @@
 
 use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
 use crate::config::Timing;
-use crate::estimate::Silent;
+use crate::progress::Silent;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 

@@ -1,11 +1,15 @@
 //! What long work tells, and how it is stopped.
 
+mod pace;
+
+pub use pace::Pace;
+
 use std::ops::ControlFlow;
 
 /// Hears how far a piece of work has come, and may stop it.
 ///
 /// ```
-/// use kalmems_engines::estimate::Progress;
+/// use kalmems_engines::progress::Progress;
 /// use std::ops::ControlFlow;
 /// /// Stops after a thousand units.
 /// struct AThousand;

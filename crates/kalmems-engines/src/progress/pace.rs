@@ -1,6 +1,6 @@
 //! When long work looks at whether it shall stop: by time, whatever a step of it costs.
 
-use crate::estimate::Progress;
+use super::Progress;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
