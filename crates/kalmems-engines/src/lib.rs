@@ -16,7 +16,6 @@ pub mod outlook;
 pub mod pace;
 pub mod recording;
 pub mod report;
-pub mod reproduce;
 pub mod rig;
 pub mod signal;
 pub mod simulate;

@@ -12,7 +12,6 @@ use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::recording::{Finding, Layout, Recording, Segment};
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 
 /// A device with its drive, its recordings and its way of being estimated.
@@ -123,11 +122,6 @@ pub trait Rig: Sync {
     fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
         let _ = (experiment, place);
         Err(ExportError::Device { device: self.name() })
-    }
-
-    /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
-    fn reproduction(&self) -> Option<&'static Program> {
-        None
     }
 }
 

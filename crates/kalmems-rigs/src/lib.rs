@@ -12,8 +12,8 @@ pub mod workflow;
 pub use kalmems_engines::rig::{Estimator, Rig};
 
 use kalmems_engines::{
-    applications, circuit, config, estimate, evaluate, export, fit, identify, outlook, recording, report,
-    reproduce, signal, simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, outlook, recording, report, signal, simulate,
+    units,
 };
 
 use config::{ConfigError, Experiment, Fault};

@@ -34,6 +34,6 @@ pub mod study;
 
 pub use kalmems_engines::{
     applications, circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, pace,
-    recording, report, reproduce, signal, simulate, units,
+    recording, report, signal, simulate, units,
 };
 pub use kalmems_rigs::{self as rigs, workflow};
