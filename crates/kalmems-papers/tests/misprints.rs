@@ -85,7 +85,7 @@ fn each_misprint_ruins_the_filter() {
 fn a_filter_of_ones_own_is_followed_as_those_of_the_rig() {
     let outcome = outcome(&format!("{UKF}smooth = true\n"));
     let rig = &outcome.recordings[0].segments[0].estimate.trajectories;
-    let own = with_own(&outcome, |mean, covariance, points| Ukf::new(mean, covariance, points)).unwrap();
+    let own = with_own(&outcome, Ukf::new).unwrap();
     assert_eq!((rig.len(), own.len()), (2, 2));
     let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     for (rig, own) in rig.iter().zip(&own) {
@@ -108,8 +108,7 @@ fn a_table_with_other_states_is_refused_for_a_filter_of_ones_own() {
             "without a process",
         ),
     ] {
-        let result =
-            with_own(&outcome(&filter), |mean, covariance, points| Ukf::new(mean, covariance, points));
+        let result = with_own(&outcome(&filter), Ukf::new);
         let message = result.unwrap_err().to_string();
         assert!(message.contains(found), "{message}");
     }

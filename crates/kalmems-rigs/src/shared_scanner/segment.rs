@@ -60,7 +60,7 @@ pub fn estimate(
 ///
 /// ```
 /// use kalmems_core::SquareRootEkf;
-/// use kalmems_engines::estimate::{FilterPast, Past, Part, Silent, SignalSegment, driven::DrivenSegment};
+/// use kalmems_engines::estimate::{FilterPast, Part, Past, Silent, SignalSegment, driven::DrivenSegment};
 /// use kalmems_engines::{config::Experiment, recording::Recording, units::kind};
 /// use kalmems_rigs::shared_scanner::{Settings, estimate_segment_with};
 /// # use std::path::Path;
@@ -75,8 +75,8 @@ pub fn estimate(
 /// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
 /// let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
 /// let ekf = settings.filters.iter().find(|filter| filter.basics.key == "ekf").ok_or("no EKF")?;
-/// let own = |mean, covariance| SquareRootEkf::new(mean, covariance);
-/// let found = estimate_segment_with(&settings, ekf, &data, &mut FilterPast::default(), "it", &Silent, own)?;
+/// let past = &mut FilterPast::default();
+/// let found = estimate_segment_with(&settings, ekf, &data, past, "the example", &Silent, SquareRootEkf::new)?;
 /// assert!(found[0].failure.is_none() && found[0].lock.events.is_empty());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
