@@ -11,6 +11,4 @@ mod write_error;
 
 pub use write_error::WriteError;
 
-use kalmems_engines::{
-    config, fit, identify, inspect, progress, recording, signal, simulate, units,
-};
+use kalmems_engines::{config, fit, identify, inspect, progress, recording, signal, simulate, units};

@@ -33,6 +33,7 @@ pub enum Command {
     /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
     Inspect(InspectArguments),
     /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
+    #[cfg(feature = "papers")]
     Reproduce(ReproduceArguments),
     /// Compute a recording from the `[simulate]` table of an experiment file.
     Simulate(SimulateArguments),
@@ -245,6 +246,7 @@ pub struct InspectArguments {
     pub json: bool,
 }
 
+#[cfg(feature = "papers")]
 #[derive(Args)]
 pub struct ReproduceArguments {
     /// The rig, such as `shared_scanner`.

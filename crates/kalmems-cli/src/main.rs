@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(arguments),
         Command::Inspect(arguments) => commands::inspect::run(arguments),
+        #[cfg(feature = "papers")]
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
         Command::Simulate(arguments) => commands::simulate::run(arguments),
         Command::Merge(arguments) => commands::study::merge(arguments),

@@ -616,6 +616,7 @@ fn a_recorded_drive_moves_the_device_as_its_sine_did() {
     assert!(worst > 0.0 && worst.to_degrees() < 0.001, "{}", worst.to_degrees());
 }
 
+#[cfg(feature = "papers")]
 #[test]
 fn reproduce_computes_what_is_asked_for_and_names_what_there_is() {
     let work = tempfile::tempdir().unwrap();

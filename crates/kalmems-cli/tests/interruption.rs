@@ -136,6 +136,7 @@ fn a_command_that_computes_ends_within_a_second_of_a_signal() {
     for arguments in [
         &["simulate", "simulation.toml", "--out", "out"][..],
         &["study", "study.toml", "--out", "out", "--threads", "1"],
+        #[cfg(feature = "papers")]
         &["reproduce", "shared_scanner", "--out", "out", "--threads", "1"],
     ] {
         for signal in ["-INT", "-TERM"] {

@@ -14,10 +14,7 @@ pub mod inspect;
 pub mod outlook;
 pub mod progress;
 pub mod recording;
-pub mod reproduce;
 pub mod rig;
 pub mod signal;
 pub mod simulate;
 pub mod units;
-
-use kalmems_figures as report;

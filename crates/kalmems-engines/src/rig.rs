@@ -11,7 +11,6 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::{Finding, Layout, Recording, Segment};
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 
 /// A device with its drive, its recordings and its way of being estimated.
@@ -136,11 +135,6 @@ pub trait Rig: Sync {
             Ok(Some((file, self.layout(experiment, index)?)))
         };
         export::export((experiment, request), (&filter, name), &columns, first_recording)
-    }
-
-    /// The tables and figures of its papers that can be set beside ours, where it has a paper of its own.
-    fn reproduction(&self) -> Option<&'static Program> {
-        None
     }
 }
 

@@ -75,8 +75,8 @@ fn every_room_uses_those_before_it_alone() {
     let mut against = Vec::new();
     for file in &files {
         let room = room_of(file, &src);
-        let here = place(&room)
-            .unwrap_or_else(|| panic!("`{room}` has no place in the order: {}", file.display()));
+        let here =
+            place(&room).unwrap_or_else(|| panic!("`{room}` has no place in the order: {}", file.display()));
         for named in named_by(&fs::read_to_string(file).unwrap()) {
             if place(&named).is_some_and(|there| there > here) {
                 against.push(format!("{}: {room} uses {named}", file.strip_prefix(&src).unwrap().display()));

@@ -12,12 +12,9 @@ pub mod workflow;
 pub use kalmems_engines::rig::{Estimator, Rig};
 
 use kalmems_engines::{
-    circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, reproduce,
-    signal, simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, signal,
+    simulate, units,
 };
-
-use kalmems_applications as applications;
-use kalmems_figures as report;
 
 use config::{ConfigError, Experiment, Fault};
 

@@ -4,7 +4,7 @@
 
 use kalmems::circuit::{
     Adequacy, Bands, Circuit, Detector, DriveRejection, Excitation, HighPass, Motion, Reduced, Setting,
-    Spectrum, printed_lines,
+    Spectrum,
 };
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::simulate::Drive;
@@ -39,7 +39,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     std::fs::write(folder.join("circuit_orders.md"), orders)?;
-    std::fs::write(folder.join("circuit_printed.md"), printed()?)?;
     println!("written to {}", folder.display());
     Ok(())
 }
@@ -192,26 +191,4 @@ fn cost() -> Result<Figure, Box<dyn Error>> {
     }
     let title = "A filter that takes y_cap for a·C + b";
     Ok(Figure::new("circuit_affine_cost", title, "").with(phase).with(angle))
-}
-
-/// The published lines beside the right ones, for the paper's own drive.
-fn printed() -> Result<String, Box<dyn Error>> {
-    let paper = Excitation { offset: 0.0, amplitude: 30.0, ..EXCITATION };
-    let mut table = String::from(
-        "| stage | line | equations | as printed | with the same C(θ) | with the Gaussian C(θ) |\n|---|---|---|---:|---:|---:|\n",
-    );
-    let volts = |value: f64| if value.abs() < 5e-7 { "0".to_owned() } else { format!("{value:.4} V") };
-    for line in printed_lines(&circuit(1)?, &paper, &COMB, &motion(8.0)) {
-        writeln!(
-            table,
-            "| {} | {} | {} | {} | {} | {} |",
-            line.stage,
-            line.name(),
-            line.equations,
-            volts(line.printed),
-            volts(line.quadratic),
-            volts(line.exact)
-        )?;
-    }
-    Ok(table)
 }

@@ -199,31 +199,6 @@ fn the_demodulator_as_two_states_takes_its_lag_out() {
 }
 
 #[test]
-fn each_misprint_ruins_the_filter() {
-    let methods = ["ukf", "ukf_literal_weights", "ukf_literal_cross_covariance", "ukf_literal_covariance"];
-    let table = |method: &&str| filter(method, method, WIDE);
-    let metrics = metrics("true_stiffness.toml", &methods.iter().map(table).collect::<String>());
-    for key in methods {
-        let estimator = metrics.estimators().find(|e| e.key == key).unwrap();
-        let errors = estimator.errors.as_ref().map(|e| (e.angle.rmse_deg, e.peak_phase_rmse_deg));
-        println!("{key}: {:?} {errors:?} {:?}", estimator.verdict, estimator.failure);
-    }
-    let angle = |key: &str| {
-        let estimator = metrics.estimators().find(|e| e.key == key).unwrap();
-        estimator.errors.as_ref().map(|errors| errors.angle.rmse_deg)
-    };
-    assert!(angle("ukf").unwrap() < 0.02);
-    // The means of points whose weights add up to one half go to 0: what is left is the motion itself, 8.92°/√2.
-    assert!((angle("ukf_literal_weights").unwrap() - 8.92 / 2_f64.sqrt()).abs() < 0.1);
-    // An independent filter with the same misprint reached 3.9°.
-    assert!((angle("ukf_literal_covariance").unwrap() - 3.9).abs() < 0.1);
-    // R, in V², added to a cross covariance in rad·V: after that P − K·S·Kᵀ is no covariance.
-    let cross = metrics.estimators().find(|e| e.key == "ukf_literal_cross_covariance").unwrap();
-    assert_eq!(cross.verdict, Verdict::Failed);
-    assert!(cross.failure.as_ref().unwrap().contains("not positive definite"));
-}
-
-#[test]
 fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
     let message = |filters: &str| with_filters("experiment.toml", filters).unwrap_err().to_string();
     let said = |filters: &str, words: [&str; 3]| {
@@ -251,8 +226,12 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
     said(&(ekf("") + &ekf("")), ["filter[1].name", "EKF", "filter[0]"]);
     said(&filter("Model", "model", WIDE), ["filter[0].start_sd", "model", "leave it out"]);
     said(
-        &filter("U", "ukf_literal_weights", &format!("{WIDE}{STIFFNESS}")),
-        ["filter[0].states", "published", "leave it out"],
+        &filter("U", "euler_ekf", &format!("{WIDE}{STIFFNESS}")),
+        ["filter[0].states", "motion alone", "use `ekf`"],
+    );
+    said(
+        &filter("U", "ukf_literal_weights", WIDE),
+        ["filter[0].method", "unknown word `ukf_literal_weights`", "known words: model, ekf, ukf"],
     );
     said(
         &filter("S", "square_root_ukf", &format!("{WIDE}{STIFFNESS}")),

@@ -6,6 +6,7 @@ pub mod export;
 pub mod identify;
 pub mod image;
 pub mod inspect;
+#[cfg(feature = "papers")]
 pub mod reproduce;
 pub mod schema;
 pub mod simulate;

@@ -3,24 +3,23 @@
 use crate::args::ReproduceArguments;
 use crate::progress::Bar;
 use crate::{Ending, print, target};
-use kalmems::reproduce::{
+use kalmems::results::{RunInfo, Work};
+use kalmems_papers::program::{
     Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
 };
-use kalmems::results::{RunInfo, Work};
-use kalmems::rigs;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let published = || rigs::ALL.iter().filter_map(|rig| Some((rig.name(), rig.reproduction()?)));
-    let (name, program) = published().find(|(name, _)| *name == arguments.rig).ok_or_else(|| {
-        let known: Vec<&str> = published().map(|(name, _)| name).collect();
-        Ending::Wrong(format!(
-            "nothing is published of a rig `{}`; there is: {}",
-            arguments.rig,
-            known.join(", ")
-        ))
-    })?;
+    let (name, program) =
+        *kalmems_papers::ALL.iter().find(|(name, _)| *name == arguments.rig).ok_or_else(|| {
+            let known: Vec<&str> = kalmems_papers::ALL.iter().map(|(name, _)| *name).collect();
+            Ending::Wrong(format!(
+                "nothing is published of a rig `{}`; there is: {}",
+                arguments.rig,
+                known.join(", ")
+            ))
+        })?;
     let ending = |e: ReproduceError| match e {
         ReproduceError::Interrupted => Ending::Interrupted,
         e => Ending::Wrong(e.to_string()),

@@ -13,8 +13,7 @@ const HARMONICS: usize = 16;
 /// The charge is the product of voltage and capacitance, a convolution of their lines; the amplifier takes its
 /// derivative, filters multiply each line by their response, a square-law detector convolves once more with itself, a
 /// synchronous one with the reference. Nothing is neglected and no order is left out, unlike in Chen et al., shared
-/// electrodes, 2020, equations 28 to 37, of which several are misprinted besides; [`printed_lines`](super::printed_lines)
-/// holds the two side by side.
+/// electrodes, 2020, equations 28 to 37.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bands {
     /// V_o1, behind the amplifier.

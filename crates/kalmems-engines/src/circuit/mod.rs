@@ -11,7 +11,6 @@ mod chain;
 mod design;
 mod excitation;
 mod harmonics;
-mod printed;
 mod reduced;
 mod spectrum;
 
@@ -21,7 +20,6 @@ pub use chain::{Chain, Inputs, SAMPLES_PER_CARRIER_CYCLE, Stages, run};
 pub use design::{Demodulation, DesignError, DriveRejection, HighPassDesign, LowPassDesign};
 pub use excitation::{Excitation, Motion};
 pub use harmonics::{comb_harmonics, scaled_bessel};
-pub use printed::{PrintedLine, printed_lines};
 pub use reduced::{Model, Reduced};
 pub use spectrum::{Complex, Line, Spectrum};
 

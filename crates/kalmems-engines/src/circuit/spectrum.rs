@@ -43,7 +43,7 @@ impl fmt::Display for Line {
 }
 
 /// The line at m·f_c + n·f_dr in words, such as `2·f_c − f_dr`.
-pub(super) fn name_of(carrier: i32, drive: i32) -> String {
+fn name_of(carrier: i32, drive: i32) -> String {
     let times = |count: i32, name: &str| match count {
         1 => name.to_owned(),
         _ => format!("{count}·{name}"),

@@ -112,14 +112,9 @@ pub enum Method {
     SquareRootUkf,
     /// The extended Kalman filter that linearises each measurement again where it leads.
     IteratedEkf,
-    /// The extended Kalman filter with Euler's method as its process, as published.
+    /// The extended Kalman filter with Euler's method as its process: one step from sample to sample, by the drive at its
+    /// start. For two states alone.
     EulerEkf,
-    /// The unscented Kalman filter with the weights as published, for `1 + 2 n` in place of `n` states.
-    UkfLiteralWeights,
-    /// The unscented Kalman filter with the measurement noise added to the cross covariance, as published.
-    UkfLiteralCrossCovariance,
-    /// The unscented Kalman filter whose update adds to the covariance, as published.
-    UkfLiteralCovariance,
     /// Amplitude and phase of the signal at the drive's frequency, cycle by cycle.
     LockIn,
     /// The extended Kalman filter that integrates its differential equation from sample to sample.
@@ -151,9 +146,6 @@ impl Method {
             Self::SquareRootUkf => "square_root_ukf",
             Self::IteratedEkf => "iterated_ekf",
             Self::EulerEkf => "euler_ekf",
-            Self::UkfLiteralWeights => "ukf_literal_weights",
-            Self::UkfLiteralCrossCovariance => "ukf_literal_cross_covariance",
-            Self::UkfLiteralCovariance => "ukf_literal_covariance",
             Self::LockIn => "lock_in",
             Self::HybridEkf => "hybrid_ekf",
             Self::SteadyState => "steady_state",
@@ -167,25 +159,7 @@ impl Method {
 
     /// Whether it draws sigma points.
     pub const fn is_unscented(self) -> bool {
-        matches!(
-            self,
-            Self::Ukf
-                | Self::SquareRootUkf
-                | Self::UkfLiteralWeights
-                | Self::UkfLiteralCrossCovariance
-                | Self::UkfLiteralCovariance
-        )
-    }
-
-    /// Whether it is a published form with a misprint, kept for comparison: of the published states alone.
-    pub const fn is_literal(self) -> bool {
-        matches!(
-            self,
-            Self::EulerEkf
-                | Self::UkfLiteralWeights
-                | Self::UkfLiteralCrossCovariance
-                | Self::UkfLiteralCovariance
-        )
+        matches!(self, Self::Ukf | Self::SquareRootUkf)
     }
 
     /// Whether it has one gain for all times.
@@ -390,10 +364,12 @@ impl Filter {
                 return refuse(name, why);
             }
         }
-        if self.method.is_literal() {
+        if self.method == Method::EulerEkf {
             let more = [("states", !self.states.is_empty()), ("demodulator", self.demodulator)];
             if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
-                let why = format!("the method `{word}` has the published states alone; leave it out");
+                let why = format!(
+                    "the method `{word}` has the states of the motion alone; leave it out, or use `ekf`"
+                );
                 return refuse(name, why);
             }
         }

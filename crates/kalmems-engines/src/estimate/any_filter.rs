@@ -1,6 +1,6 @@
 //! A filter that is chosen when the program runs.
 
-use super::{LiteralUkf, Misprint, ModelAlone};
+use super::ModelAlone;
 use crate::config::Method;
 use kalmems_core::update::Policy;
 use kalmems_core::{
@@ -30,8 +30,6 @@ pub enum AnyFilter<const N: usize> {
     SquareRootEkf(SquareRootEkf<f64, N>),
     /// The unscented Kalman filter.
     Ukf(Ukf<f64, N>),
-    /// The unscented one as it was printed.
-    LiteralUkf(LiteralUkf<N>),
 }
 
 /// The same for whichever filter it is.
@@ -43,7 +41,6 @@ macro_rules! each {
             AnyFilter::IteratedEkf($filter) => $body,
             AnyFilter::SquareRootEkf($filter) => $body,
             AnyFilter::Ukf($filter) => $body,
-            AnyFilter::LiteralUkf($filter) => $body,
         }
     };
 }
@@ -60,7 +57,6 @@ impl<const N: usize> AnyFilter<N> {
         mean: [f64; N],
         covariance: Covariance<f64, N>,
     ) -> Self {
-        let literal = |misprint| Self::LiteralUkf(LiteralUkf::new(mean, covariance, points, misprint));
         match method {
             Method::Model => Self::ModelAlone(ModelAlone::new(mean)),
             Method::Ekf
@@ -76,9 +72,6 @@ impl<const N: usize> AnyFilter<N> {
             Method::IteratedEkf => Self::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
             Method::SquareRootEkf => Self::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
             Method::Ukf | Method::SquareRootUkf => Self::Ukf(Ukf::new(mean, covariance, points)),
-            Method::UkfLiteralWeights => literal(Misprint::Weights),
-            Method::UkfLiteralCrossCovariance => literal(Misprint::CrossCovariance),
-            Method::UkfLiteralCovariance => literal(Misprint::Covariance),
         }
     }
 }

@@ -86,6 +86,16 @@ pub enum EstimateError {
         /// Why.
         why: kalmems_core::augmentation::AugmentationError,
     },
+    /// A filter of the caller's own, of two states, is to follow the table of a filter that has others or no process.
+    #[error(
+        "the filter `{filter}` has {found}; a filter of one's own needs a table with angle and rate alone, and a process"
+    )]
+    NotAngleAndRate {
+        /// The filter.
+        filter: String,
+        /// What its table asks for.
+        found: &'static str,
+    },
     /// A gain that does not change cannot be computed for this device.
     #[error("the filter `{filter}` has no gain: {why}; change its noise or its bandwidth, or use `ekf`")]
     NoGain {

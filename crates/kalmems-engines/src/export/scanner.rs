@@ -27,7 +27,7 @@ pub struct ScannerFilter {
 /// How a step is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integration {
-    /// Euler's method, as published.
+    /// Euler's method.
     Euler,
     /// The classical Runge–Kutta method.
     RungeKutta,

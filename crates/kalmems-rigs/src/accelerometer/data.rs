@@ -3,7 +3,7 @@
 use crate::estimate::EstimateError;
 use crate::signal::GAP;
 
-/// One segment of a recording.
+/// One segment of a recording as the filters see it: the readout, the feedback and what is known of the acceleration.
 #[derive(Clone, Copy, Debug)]
 pub struct SegmentData<'a> {
     /// When, in s.

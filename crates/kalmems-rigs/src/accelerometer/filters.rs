@@ -9,7 +9,7 @@ use crate::units::kind;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// One filter.
+/// What one `[[estimate.filter]]` says of a filter of the accelerometer.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
     /// What every filter has; its name for people says where the acceleration is known.
@@ -60,8 +60,7 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let unsuited =
-            filter.method.is_literal() || matches!(filter.method, Method::LockIn | Method::SquareRootUkf);
+        let unsuited = matches!(filter.method, Method::EulerEkf | Method::LockIn | Method::SquareRootUkf);
         if unsuited {
             return refuse("method", "there is no such estimator for an accelerometer; use `ekf`");
         }

@@ -5,6 +5,7 @@
 
 use super::data::Input;
 use super::settings::Hardware;
+use crate::simulate::SimulateError;
 use kalmems_core::filter::{ContinuousObserver, ObserverError, Pole};
 use kalmems_core::riccati::{RiccatiError, continuous_riccati, kalman_bucy_gain};
 use kalmems_core::{
@@ -153,6 +154,16 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
     pub fn fastest(&self) -> f64 {
         self.eigenvalues.iter().map(|(re, im)| re.hypot(*im)).fold(0.0, f64::max)
     }
+}
+
+/// The standard deviation in m/s² that the Kalman filter claims of the acceleration once it has settled, with samples so many
+/// seconds apart: of all causal filters the least, for an acceleration as the device's table says.
+pub fn settled_acceleration_sd(hardware: &Hardware, interval_s: f64) -> Result<f64, SimulateError> {
+    let none = |why: String| SimulateError::NoObserver { why };
+    let instrument = Instrument::sensed(hardware).map_err(|why| none(why.to_string()))?;
+    let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(interval_s))
+        .map_err(|why| none(why.to_string()))?;
+    Ok(instrument.scales.restore_covariance(settled.filtered_covariance()).standard_deviation(2))
 }
 
 /// The poles of a Butterworth low-pass of this order and corner in rad/s.

@@ -15,7 +15,6 @@ mod instrument;
 mod noise_estimate;
 mod outlook;
 mod pull_in;
-mod reproduction;
 mod run;
 mod segment;
 mod settings;
@@ -31,13 +30,17 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use data::SegmentData;
+pub use data::SegmentData;
+pub use filters::FilterSettings;
 use instrument::Instrument;
-use settings::{Hardware, Settings};
+pub use instrument::settled_acceleration_sd;
+pub use run::{Acceleration, Acting, Moment, Observed, Run};
+pub use segment::estimate as estimate_segment;
+pub use settings::{Hardware, Settings};
 use simulation::AccelerometerSimulation;
+pub use simulation::closed_loop;
 
 /// The rig.
 pub struct AccelerometerRig;
@@ -103,10 +106,6 @@ impl Rig for AccelerometerRig {
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
         outlook::outlook(experiment)
-    }
-
-    fn reproduction(&self) -> Option<&'static Program> {
-        Some(&reproduction::PROGRAM)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {

@@ -1,13 +1,12 @@
 //! What can be said of an accelerometer before anything is recorded.
 
-use super::instrument::Instrument;
+use super::instrument::settled_acceleration_sd;
 use super::run::Acting;
 use super::settings::Hardware;
 use super::simulation::{acting, closed_loop};
 use crate::config::{Device, Experiment, Quantity};
 use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
 use crate::simulate::SimulateError;
-use kalmems_core::FixedGain;
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use kalmems_models::noise::Mosfet;
@@ -356,11 +355,7 @@ fn bounds(
     (rate_hz, largest_feedback): (f64, f64),
 ) -> Topic {
     let topic = Topic::new("Bounds");
-    let settled = Instrument::sensed(hardware).ok().and_then(|instrument| {
-        let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(1.0 / rate_hz)).ok()?;
-        Some(instrument.scales.restore_covariance(settled.filtered_covariance()).standard_deviation(2))
-    });
-    let Some(causal) = settled else {
+    let Ok(causal) = settled_acceleration_sd(hardware, 1.0 / rate_hz) else {
         return topic.with("causal_wiener_mg", [], "There is no settled filter for this device.");
     };
     let later = non_causal(hardware, closed, rate_hz);

@@ -12,7 +12,7 @@ use kalmems_models::control::{Comparator, RebalanceLoop, SampledRebalance, Stopp
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-/// All that a run follows from.
+/// A simulated run of the accelerometer: all that it follows from.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// The device and its noise.
@@ -77,7 +77,7 @@ pub enum Acceleration {
     Chance,
 }
 
-/// One sample.
+/// One sample of a run, with the truth behind it.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// In s.

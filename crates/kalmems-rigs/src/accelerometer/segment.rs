@@ -19,7 +19,9 @@ use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
 
-/// Runs the wanted filters over the new samples of a segment.
+/// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
+///
+/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
     data: &SegmentData,

@@ -9,7 +9,7 @@ use kalmems_models::noise::brownian_force_density;
 use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::TAU;
 
-/// Device and filter settings.
+/// What an experiment says of an accelerometer and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The device.

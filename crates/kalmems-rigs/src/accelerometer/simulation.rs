@@ -38,7 +38,8 @@ pub fn feedback(experiment: &Experiment) -> Option<&ForceFeedback> {
     described(experiment)?.feedback.as_ref()
 }
 
-/// The loop that an experiment describes, sampled at this interval in s.
+/// The force-rebalance loop that an experiment describes, sampled at this interval in s; with a controller of zeros where it
+/// describes none.
 pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<RebalanceLoop<f64>, ConfigError> {
     let hardware = Hardware::of(experiment)?;
     let feedback = feedback(experiment);

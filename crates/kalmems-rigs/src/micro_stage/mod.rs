@@ -12,7 +12,6 @@ mod hardware;
 pub mod identification;
 mod outlook;
 mod records;
-mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
@@ -25,7 +24,6 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
-use crate::reproduce::Program;
 use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -140,10 +138,6 @@ impl Rig for MicroStageRig {
         progress: &dyn Progress,
     ) -> Result<Identification, IdentifyError> {
         identification::identify(experiment, progress)
-    }
-
-    fn reproduction(&self) -> Option<&'static Program> {
-        Some(&reproduction::PROGRAM)
     }
 }
 

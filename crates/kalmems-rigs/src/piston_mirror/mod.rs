@@ -17,7 +17,6 @@ mod phasor;
 mod plates;
 mod range;
 mod remarks;
-mod reproduction;
 mod segment;
 mod settings;
 mod simulation;
@@ -31,17 +30,17 @@ use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use bound::{MotionBound, motion_bound};
 pub use data::SegmentData;
+pub use mechanics::Mechanics;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
 use range::without_impossible;
 use remarks::Tally;
-use segment::PartData;
-use settings::Settings;
+pub use segment::{PartData, estimate as estimate_segment};
+pub use settings::{FilterSettings, Hardware, Motion, Settings};
 pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
 use trigger::motion_frequency;
 
@@ -120,10 +119,6 @@ impl Rig for PistonMirrorRig {
             return Ok(Box::new(driven::DrivenSimulation::of(experiment, simulate)?));
         }
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
-    }
-
-    fn reproduction(&self) -> Option<&'static Program> {
-        Some(&reproduction::PROGRAM)
     }
 
     /// It has no angle; see [`Rig::values`].
@@ -216,11 +211,7 @@ fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigE
 }
 
 /// Refuses samples that are too far apart for the motion that trigger or mechanics speak of.
-fn require_fast_enough(
-    hardware: &settings::Hardware,
-    data: &SegmentData,
-    place: &str,
-) -> Result<(), EstimateError> {
+fn require_fast_enough(hardware: &Hardware, data: &SegmentData, place: &str) -> Result<(), EstimateError> {
     let stated = hardware.mechanics.map(|mechanics| mechanics.resonance_hz);
     let rate_hz = 1.0 / data.interval_s;
     let Some(motion_hz) = data.motion_hz.or(stated).filter(|motion_hz| rate_hz <= 2.0 * motion_hz) else {

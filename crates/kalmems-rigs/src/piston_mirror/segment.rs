@@ -20,7 +20,10 @@ use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Runs the wanted filters over the new samples of a segment, and says how fast it moves.
+/// Runs the filters of the settings over the new samples of a segment, judges the lock of each trajectory, and gives the
+/// frequency of the motion.
+///
+/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
     part: &PartData,
@@ -58,7 +61,7 @@ pub fn estimate(
     Ok((all.into_iter().flatten().collect(), motion))
 }
 
-/// Samples of a segment, on the way to an estimate.
+/// A part of a segment of capacitances as the filters see it, or the whole of it.
 #[derive(Clone, Debug)]
 pub struct PartData<'a> {
     /// Those that are there.

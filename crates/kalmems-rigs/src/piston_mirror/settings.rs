@@ -10,7 +10,7 @@ use crate::config::{
 use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;
 
-/// Device, noise and filter settings.
+/// What an experiment says of a piston mirror and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The device.
@@ -21,7 +21,7 @@ pub struct Settings {
     pub filters: Vec<FilterSettings>,
 }
 
-/// The device alone.
+/// The mirror: its capacitance over the distance, the noise of the readout, and its mechanics where they are described.
 #[derive(Clone, Copy, Debug)]
 pub struct Hardware {
     /// C(d).
@@ -36,7 +36,7 @@ pub struct Hardware {
     pub mechanics: Option<Mechanics>,
 }
 
-/// One filter.
+/// What one `[[estimate.filter]]` says of a filter.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
     /// What every filter has.

@@ -5,7 +5,7 @@ use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key
 use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
 use crate::units::kind;
 
-/// One filter of one axis.
+/// What one `[[estimate.filter]]` says of a filter of one axis: its states, where they start, and its process noise.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
     /// What every filter has.

@@ -14,7 +14,6 @@ mod outlook;
 mod past;
 mod plant;
 pub mod regulation;
-mod reproduction;
 mod ring_down;
 mod segment;
 mod settings;
@@ -31,12 +30,13 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
+pub use filters::FilterSettings;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
-use settings::{Hardware, Settings};
+pub use segment::{estimate as estimate_segment, estimate_with as estimate_segment_with};
+pub use settings::{Hardware, Settings};
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -120,10 +120,6 @@ impl Rig for SharedScannerRig {
     fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
         let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
         Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
-    }
-
-    fn reproduction(&self) -> Option<&'static Program> {
-        Some(&reproduction::PROGRAM)
     }
 }
 

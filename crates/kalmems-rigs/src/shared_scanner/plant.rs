@@ -64,14 +64,14 @@ pub fn staged_with<const A: usize>(
     })
 }
 
-/// The scanner by Euler's method, as published, with the noise of one sample as that of the exact step.
-pub struct Published {
+/// The scanner by Euler's method, with the noise of one sample as that of the exact step.
+pub struct ByEuler {
     scanner: ParametricScanner<f64>,
     readout: DelayedComb<f64>,
     acceleration_density: f64,
 }
 
-impl Published {
+impl ByEuler {
     /// Angle and rate.
     pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Self {
         Self {
@@ -82,7 +82,7 @@ impl Published {
     }
 }
 
-impl Plant<2> for Published {
+impl Plant<2> for ByEuler {
     type Process = FromStart;
     type Readout = DelayedComb<f64>;
 

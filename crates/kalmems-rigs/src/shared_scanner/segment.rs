@@ -2,7 +2,7 @@
 
 use super::filters::FilterSettings;
 use super::lock_in::LockIn;
-use super::plant::{Published, affine, affine_with, staged, staged_with};
+use super::plant::{ByEuler, affine, affine_with, staged, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, PHASE, Plant};
@@ -15,7 +15,11 @@ use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, SquareRootUkf};
 use std::f64::consts::{PI, TAU};
 
-/// Runs the wanted filters over the new samples of a segment, which `place` names in messages.
+/// Runs the filters of the settings over the new samples of a segment, and gives each trajectory the sign of the motion and
+/// the judgement of its lock.
+///
+/// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one
+/// part of it to the next.
 pub fn estimate(
     settings: &Settings,
     beside: &Beside,
@@ -25,7 +29,6 @@ pub fn estimate(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
     let start_s = data.scored_from(settings.skip_s);
     // By the first rows, so that it does not depend on what comes later.
     let first_hz =
@@ -38,19 +41,96 @@ pub fn estimate(
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
         let said = Said { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
         let mut trajectories = one(&Task { settings, filter, data, place, said, progress }, past)?;
-        for (answer, trajectory) in trajectories.iter_mut().enumerate() {
-            let past = past.answer(answer);
-            if let Some(positive) = settings.first_peak_positive {
-                past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
-            }
-            if trajectory.mirrored {
-                turn_phase(trajectory);
-            }
-            trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
-        }
+        judge(settings, data, past, &mut trajectories);
         all.append(&mut trajectories);
     }
     Ok(all)
+}
+
+/// Follows a filter of the caller's own over the new samples of a segment, as [`estimate`] follows those of the settings.
+///
+/// All but the filter is that of the rig, as the settings and the table `filter` say it: the model of the scanner with its
+/// process noise, the drive between the samples, samples that are missing, the readout and its noise, name and start of the
+/// filter, its smoothers, the sign of the motion and the judgement of its lock. `make` makes the filter from the first mean,
+/// angle in rad and rate in rad/s, and their covariance. A filter of another kind, or with another rule of adaptation, is so
+/// compared with those of the rig by itself alone.
+///
+/// The past is [`FilterPast::default`] at the beginning of a segment, and is kept from one part of it to the next; where it is
+/// that of a filter in another run, `make` is given what that left. Refused is a table with more states than angle and rate,
+/// and one of a method without a process: `model` and `lock_in`. With the method `euler_ekf` the process is Euler's method.
+///
+/// ```
+/// use kalmems_core::SquareRootEkf;
+/// use kalmems_engines::estimate::{FilterPast, Part, Past, SignalSegment, driven::DrivenSegment};
+/// use kalmems_engines::progress::Silent;
+/// use kalmems_engines::{config::Experiment, recording::Recording, units::kind};
+/// use kalmems_rigs::shared_scanner::{Settings, estimate_segment_with};
+/// # use std::path::Path;
+///
+/// # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+/// let experiment = Experiment::load(&root.join("examples/shared_scanner/experiment.toml"))?;
+/// let settings = Settings::of(&experiment)?;
+/// let file = experiment.resolve(&experiment.recording(0)?.file);
+/// let recording = Recording::read(&file, &kalmems_rigs::of(&experiment)?.layout(&experiment, 0)?)?;
+///
+/// let (part, mut past) = (Part::whole(&recording, &recording.segments()[0]), Past::default());
+/// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
+/// let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
+/// let ekf = settings.filters.iter().find(|filter| filter.basics.key == "ekf").ok_or("no EKF")?;
+/// let past = &mut FilterPast::default();
+/// let found = estimate_segment_with(&settings, ekf, &data, past, "the example", &Silent, SquareRootEkf::new)?;
+/// assert!(found[0].failure.is_none() && found[0].lock.events.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
+    settings: &Settings,
+    filter: &FilterSettings,
+    data: &DrivenSegment,
+    past: &mut FilterPast,
+    place: &str,
+    progress: &dyn Progress,
+    make: impl FnOnce([f64; 2], Covariance<f64, 2>) -> F,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    let basics = &filter.basics;
+    let other = [
+        (!basics.method.claims(), "a method without a process"),
+        (!basics.tracked.is_empty(), "parameters as states"),
+        (filter.demodulator_sd.is_some(), "the demodulator's stages as states"),
+    ];
+    if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
+        return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
+    }
+    let said = Said { from_s: data.scored_from(settings.skip_s), ..Said::default() };
+    let task = Task { settings, filter, data, place, said, progress };
+    let left = past.left();
+    let begin = || {
+        let (mean, covariance) = left.map_or_else(|| task.start(), Ok)?;
+        Ok(make(mean, covariance))
+    };
+    let (follower, states) = (task.follower(), filter.states());
+    let mut trajectories = if basics.method == Method::EulerEkf {
+        follower.follow(&ByEuler::new(&settings.hardware, filter), &states, past, begin)?
+    } else {
+        follower.follow(&affine(&settings.hardware, filter), &states, past, begin)?
+    };
+    judge(settings, data, past, &mut trajectories);
+    Ok(trajectories)
+}
+
+/// Gives the trajectories of one filter the sign of the motion, where it is stated, and judges their lock.
+fn judge(settings: &Settings, data: &DrivenSegment, past: &mut FilterPast, trajectories: &mut [Trajectory]) {
+    let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
+    for (answer, trajectory) in trajectories.iter_mut().enumerate() {
+        let past = past.answer(answer);
+        if let Some(positive) = settings.first_peak_positive {
+            past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
+        }
+        if trajectory.mirrored {
+            turn_phase(trajectory);
+        }
+        let start_s = data.scored_from(settings.skip_s);
+        trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
+    }
 }
 
 /// Turns the phase of a motion that is mirrored: by half a turn.
@@ -100,7 +180,7 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
         (Some(poles), _) if method == Method::SquareRootUkf => {
             task.root::<_, 4>(&staged(hardware, filter, poles), past)
         }
-        (None, 0) if method == Method::EulerEkf => task.run(&Published::new(hardware, filter), past),
+        (None, 0) if method == Method::EulerEkf => task.run(&ByEuler::new(hardware, filter), past),
         (None, 0) => task.run::<_, 2>(&affine(hardware, filter), past),
         (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?, past),
         (None, 2) => task.run::<_, 4>(&affine_with::<2>(hardware, filter).map_err(wrong)?, past),

@@ -10,7 +10,7 @@ use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::{DelayedComb, DemodulatedComb};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-/// Device, noise and filter settings.
+/// What an experiment says of a shared-electrode scanner with one axis and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The device.
@@ -24,7 +24,7 @@ pub struct Settings {
     pub filters: Vec<FilterSettings>,
 }
 
-/// The device alone.
+/// The scanner: how it moves, how it is read, and the noise of a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Hardware {
     /// How it moves.

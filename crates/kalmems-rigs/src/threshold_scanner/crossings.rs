@@ -54,7 +54,7 @@ pub const NUMBERS: usize = 14;
 
 impl Crossing {
     /// It in numbers, for another run.
-    pub fn numbers(&self) -> [f64; NUMBERS] {
+    pub(super) fn numbers(&self) -> [f64; NUMBERS] {
         let nowhere = Instant { time_s: f64::NAN, ..self.sample };
         let mut numbers = [self.index as f64; NUMBERS];
         numbers[1] = self.known_at as f64;
@@ -67,7 +67,7 @@ impl Crossing {
     }
 
     /// That of these numbers.
-    pub fn of_numbers(numbers: &[f64; NUMBERS]) -> Self {
+    pub(super) fn of_numbers(numbers: &[f64; NUMBERS]) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts of rows
         let [index, known_at] = [numbers[0] as usize, numbers[1] as usize];
         let instant = |from: usize| Instant {
@@ -81,23 +81,7 @@ impl Crossing {
     }
 }
 
-/// The crossings of a whole signal.
+/// The crossings of a whole signal in the order of time, with the variances of their times and of the angle then. Refused where the settings make no detector at the interval of the samples.
 pub fn find(rows: Rows, sought: Sought, settings: &DetectorSettings) -> Result<Vec<Crossing>, DetectError> {
     Ok(Search::new(sought, settings)?.take(&rows, true))
-}
-
-#[cfg(test)]
-impl Crossing {
-    /// The same at another sample, of those that are so far apart.
-    pub fn moved_to(&self, sample: usize, interval_s: f64) -> Self {
-        let by_s = sample as f64 * interval_s - self.sample.time_s;
-        let moved = |instant: Instant| Instant { time_s: instant.time_s + by_s, ..instant };
-        Self {
-            sample: moved(self.sample),
-            parabola: moved(self.parabola),
-            zero: self.zero.map(moved),
-            index: sample,
-            known_at: self.known_at - self.index + sample,
-        }
-    }
 }

@@ -9,7 +9,7 @@ use crate::config::{
 use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
 use crate::units::kind;
 
-/// One filter.
+/// What one `[[estimate.filter]]` says: how the filter takes signal and crossings, where it starts, and its process noise.
 #[derive(Clone, Debug)]
 pub struct FilterSettings {
     /// What every filter has.

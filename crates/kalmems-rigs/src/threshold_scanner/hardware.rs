@@ -6,7 +6,7 @@ use kalmems_models::dynamics::{CombDrivenMirror, MirrorResonator};
 use kalmems_models::readout::CurrentReadout;
 use std::f64::consts::TAU;
 
-/// The device alone.
+/// The threshold-sensing scanner: how it moves, how its comb is read, and the noise of a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Hardware {
     /// How it moves.

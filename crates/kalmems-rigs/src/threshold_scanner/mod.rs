@@ -13,7 +13,6 @@ pub mod identification;
 mod kept;
 mod kernel;
 mod plant;
-mod reproduction;
 mod search;
 mod segment;
 mod settings;
@@ -30,14 +29,15 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
 use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
-use crate::reproduce::Program;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crossings::{Crossing, Instant};
-use hardware::Hardware;
+pub use crossings::{Crossing, Instant, find as find_crossings};
+pub use filters::{FilterSettings, ThresholdSettings};
+pub use hardware::Hardware;
 use kept::{Kept, Needed};
-use segment::Samples;
-use settings::Settings;
+pub use search::{Rows, Sought};
+pub use segment::{Samples, estimate as estimate_segment};
+pub use settings::{Acceptance, DetectorSettings, Settings};
 use simulation::ThresholdSimulation;
 
 /// The rig.
@@ -119,10 +119,6 @@ impl Rig for ThresholdScannerRig {
     fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
         let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
         Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
-    }
-
-    fn reproduction(&self) -> Option<&'static Program> {
-        Some(&reproduction::PROGRAM)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Ekf, Filter};
 
-/// One segment as the filters see it.
+/// One segment as the filters see it: signal, drive and the crossings that were found.
 #[derive(Clone, Copy)]
 pub struct Samples<'a> {
     /// Time, signal and drive.
@@ -29,7 +29,9 @@ pub struct Samples<'a> {
     pub motion: Motion,
 }
 
-/// Runs the wanted filters over the new samples of a segment.
+/// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
+///
+/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
     samples: Samples,

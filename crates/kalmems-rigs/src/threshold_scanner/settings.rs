@@ -6,7 +6,7 @@ use super::kernel::Window;
 use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Quantity, Sign, Values};
 use crate::units::kind;
 
-/// Device, detector and filter settings.
+/// What an experiment says of a threshold-sensing scanner, of the detector of its crossings and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The device.
@@ -21,7 +21,7 @@ pub struct Settings {
     pub filters: Vec<FilterSettings>,
 }
 
-/// How crossings are found.
+/// How crossings of the threshold are found: by the derivative of the signal averaged by a Gaussian, above a limit.
 #[derive(Clone, Copy, Debug)]
 pub struct DetectorSettings {
     /// The standard deviation of the Gaussian in s.
@@ -42,7 +42,7 @@ impl DetectorSettings {
 
 impl DetectorSettings {
     /// How many samples of this interval in s it needs around a crossing.
-    pub fn window(&self, interval_s: f64) -> Window {
+    pub(super) fn window(&self, interval_s: f64) -> Window {
         Window::of(self.width_s / interval_s, self.separation_s / interval_s)
     }
 }

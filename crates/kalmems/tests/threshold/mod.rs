@@ -2,9 +2,8 @@
 
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::reproduce::{Effort, Reproduction, Settings, reproduce};
 use kalmems::results::Metrics;
-use kalmems::rigs::{self, Rig, threshold_scanner::ThresholdScannerRig};
+use kalmems::rigs;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{estimate, estimate_unwritten};
 use std::path::{Path, PathBuf};
@@ -190,13 +189,6 @@ pub fn driven_with(seed: u64, more: &str) -> Unwritten {
     run(&(text.replace("\"-0.105 rad\", rate = \"420 rad/s\"", "\"1 mrad\", rate = \"0 rad/s\"")
         + drive
         + more))
-}
-
-/// What the rig's papers show, beside ours.
-pub fn reproduced(only: Option<&str>, effort: Effort) -> Reproduction {
-    let settings = Settings { only: only.map(str::to_owned), effort, seed: 1, threads: 2 };
-    let program = ThresholdScannerRig.reproduction().unwrap();
-    reproduce("threshold_scanner", program, settings, &Silent).unwrap()
 }
 
 pub fn metrics_of(case: &Case, recording: &Unwritten) -> Metrics {

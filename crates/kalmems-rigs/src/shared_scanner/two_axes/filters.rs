@@ -80,9 +80,8 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        if filter.method.is_literal()
-            || matches!(filter.method, Method::DirectInversion | Method::LockIn | Method::SquareRootUkf)
-        {
+        let for_one_axis = [Method::EulerEkf, Method::DirectInversion, Method::LockIn, Method::SquareRootUkf];
+        if for_one_axis.contains(&filter.method) {
             return refuse("method", "this method is for one axis; with two write `ekf`, `ukf` or `model`");
         }
         if filter.demodulator {

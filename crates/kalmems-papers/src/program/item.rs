@@ -1,0 +1,153 @@
+//! A table or a figure of a paper.
+
+use super::check::{Check, Verdict, decisive};
+use kalmems_figures::{Figure, Table};
+use serde::Serialize;
+
+/// Where something stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// The short name of the paper, as its [`Paper`](super::Paper) has it.
+    pub paper: &'static str,
+    /// Such as `Table III` or `Figure 5.9`.
+    pub label: &'static str,
+    /// The page, or what else finds it, as far as it is known; empty if it is not.
+    pub page: &'static str,
+}
+
+impl Place {
+    /// `S Table III (section IV-B)`.
+    pub fn to_text(&self) -> String {
+        let page = if self.page.is_empty() { String::new() } else { format!(" ({})", self.page) };
+        format!("{} {}{page}", self.paper, self.label)
+    }
+
+    /// Whether this is what `asked` means: the label, or paper and label, whatever the case of the letters.
+    pub(super) fn is_called(&self, asked: &str) -> bool {
+        let whole = format!("{} {}", self.paper, self.label);
+        asked.eq_ignore_ascii_case(self.label) || asked.eq_ignore_ascii_case(&whole)
+    }
+}
+
+/// Whether an item is a table or a figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Numbers in rows, or in the text.
+    Table,
+    /// A picture.
+    Figure,
+}
+
+/// What the paper's values are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// Measured on the authors' hardware.
+    Measured,
+    /// Calculated by the authors.
+    Computed,
+}
+
+impl Origin {
+    /// What stands over the paper's values and over ours.
+    pub(super) fn heads(self) -> [&'static str; 2] {
+        match self {
+            Self::Measured => ["paper (measured on the authors' hardware)", "ours (simulated)"],
+            Self::Computed => ["paper (calculated by the authors)", "ours (computed)"],
+        }
+    }
+}
+
+/// What is known of an item before anything is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Head {
+    /// A short name for files, such as `table-iii`.
+    pub key: &'static str,
+    /// What it is about.
+    pub title: &'static str,
+    /// Table or figure.
+    pub kind: Kind,
+    /// Where the papers show it.
+    pub places: &'static [Place],
+    /// What the papers' values are.
+    pub origin: Origin,
+}
+
+impl Head {
+    /// All places, separated by semicolons.
+    pub fn source(&self) -> String {
+        self.places.iter().map(Place::to_text).collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// A table or figure of a paper beside ours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Item {
+    /// What it is.
+    pub head: &'static Head,
+    /// What the paper says against what was computed; the verdict follows from them.
+    pub checks: Vec<Check>,
+    /// What it means, and under which conditions ours was computed.
+    pub remarks: Vec<String>,
+    /// More tables: settings, values that the papers do not give.
+    pub tables: Vec<Table>,
+    /// Pictures, their names beginning with the head's key.
+    pub figures: Vec<Figure>,
+}
+
+impl Item {
+    /// An item with nothing in it yet.
+    pub fn new(head: &'static Head) -> Self {
+        Self { head, checks: Vec::new(), remarks: Vec::new(), tables: Vec::new(), figures: Vec::new() }
+    }
+
+    /// Adds a check.
+    #[must_use]
+    pub fn check(mut self, check: Check) -> Self {
+        self.checks.push(check);
+        self
+    }
+
+    /// Adds a remark.
+    #[must_use]
+    pub fn remark(mut self, remark: impl Into<String>) -> Self {
+        self.remarks.push(remark.into());
+        self
+    }
+
+    /// Adds a table.
+    #[must_use]
+    pub fn table(mut self, table: Table) -> Self {
+        self.tables.push(table);
+        self
+    }
+
+    /// Adds a figure.
+    #[must_use]
+    pub fn figure(mut self, figure: Figure) -> Self {
+        self.figures.push(figure);
+        self
+    }
+
+    /// What came of it.
+    pub fn verdict(&self) -> Verdict {
+        Verdict::of(&self.checks)
+    }
+
+    /// The figure that says why: the check that is furthest off.
+    pub fn why(&self) -> String {
+        decisive(&self.checks).map_or_else(
+            || "nothing was compared".to_owned(),
+            |check| {
+                let (subject, paper, ours) = (check.subject(), check.paper(), check.ours());
+                match check {
+                    Check::Value { .. } => {
+                        format!("{subject}: {} (paper {paper}, ours {ours})", check.comparison())
+                    }
+                    Check::Claim { .. } => format!("{subject}: paper {paper}; ours {ours}"),
+                }
+            },
+        )
+    }
+}

@@ -1,0 +1,31 @@
+//! A reproduction as tables, for the page and for the terminal.
+
+use super::{Head, Item, Reproduction};
+use kalmems_figures::{Column, Table};
+
+/// One row per item: what came of it, and, where there is room, the figure that says why.
+pub fn summary_table(reproduction: &Reproduction, with_reasons: bool) -> Table {
+    let reasons = with_reasons.then_some("the figure that says why");
+    let columns = ["table or figure", "about", "verdict"].into_iter().chain(reasons);
+    let mut table = Table::new("", columns.map(Column::text));
+    for item in &reproduction.items {
+        let labels = |head: &Head| {
+            let labels = head.places.iter().map(|place| format!("{} {}", place.paper, place.label));
+            labels.collect::<Vec<_>>().join(", ")
+        };
+        let cells = [labels(item.head), item.head.title.to_owned(), item.verdict().words().to_owned()];
+        table.push(cells.into_iter().chain(with_reasons.then(|| item.why())));
+    }
+    table
+}
+
+/// One row per check of an item: the paper beside ours.
+pub fn checks_table(item: &Item) -> Table {
+    let [paper, ours] = item.head.origin.heads();
+    let columns = ["", paper, ours, "comparison"].map(Column::text);
+    let mut table = Table::new("", columns);
+    for check in &item.checks {
+        table.push([check.subject(), check.paper(), check.ours(), check.comparison()]);
+    }
+    table
+}

@@ -1,0 +1,155 @@
+//! One decay over time, and four passes of it closely.
+
+use super::bench::{Bench, Decay, INTERVAL_S, angles, estimate, quarter};
+use super::edges::SIGMA;
+use super::errors_table::{PRINTED, PUBLISHED_LEVEL};
+use super::failed;
+use crate::config::Timing;
+use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use kalmems_core::detect::SlopeKernel;
+use kalmems_figures::significant;
+use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+
+/// The pictures.
+pub static HEAD: Head = Head {
+    key: "figure-4-10",
+    title: "one decay over time",
+    kind: Kind::Figure,
+    places: &[
+        Place { paper: "T", label: "Figure 9", page: "section VI-B" },
+        Place { paper: "D", label: "Figure 4.10", page: "section 4.6.2" },
+    ],
+    origin: Origin::Measured,
+};
+
+/// s on each side of a pass that are drawn.
+const NEAR_S: f64 = 0.08e-3;
+const HEADS: [&str; 4] = ["SNR 83", "SNR 23", "SNR 5", "SNR 1"];
+
+/// One trial.
+struct Trial {
+    decay: Decay,
+    signal: Vec<f64>,
+    /// EKF and hybrid.
+    angles: [Vec<f64>; 2],
+    /// The samples of detections.
+    detections: Vec<usize>,
+}
+
+/// Estimates some decays by the printed filters.
+pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+    let first_seed = work.seed;
+    let bench = Bench::new()?;
+    let settings = bench.misled(&PUBLISHED_LEVEL, &PRINTED);
+    let trials = match work.effort {
+        Effort::Quick => 3,
+        Effort::Full => 20,
+    };
+    let noise = bench.device.noise_variance.sqrt();
+    let trials = work.map("decays over time", (trials, 80_000), |i, progress| {
+        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let seed = first_seed + i as u64;
+        let signal = decay.recorded(noise, seed);
+        let (crossings, filters) = estimate(&settings, &decay, &signal, seed, progress)?;
+        let [ekf, hybrid] = filters.as_slice() else { return None };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a sample of the recording
+        let sample = |time_s: f64| (time_s / INTERVAL_S).round() as usize;
+        let detections =
+            crossings.iter().filter_map(|c| Some(sample(c.at(Timing::Sample)?.time_s))).collect();
+        let angles = [ekf, hybrid].map(|filter| angles(filter).to_vec());
+        Some(Trial { decay, signal, angles, detections })
+    })?;
+    // The hybrid's errors before and after detections.
+    let mut sums = [0.0; 2];
+    for trial in &trials {
+        for k in trial.detections.iter().filter(|k| **k > 0) {
+            for (sum, at) in sums.iter_mut().zip([k - 1, *k]) {
+                *sum += (trial.angles[1][at] - trial.decay.states[at][0]).powi(2);
+            }
+        }
+    }
+    let count: usize = trials.iter().map(|trial| trial.detections.len()).sum();
+    let [before, after] = sums.map(|sum| 1e3 * f64::sqrt(sum / count as f64));
+    let Some(first) = trials.first() else { return Err(ReproduceError::Interrupted) };
+    Ok(vec![
+        Item::new(&HEAD)
+            .check(Check::claim(
+                "the hybrid filter is corrected at the instant of a detection",
+                "shown in four snapshots",
+                format!(
+                    "{} mrad rms the sample before, {} with it, {count} detections",
+                    significant(before),
+                    significant(after)
+                ),
+                after < 0.9 * before,
+            ))
+            .figure(over_all(first)?)
+            .figure(snapshots(first)),
+    ])
+}
+
+fn over_all(trial: &Trial) -> Result<Figure, ReproduceError> {
+    let kernel = SlopeKernel::<f64, 60>::new(SIGMA).map_err(|e| failed(HEAD.title)(e.into()))?;
+    let mut response = vec![0.0; trial.signal.len()];
+    kernel.responses(&trial.signal, &mut response);
+    let times = &trial.decay.time_s;
+    let over = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        (0..times.len()).map(|k| (times[k], value(k))).collect()
+    };
+    let error = |filter: usize| over(&|k| trial.angles[filter][k] - trial.decay.states[k][0]);
+    let time = || Axis::new("time", "s");
+    Ok(Figure::new(
+        "figure-4-10_overall",
+        "One decay",
+        "From above: the motion and the errors of the two filters; the signal; the response of the derivative of a \
+         Gaussian, whose maxima are the detections.",
+    )
+    .with(
+        Panel::new(time(), Axis::new("angle", "rad"))
+            .with(Series::line("motion (EXP)", Role::Reference, over(&|k| trial.decay.states[k][0]))),
+    )
+    .with(
+        Panel::new(time(), Axis::new("error", "rad"))
+            .with(Series::line("EKF", Role::Model, error(0)))
+            .with(Series::line("hybrid (HYB)", Role::Estimate, error(1)))
+            .sharing_x(),
+    )
+    .with(
+        Panel::new(time(), Axis::new("signal", "V"))
+            .with(Series::line("", Role::Measured, over(&|k| trial.signal[k])))
+            .sharing_x(),
+    )
+    .with(
+        Panel::new(time(), Axis::new("response", "V/s"))
+            .with(Series::line("", Role::Other, over(&|k| response[k] / INTERVAL_S)))
+            .sharing_x(),
+    ))
+}
+
+fn snapshots(trial: &Trial) -> Figure {
+    let mut figure = Figure::new(
+        "figure-4-10_snapshots",
+        "Four passes of the threshold",
+        "One pass in each quarter of the decay: the motion, both filters, and where the hybrid filter was told of the \
+         threshold's angle.",
+    );
+    let times = &trial.decay.time_s;
+    for (i, head) in HEADS.into_iter().enumerate() {
+        let here = trial.detections.iter().filter(|k| quarter(times[**k]) == i);
+        // The third: the first in which the filters start are still settling.
+        let Some(middle) = here.copied().nth(2) else { continue };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive
+        let near = (NEAR_S / INTERVAL_S) as usize;
+        let window = middle.saturating_sub(near)..(middle + near).min(times.len());
+        let over = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+            window.clone().map(|k| (times[k] - times[middle], value(k))).collect()
+        };
+        let panel =
+            Panel::new(Axis::new("time from the detection", "s"), Axis::new(format!("angle, {head}"), "rad"))
+                .with(Series::line("motion (EXP)", Role::Reference, over(&|k| trial.decay.states[k][0])))
+                .with(Series::line("EKF", Role::Model, over(&|k| trial.angles[0][k])))
+                .with(Series::line("hybrid (HYB)", Role::Estimate, over(&|k| trial.angles[1][k])));
+        figure = figure.with(if i > 0 { panel.sharing_x() } else { panel });
+    }
+    figure
+}
