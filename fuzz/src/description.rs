@@ -3,7 +3,6 @@
 use kalmems_applications::calibration::GyroscopeCalibration;
 use kalmems_applications::image::Image;
 use kalmems_applications::spectrum::SpectrumFile;
-use kalmems_engines::config::Experiment;
 use kalmems_engines::progress::Silent;
 use std::path::Path;
 
@@ -14,11 +13,11 @@ pub fn read(data: &[u8]) {
     let _ = Image::parse(text, path);
     let _ = SpectrumFile::parse(text, path);
     let _ = GyroscopeCalibration::parse(text, path);
-    let Ok(experiment) = Experiment::parse(text, path) else { return };
+    let Ok(experiment) = kalmems_rigs::published().parse(text, path) else { return };
     let written = experiment.to_toml().expect("what was read can be written");
-    let again = Experiment::parse(&written, path).expect("what was written can be read");
+    let again = kalmems_rigs::published().parse(&written, path).expect("what was written can be read");
     assert_eq!(experiment, again, "the written form says something else");
-    let Ok(rig) = kalmems_rigs::of(&experiment) else { return };
+    let Ok(rig) = kalmems_rigs::published().rig(&experiment) else { return };
     for index in rig.wanted(&experiment).unwrap_or_default() {
         let _ = rig.layout(&experiment, index);
         if let Ok(estimator) = rig.estimator(&experiment, index, &Silent) {

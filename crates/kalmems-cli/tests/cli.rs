@@ -1,5 +1,6 @@
 //! The program as a user meets it: exit codes, messages, files.
 
+use kalmems::rigs::published;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -776,14 +777,14 @@ fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
 #[test]
 fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
     use kalmems::progress::Silent;
-    use kalmems::{config::Experiment, results::Metrics, workflow};
+    use kalmems::{results::Metrics, workflow};
     let folder = tempfile::tempdir().unwrap();
     let path = long_recording(folder.path(), workflow::LONG + 5_000, true);
     let out = folder.path().join("out");
     let output = run(&["estimate", path.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let parts: serde_json::Value = serde_json::from_str(&text(&output.stdout)).unwrap();
-    let outcome = workflow::estimate(&Experiment::load(&path).unwrap(), &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &published().load(&path).unwrap(), &Silent).unwrap();
     let whole = serde_json::to_value(Metrics::of(&outcome)).unwrap();
     let of = |value: &serde_json::Value, filter: usize, path: &str| {
         value["recordings"][0]["segments"][0]["estimators"][filter].pointer(path).unwrap().clone()

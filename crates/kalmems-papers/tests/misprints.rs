@@ -2,15 +2,12 @@
 //! of the circuit compare with the right ones.
 
 use kalmems::circuit::{Circuit, Detector, Excitation, HighPass, Motion};
-use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{EstimateError, FilterPast, Part, Past, SignalSegment, Trajectory};
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics, Verdict};
-use kalmems::rigs::{
-    self,
-    shared_scanner::{Settings, estimate_segment_with},
-};
+use kalmems::rigs::published;
+use kalmems::rigs::shared_scanner::{Settings, estimate_segment_with};
 use kalmems::units::kind;
 use kalmems::workflow::{self, Outcome};
 use kalmems_core::{Covariance, Filter, SigmaPoints, Ukf};
@@ -28,8 +25,8 @@ fn outcome(filter: &str) -> Outcome {
     let path = folder.join("true_stiffness.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let head = &text[..text.find("[[estimate.filter]]").unwrap()];
-    let experiment = Experiment::parse(&format!("{head}[[estimate.filter]]\n{filter}"), &path).unwrap();
-    workflow::estimate(&experiment, &Silent).unwrap_or_else(|e| panic!("{e}"))
+    let experiment = published().parse(&format!("{head}[[estimate.filter]]\n{filter}"), &path).unwrap();
+    workflow::estimate(published(), &experiment, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// What a filter of our own gives in the place of the one of the experiment.
@@ -56,7 +53,7 @@ fn printed(outcome: &Outcome, misprint: Misprint) -> EstimatorMetrics {
     let segment = &mut recording.segments[0];
     segment.estimate.trajectories = trajectories.unwrap();
     let references = recording.reference.as_ref().unwrap().angles_of(&segment.estimate.segment).unwrap();
-    let rig = rigs::of(&outcome.experiment).unwrap();
+    let rig = published().rig(&outcome.experiment).unwrap();
     segment.errors = rig.evaluate(&segment.estimate, &references);
     let found = Metrics::of(&outcome).estimators().next().unwrap().clone();
     let errors = found.errors.as_ref().map(|e| (e.angle.rmse_deg, e.peak_phase_rmse_deg));

@@ -1,6 +1,7 @@
 //! The published systems, one room each, and the job that they do from end to end.
 //!
-//! To add one: a folder here, a device table in [`kalmems_engines::config`], and one line in [`ALL`].
+//! To add one: a folder here, with its device table, and one line in [`published`]. A device can as well come from another
+//! crate: whoever has a [`Workbench`] adds a rig to it.
 
 pub mod accelerometer;
 pub mod micro_stage;
@@ -9,34 +10,25 @@ pub mod shared_scanner;
 pub mod threshold_scanner;
 pub mod workflow;
 
-pub use kalmems_engines::rig::{Estimator, Rig};
+pub use kalmems_engines::rig::{Estimator, Rig, Workbench};
 
 use kalmems_engines::{
     circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, signal,
     simulate, units,
 };
 
-use config::{ConfigError, Experiment, Fault};
+use std::sync::LazyLock;
 
-/// Every rig that is built.
-// Statics would be compiled into the unit tests with all that they name.
-pub const ALL: &[&dyn Rig] = &[
-    &accelerometer::AccelerometerRig,
-    &micro_stage::MicroStageRig,
-    &piston_mirror::PistonMirrorRig,
-    &shared_scanner::SharedScannerRig,
-    &shared_scanner::two_axes::TwoAxesRig,
-    &threshold_scanner::ThresholdScannerRig,
-];
-
-/// The rig for an experiment's device.
-pub fn of(experiment: &Experiment) -> Result<&'static dyn Rig, ConfigError> {
-    ALL.iter().copied().find(|rig| rig.takes(&experiment.device)).ok_or_else(|| {
-        let built: Vec<&str> = ALL.iter().map(|rig| rig.name()).collect();
-        let why = format!(
-            "this device can be described, but nothing is built for it yet; built are: {}",
-            built.join(", ")
-        );
-        experiment.error("device", Fault::Value { why })
-    })
+/// The published systems.
+pub fn published() -> &'static Workbench {
+    static PUBLISHED: LazyLock<Workbench> = LazyLock::new(|| {
+        Workbench::new()
+            .with(accelerometer::AccelerometerRig)
+            .with(micro_stage::MicroStageRig)
+            .with(piston_mirror::PistonMirrorRig)
+            .with(shared_scanner::SharedScannerRig)
+            .with(shared_scanner::two_axes::TwoAxesRig)
+            .with(threshold_scanner::ThresholdScannerRig)
+    });
+    &PUBLISHED
 }

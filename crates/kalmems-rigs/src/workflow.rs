@@ -12,7 +12,7 @@ use crate::evaluate::{
 use crate::progress::Progress;
 use crate::recording::{ReadError, Recording};
 use crate::simulate::Unwritten;
-use crate::{Rig, of};
+use crate::{Rig, Workbench};
 use std::path::Path;
 
 /// What came of an experiment.
@@ -86,8 +86,12 @@ impl WorkflowError {
 /// Reads, estimates and evaluates every recording that the experiment's rig wants.
 ///
 /// All estimates of a recording are finished before its reference is opened.
-pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outcome, WorkflowError> {
-    let rig = of(experiment)?;
+pub fn estimate(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Result<Outcome, WorkflowError> {
+    let rig = workbench.rig(experiment)?;
     let wanted = rig.wanted(experiment)?;
     // Before anything takes time: is all there that will be needed?
     for index in &wanted {
@@ -112,8 +116,7 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
         let reference = ReferenceRecording::read(
             experiment,
             (index, recording.origin()),
-            rig.angles(),
-            rig.values(),
+            &rig.reference(experiment)?,
             &mut |d, n| reading.hear("reading the reference", d, n),
         )?;
         recordings.push(evaluate(rig, described, recording, estimates, reference)?);
@@ -130,11 +133,12 @@ pub fn estimate(experiment: &Experiment, progress: &dyn Progress) -> Result<Outc
 /// The rig is given what was recorded; what is true is read only afterwards, and for the evaluation alone, as from
 /// files.
 pub fn estimate_unwritten(
+    workbench: &Workbench,
     experiment: &Experiment,
     simulated: &Unwritten,
     progress: &dyn Progress,
 ) -> Result<Outcome, WorkflowError> {
-    let rig = of(experiment)?;
+    let rig = workbench.rig(experiment)?;
     let [index] = *rig.wanted(experiment)? else {
         let why = "a simulation stands for exactly one recording".to_owned();
         return Err(experiment.error("recording", Fault::Value { why }).into());
@@ -142,7 +146,7 @@ pub fn estimate_unwritten(
     let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
     let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
     let place = (index, recording.origin());
-    let reference = ReferenceRecording::read_by(experiment, place, rig.angles(), rig.values(), |layout| {
+    let reference = ReferenceRecording::read_by(experiment, place, &rig.reference(experiment)?, |layout| {
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;

@@ -2,13 +2,12 @@
 //!
 //!     cargo run --release --example figures
 
-use kalmems::config::Experiment;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Work, WriteOptions, outlook_figures, summary_table, write_estimate,
 };
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Euler, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::capacitance::GaussianComb;
@@ -31,8 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("experiment", &[("motion", "svg"), ("angle_error", "svg"), ("motion", "png")][..]),
         ("stiffness_state", &[("phase_error", "svg")]),
     ] {
-        let experiment = Experiment::load(&root.join(format!("examples/shared_scanner/{file}.toml")))?;
-        let outcome = workflow::estimate(&experiment, &Silent)?;
+        let experiment = published().load(&root.join(format!("examples/shared_scanner/{file}.toml")))?;
+        let outcome = workflow::estimate(published(), &experiment, &Silent)?;
         let metrics = Metrics::of(&outcome);
         let staged = tempfile::tempdir()?;
         let results = staged.path().join("results");
@@ -51,8 +50,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
 
-    let experiment = Experiment::load(&root.join("examples/shared_scanner/simulation.toml"))?;
-    for figure in outlook_figures(&rigs::of(&experiment)?.outlook(&experiment)?) {
+    let experiment = published().load(&root.join("examples/shared_scanner/simulation.toml"))?;
+    for figure in outlook_figures(&published().rig(&experiment)?.outlook(&experiment)?) {
         std::fs::write(folder.join(format!("shared_scanner_{}.svg", figure.id)), figure.to_svg())?;
     }
     println!("written to {}", folder.display());

@@ -2,8 +2,8 @@
 //!
 //!     cargo run --release --example regulation
 
-use kalmems::config::Experiment;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport, RegulationWindow};
 use std::error::Error;
 use std::fmt::Write as _;
@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn run(text: &str, path: &Path) -> Result<(RegulatedSimulation, RegulationReport), Box<dyn Error>> {
-    let simulation = RegulatedSimulation::of(&Experiment::parse(text, path)?)?;
+    let simulation = RegulatedSimulation::of(&published().parse(text, path)?)?;
     let report = simulation.regulate(&mut |_| ControlFlow::Continue(()))?;
     Ok((simulation, report))
 }

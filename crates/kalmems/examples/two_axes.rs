@@ -2,11 +2,11 @@
 //!
 //!     cargo run --release --example two_axes
 
-use kalmems::config::Experiment;
 use kalmems::figures::{Axis, Figure, Panel, Role, Series};
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
 use kalmems::rigs::Rig;
+use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{BandPlan, Hardware, PlannedDrive, TwoAxesRig};
 use kalmems::signal::fit_sine_at;
 use kalmems::workflow;
@@ -19,7 +19,7 @@ use std::time::{Duration, SystemTime};
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let folder = root.join("book/src/figures");
-    let experiment = Experiment::load(&root.join("examples/shared_scanner/two_axes.toml"))?;
+    let experiment = published().load(&root.join("examples/shared_scanner/two_axes.toml"))?;
     let hardware = Hardware::of(&experiment)?;
     let simulation = TwoAxesRig.simulate(&experiment)?;
 
@@ -42,7 +42,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         Output::begin(&simulated, &Work::of_file("simulate", experiment.path(), experiment.files()))?;
     write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent)?;
     output.commit()?;
-    let outcome = workflow::estimate(&Experiment::load(&simulated.join("experiment.toml"))?, &Silent)?;
+    let outcome =
+        workflow::estimate(published(), &published().load(&simulated.join("experiment.toml"))?, &Silent)?;
     let table = summary_table(&Metrics::of(&outcome), false).to_text();
     std::fs::write(folder.join("two_axes_errors.txt"), table.as_bytes())?;
     if let Some(png) = std::env::args().nth(1) {

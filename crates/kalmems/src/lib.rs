@@ -4,12 +4,12 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{config::Experiment, progress::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
+//! use kalmems::{progress::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-//! let experiment = Experiment::load(&root.join("examples/shared_scanner/experiment.toml"))?;
-//! let rig = rigs::of(&experiment)?;
+//! let experiment = rigs::published().load(&root.join("examples/shared_scanner/experiment.toml"))?;
+//! let rig = rigs::published().rig(&experiment)?;
 //! for index in rig.wanted(&experiment)? {
 //!     let file = experiment.resolve(&experiment.recording(index)?.file);
 //!     let recording = Recording::read(&file, &rig.layout(&experiment, index)?)?;
@@ -18,7 +18,7 @@
 //!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
 //!
 //!         // Only now is the reference opened.
-//!         let reference = ReferenceRecording::read(&experiment, (index, recording.origin()), rig.angles(), rig.values(), &mut |_, _| ControlFlow::Continue(()))?;
+//!         let reference = ReferenceRecording::read(&experiment, (index, recording.origin()), &rig.reference(&experiment)?, &mut |_, _| ControlFlow::Continue(()))?;
 //!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
 //!         for errors in rig.evaluate(&estimate, &reference) {
 //!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));

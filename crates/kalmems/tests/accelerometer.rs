@@ -1,12 +1,13 @@
 //! The accelerometer on a recording that this program did not make, and on those that it simulates.
 
-use kalmems::config::{Device, Experiment};
+use kalmems::config::Experiment;
 use kalmems::estimate::EstimateError;
 use kalmems::identify::{Identification, Identified};
 use kalmems::outlook::Outlook;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimate_figures, summary_table};
-use kalmems::rigs;
+use kalmems::rigs::accelerometer::device::Accelerometer;
+use kalmems::rigs::published;
 use kalmems::simulate::SimulateError;
 use kalmems::workflow::{self, Outcome, WorkflowError};
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
@@ -41,12 +42,12 @@ fn experiment(filters: &str, changes: &[(&str, &str)]) -> Experiment {
         text = text.replace(from, to);
     }
     let path = recordings().join("experiment.toml");
-    Experiment::parse(&(text + filters), &path).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&(text + filters), &path).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn run(filters: &str, changes: &[(&str, &str)]) -> (Outcome, Metrics) {
-    let outcome =
-        workflow::estimate(&experiment(filters, changes), &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let outcome = workflow::estimate(published(), &experiment(filters, changes), &Silent)
+        .unwrap_or_else(|e| panic!("{e}"));
     let metrics = Metrics::of(&outcome);
     println!("{}", summary_table(&metrics, true).to_text());
     (outcome, metrics)
@@ -150,7 +151,7 @@ fn simulation(filters: &str, changes: &[(&str, &str)]) -> Experiment {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, Path::new("experiment.toml")).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    published().parse(&text, Path::new("experiment.toml")).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
 type Rows = Vec<Vec<f64>>;
@@ -158,7 +159,7 @@ type Rows = Vec<Vec<f64>>;
 /// Recorded and true samples, row by row.
 fn simulated(experiment: &Experiment) -> Result<(Rows, Rows), SimulateError> {
     let (mut recorded, mut truth) = (Vec::new(), Vec::new());
-    rigs::of(experiment).unwrap().simulate(experiment)?.run(&mut |sample| {
+    published().rig(experiment).unwrap().simulate(experiment)?.run(&mut |sample| {
         recorded.push([&[sample.time_s], sample.recorded].concat());
         truth.push([&[sample.time_s], sample.truth].concat());
         ControlFlow::Continue(())
@@ -200,11 +201,11 @@ fn from_files(
          channels = {{ acceleration = \"acceleration_m_per_s2\", displacement = \"displacement_m\" }}\n"
     )
     .unwrap();
-    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
 fn outlook(experiment: &Experiment) -> Outlook {
-    rigs::of(experiment).unwrap().outlook(experiment).unwrap()
+    published().rig(experiment).unwrap().outlook(experiment).unwrap()
 }
 
 fn fact(outlook: &Outlook, name: &str) -> Vec<f64> {
@@ -253,7 +254,7 @@ fn the_outlook_has_the_recomputed_figures() {
     assert!(said.fact("phase_margin_deg").is_none());
     // Without a rate there is no density of a sample's noise.
     let described = include_str!("experiments/accel-open-loop-1g.toml");
-    let unknown = Experiment::parse(described, Path::new("experiment.toml")).unwrap();
+    let unknown = published().parse(described, Path::new("experiment.toml")).unwrap();
     assert!(fact(&outlook(&unknown), "readout_micro_g_per_root_hz").is_empty());
 }
 
@@ -268,8 +269,12 @@ fn a_matched_closed_loop_reaches_its_bounds() {
     for seed in 0..seeds {
         let experiment = simulation(&filters, &[("seed = 1", &format!("seed = {seed}"))]);
         let (recorded, truth) = simulated(&experiment).unwrap();
-        let outcome =
-            workflow::estimate(&from_files(folder.path(), &experiment, &recorded, &truth), &Silent).unwrap();
+        let outcome = workflow::estimate(
+            published(),
+            &from_files(folder.path(), &experiment, &recorded, &truth),
+            &Silent,
+        )
+        .unwrap();
         let metrics = Metrics::of(&outcome);
         for (square, key) in squares.iter_mut().zip(["ekf", "ekf_smoothed"]) {
             *square += of(&metrics, key).values["acceleration"].rmse.powi(2) / f64::from(seeds);
@@ -310,7 +315,7 @@ fn a_known_acceleration_is_an_input_under_its_name() {
     let experiment = simulation(&filters, &[]);
     let (mut recorded, truth) = simulated(&experiment).unwrap();
     let told = from_files(folder.path(), &experiment, &recorded, &truth);
-    let metrics = Metrics::of(&workflow::estimate(&told, &Silent).unwrap());
+    let metrics = Metrics::of(&workflow::estimate(published(), &told, &Silent).unwrap());
     println!("{}", summary_table(&metrics, false).to_text());
     let error = |key| of(&metrics, key).values["displacement"].rmse;
     assert!(error("thesis") < 0.9 * error("honest"), "{} {}", error("thesis"), error("honest"));
@@ -322,7 +327,7 @@ fn a_known_acceleration_is_an_input_under_its_name() {
         row.truncate(3);
     }
     let blind = from_files(folder.path(), &experiment, &recorded, &truth);
-    let why = workflow::estimate(&blind, &Silent).unwrap_err().to_string();
+    let why = workflow::estimate(published(), &blind, &Silent).unwrap_err().to_string();
     assert!(why.contains("acceleration") && why.contains("name the column"), "{why}");
 }
 
@@ -337,7 +342,7 @@ fn a_wrong_feedback_is_recognised() {
         for (k, row) in rows.iter_mut().enumerate() {
             row[1] = change(k);
         }
-        workflow::estimate(&from_files(folder.path(), &experiment, &rows, &truth), &Silent)
+        workflow::estimate(published(), &from_files(folder.path(), &experiment, &rows, &truth), &Silent)
     };
     let feedback = |k: usize| recorded[k.min(recorded.len() - 1)][1];
     assert!(estimate(&feedback).is_ok());
@@ -359,7 +364,7 @@ fn a_wrong_feedback_is_recognised() {
         row[1] = -row[1];
     }
     let wrong = from_files(folder.path(), &experiment, &turned, &truth);
-    let why = rigs::of(&wrong).unwrap().identify(&wrong, &Silent).unwrap_err().to_string();
+    let why = published().rig(&wrong).unwrap().identify(&wrong, &Silent).unwrap_err().to_string();
     assert!(why.contains("opposite sign"), "{why}");
     // A mass on its plate: 7.47e5 V/m times 0.9 gap, over 1 − 0.9².
     let mut stuck = recorded.clone();
@@ -368,7 +373,7 @@ fn a_wrong_feedback_is_recognised() {
     }
     let wrong = from_files(folder.path(), &experiment, &stuck, &truth);
     let Err(WorkflowError::Estimate(why @ EstimateError::PulledIn { time_s, count: 5001, .. })) =
-        workflow::estimate(&wrong, &Silent)
+        workflow::estimate(published(), &wrong, &Silent)
     else {
         panic!("a mass on its plate")
     };
@@ -488,7 +493,8 @@ fn a_continuous_loop_is_estimated_as_a_sampled_one() {
     let experiment = simulation(&filters, &changes);
     let (recorded, truth) = simulated(&experiment).unwrap();
     let outcome =
-        workflow::estimate(&from_files(folder.path(), &experiment, &recorded, &truth), &Silent).unwrap();
+        workflow::estimate(published(), &from_files(folder.path(), &experiment, &recorded, &truth), &Silent)
+            .unwrap();
     let metrics = Metrics::of(&outcome);
     let nis = of(&metrics, "ekf").consistency.unwrap().mean_nis;
     let ratio = of(&metrics, "ekf").values["acceleration"].rmse
@@ -539,7 +545,8 @@ fn one_bit_is_decimated_and_estimated() {
     let twice = means(&once);
     let (boxcar, triangle) = (rms(once.iter().copied()), rms(twice.iter().copied()));
     let outcome =
-        workflow::estimate(&from_files(folder.path(), &experiment, &recorded, &truth), &Silent).unwrap();
+        workflow::estimate(published(), &from_files(folder.path(), &experiment, &recorded, &truth), &Silent)
+            .unwrap();
     let metrics = Metrics::of(&outcome);
     let filtered = of(&metrics, "ekf").values["acceleration"].rmse / 9.80665e-3;
     let bound = fact(&said, "causal_wiener_mg")[0];
@@ -596,8 +603,8 @@ fn the_full_carrier_moves_the_mass_as_its_average() {
 #[test]
 fn the_example_knows_the_acceleration_without_being_told() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/accelerometer");
-    let load = |name: &str| Experiment::load(&folder.join(name)).unwrap_or_else(|e| panic!("{e}"));
-    let outcome = workflow::estimate(&load("experiment.toml"), &Silent).unwrap();
+    let load = |name: &str| published().load(&folder.join(name)).unwrap_or_else(|e| panic!("{e}"));
+    let outcome = workflow::estimate(published(), &load("experiment.toml"), &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     println!("{}", summary_table(&metrics, true).to_text());
     let mg = |key: &str| of(&metrics, key).values["acceleration"].rmse / 9.80665e-3;
@@ -609,7 +616,7 @@ fn the_example_knows_the_acceleration_without_being_told() {
         [("simulation.toml", 30_001), ("one_bit.toml", 200_001), ("full_carrier.toml", 20_001)]
     {
         let experiment = load(name);
-        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         assert_eq!(simulation.samples(), samples, "{name}");
         let mut seen = 0;
         let ended = simulation.run(&mut |_| {
@@ -672,7 +679,8 @@ fn robust() -> String {
 
 /// The root mean square error of the acceleration in mg, and the mean NIS, by filter.
 fn errors(experiment: &Experiment) -> BTreeMap<String, [f64; 2]> {
-    let metrics = Metrics::of(&workflow::estimate(experiment, &Silent).unwrap_or_else(|e| panic!("{e}")));
+    let metrics =
+        Metrics::of(&workflow::estimate(published(), experiment, &Silent).unwrap_or_else(|e| panic!("{e}")));
     let of = |e: &EstimatorMetrics| {
         let nis = e.consistency.map_or(f64::NAN, |c| c.mean_nis);
         (e.key.clone(), [e.values["acceleration"].rmse / 9.80665e-3, nis])
@@ -687,7 +695,8 @@ fn corner(signs: u64) -> [f64; 3] {
 
 /// The spring, damping and mass of the device, with 95 % intervals.
 fn identified(experiment: &Experiment) -> (Identification, [Identified; 3]) {
-    let found = rigs::of(experiment).unwrap().identify(experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let found =
+        published().rig(experiment).unwrap().identify(experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let mechanics = [0, 1, 2].map(|i| found.parameters[i].clone());
     (found, mechanics)
 }
@@ -739,7 +748,7 @@ fn a_dithered_recording_tells_spring_damping_and_mass() {
     assert!(
         found.warnings.iter().any(|why| why.contains("mass m") && why.contains("nor does their likelihood"))
     );
-    let Device::Accelerometer(device) = &found.experiment.device else { panic!() };
+    let device = found.experiment.device::<Accelerometer>().unwrap();
     assert_eq!(device.proof_mass.spring.si(), 3.0);
 }
 
@@ -753,7 +762,7 @@ fn uncertain_mechanics_are_considered_or_chosen_among() {
     truth.truncate(20_000);
     let run = |factors| {
         let experiment = from_files(folder.path(), &told(&robust(), factors), &recorded, &truth);
-        Metrics::of(&workflow::estimate(&experiment, &Silent).unwrap_or_else(|e| panic!("{e}")))
+        Metrics::of(&workflow::estimate(published(), &experiment, &Silent).unwrap_or_else(|e| panic!("{e}")))
     };
     let rmse = |metrics: &Metrics, key: &str| of(metrics, key).values["acceleration"].rmse / 9.80665e-3;
     let wrong = run([0.8, 1.2, 1.2]);
@@ -784,7 +793,8 @@ fn the_variance_of_a_sample_is_found_while_filtering() {
         let (recorded, truth) = simulated(&simulation("", &[("seed = 1", &seeded)])).unwrap();
         let wrong = simulation(&filters, &[("4.88e-9 V^2", stated)]);
         let outcome =
-            workflow::estimate(&from_files(folder.path(), &wrong, &recorded, &truth), &Silent).unwrap();
+            workflow::estimate(published(), &from_files(folder.path(), &wrong, &recorded, &truth), &Silent)
+                .unwrap();
         let trajectory = &outcome.recordings[0].segments[0].estimate.trajectories[1];
         let noise = trajectory.state("noise_variance").unwrap();
         // 50 ms of samples, √(2/(2·5000 − 1)).
@@ -818,7 +828,7 @@ fn an_exact_start_is_no_trouble() {
         })
         .collect();
     let experiment = from_files(folder.path(), &simulation(&filters, &[]), &recorded, &truth);
-    let outcome = workflow::estimate(&experiment, &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
     for trajectory in &outcome.recordings[0].segments[0].estimate.trajectories {
         if trajectory.key == "ukf" {
             let failure = trajectory.failure.expect("a start without room");
@@ -843,11 +853,11 @@ fn settings_of_uncertain_mechanics_are_checked() {
         let mut text = simulation("", extra).to_toml().unwrap();
         text += "[estimate]\nskip = \"50 ms\"\n";
         text += filters;
-        let parsed = Experiment::parse(&text, Path::new("experiment.toml"));
+        let parsed = published().parse(&text, Path::new("experiment.toml"));
         match parsed {
             Err(why) => why.to_string(),
-            Ok(experiment) => rigs::of(&experiment).unwrap().simulate(&experiment).err().map_or_else(
-                || rigs::of(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string(),
+            Ok(experiment) => published().rig(&experiment).unwrap().simulate(&experiment).err().map_or_else(
+                || published().rig(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string(),
                 |why| why.to_string(),
             ),
         }
@@ -880,7 +890,7 @@ fn settings_of_uncertain_mechanics_are_checked() {
         for (from, to) in changes {
             text = text.replace(from, to);
         }
-        Experiment::parse(&text, Path::new("experiment.toml")).unwrap_err().to_string()
+        published().parse(&text, Path::new("experiment.toml")).unwrap_err().to_string()
     };
     assert!(dither(("40 kHz", "60 kHz"), &[]).contains("not below half of `sampling_rate`"));
     assert!(dither(("200 Hz", "41 kHz"), &[]).contains("not below `to`"));
@@ -971,7 +981,8 @@ fn slow_the_stated_uncertainty_of_the_noise_holds() {
         let (recorded, truth) = simulated(&simulation("", &[("seed = 1", &seeded)])).unwrap();
         let wrong = simulation(&filters, &[("4.88e-9 V^2", "1.952e-8 V^2")]);
         let outcome =
-            workflow::estimate(&from_files(folder.path(), &wrong, &recorded, &truth), &Silent).unwrap();
+            workflow::estimate(published(), &from_files(folder.path(), &wrong, &recorded, &truth), &Silent)
+                .unwrap();
         let noise =
             outcome.recordings[0].segments[0].estimate.trajectories[0].state("noise_variance").unwrap();
         let (found, sd) = (noise.mean.last().unwrap(), noise.sd.last().unwrap());

@@ -4,8 +4,9 @@ use kalmems::circuit::{
     Adequacy, AdequacyError, Bands, Circuit, Complex, Demodulation, DesignError, Detector, DriveRejection,
     Excitation, HighPass, Known, Line, Motion, Reduced, Setting, Spectrum, Stages, comb_harmonics, run,
 };
-use kalmems::config::{ConfigError, Device, Experiment};
-use kalmems::rigs;
+use kalmems::config::{ConfigError, Experiment};
+use kalmems::rigs::published;
+use kalmems::rigs::shared_scanner::device::SharedScanner;
 use kalmems::signal::fit_sine_at;
 use kalmems::simulate::Drive;
 use kalmems_models::capacitance::GaussianComb;
@@ -406,7 +407,7 @@ fn example(replaced: &[(&str, &str)]) -> Result<Experiment, ConfigError> {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &path)
+    published().parse(&text, &path)
 }
 
 /// `kalmems simulate` through the circuit: its line at f_dr is the one that the lines foretell, and its motion the same as
@@ -453,14 +454,14 @@ fn the_example_is_simulated_through_its_circuit() {
     assert!(outlook.contains("the poles are needed as states"), "{outlook}");
     let steady = Motion { amplitude_rad: 8.9235_f64.to_radians(), ..motion };
     let reduced = Reduced::of(&circuit(4), &excitation, &COMB, &steady).with_poles_and_delay;
-    let Device::SharedScanner(device) = &quiet.device else { panic!() };
+    let device = quiet.device::<SharedScanner>().unwrap();
     assert_close(device.readout.gain.si(), reduced.gain, 0.01, "gain");
     assert!((device.readout.offset.si() - reduced.offset).abs() < 0.05, "{}", reduced.offset);
 }
 
 /// Times, signal, angles and outlook of a simulation.
 fn simulated(experiment: &Experiment) -> (Vec<f64>, Vec<f64>, Vec<f64>, String) {
-    let simulation = rigs::of(experiment).unwrap().simulate(experiment).unwrap();
+    let simulation = published().rig(experiment).unwrap().simulate(experiment).unwrap();
     let (mut time_s, mut signal, mut angle) = (Vec::new(), Vec::new(), Vec::new());
     simulation
         .run(&mut |sample| {
@@ -477,7 +478,7 @@ fn simulated(experiment: &Experiment) -> (Vec<f64>, Vec<f64>, Vec<f64>, String) 
 fn what_cannot_go_through_a_circuit_is_refused() {
     let said = |replaced: &[(&str, &str)]| match example(replaced) {
         Err(error) => error.to_string(),
-        Ok(experiment) => match rigs::of(&experiment).unwrap().simulate(&experiment) {
+        Ok(experiment) => match published().rig(&experiment).unwrap().simulate(&experiment) {
             Err(error) => error.to_string(),
             Ok(_) => "accepted".to_owned(),
         },

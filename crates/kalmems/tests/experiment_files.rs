@@ -1,7 +1,8 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
 use kalmems::applications::{calibration::GyroscopeCalibration, image::Image, spectrum::SpectrumFile};
-use kalmems::config::{Clock, Experiment, Recording, schema};
+use kalmems::config::{Clock, Experiment, Recording};
+use kalmems::rigs::published;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -23,7 +24,7 @@ fn file(set: &str) -> PathBuf {
 }
 
 fn load(set: &str) -> Experiment {
-    Experiment::load(&file(set)).unwrap_or_else(|e| panic!("{e}"))
+    published().load(&file(set)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn broken() -> BTreeSet<PathBuf> {
@@ -43,7 +44,7 @@ fn written_out_and_read_again_is_the_same() {
     for set in SETS {
         let experiment = load(set);
         let text = experiment.to_toml().unwrap();
-        let again = Experiment::parse(&text, &file(set)).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let again = published().parse(&text, &file(set)).unwrap_or_else(|e| panic!("{e}\n{text}"));
         assert_eq!(again, experiment);
         assert_eq!(again.to_toml().unwrap(), text);
     }
@@ -53,11 +54,11 @@ fn written_out_and_read_again_is_the_same() {
 #[test]
 fn a_simulation_alone_is_an_experiment() {
     let path = Path::new(SIMULATION);
-    let experiment = Experiment::load(path).unwrap_or_else(|e| panic!("{e}"));
+    let experiment = published().load(path).unwrap_or_else(|e| panic!("{e}"));
     assert!(experiment.recordings.is_empty());
     let text = experiment.to_toml().unwrap();
     assert!(text.contains("noise = true") && text.contains("seed = 1"), "{text}");
-    assert_eq!(Experiment::parse(&text, path).unwrap(), experiment);
+    assert_eq!(published().parse(&text, path).unwrap(), experiment);
     let simulate = experiment.simulate.unwrap();
     assert_eq!((simulate.samples(), simulate.steps_per_sample()), (60_001, 10));
 }
@@ -75,7 +76,7 @@ fn every_broken_file_says_what_is_wrong() {
     settings.set_omit_expression(true);
     settings.bind(|| {
         for path in broken() {
-            let message = match Experiment::load(&path) {
+            let message = match published().load(&path) {
                 Ok(_) => panic!("{} was accepted", path.display()),
                 Err(e) => e.to_string(),
             };
@@ -89,7 +90,7 @@ fn every_broken_file_says_what_is_wrong() {
 fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
     let mut schemas = boon::Schemas::new();
     let mut compiler = boon::Compiler::new();
-    compiler.add_resource("experiment.json", schema()).unwrap();
+    compiler.add_resource("experiment.json", published().schema()).unwrap();
     let compiled = compiler.compile("experiment.json", &mut schemas).unwrap();
     let json = |path: &Path| {
         let table: toml::Table = toml::from_str(&fs::read_to_string(path).unwrap()).unwrap();
@@ -229,7 +230,7 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
 
 #[test]
 fn every_example_experiment_passes_the_schema() {
-    let schema = schema();
+    let schema = published().schema();
     let folder = fs::read_dir("../../examples/shared_scanner").unwrap();
     let names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let experiments: Vec<String> = names
@@ -253,7 +254,7 @@ fn every_example_in_a_schema_is_accepted_by_it() {
         }
     }
     for (whole, least) in [
-        (schema(), 50),
+        (published().schema(), 50),
         (kalmems::study::schema(), 8),
         (Image::schema(), 4),
         (SpectrumFile::schema(), 4),
@@ -282,7 +283,7 @@ fn every_named_file_and_column_is_there() {
     for set in SETS {
         // As if the experiment file stood among the recordings.
         let text = fs::read_to_string(file(set)).unwrap();
-        let experiment = Experiment::parse(&text, &folder.join("experiment.toml")).unwrap();
+        let experiment = published().parse(&text, &folder.join("experiment.toml")).unwrap();
         for recording in &experiment.recordings {
             for (file, column) in named_columns(recording) {
                 let path = experiment.resolve(&file);

@@ -10,7 +10,7 @@ use kalmems::export::{ExportError, Exported, Request, Target, write_export};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Output, OutputError, Work};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::signal::cubic_between;
 use kalmems_core::{Covariance, Ekf, Filter, Nodes};
 use std::fs;
@@ -40,14 +40,14 @@ fn root() -> PathBuf {
 }
 
 fn example(path: &str) -> Experiment {
-    Experiment::load(&root().join("examples").join(path)).unwrap()
+    published().load(&root().join("examples").join(path)).unwrap()
 }
 
 const SCANNER: &str = "shared_scanner/microcontroller.toml";
 const THRESHOLD: &str = "threshold_scanner/experiment.toml";
 
 fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
-    rigs::of(experiment).unwrap().export(experiment, request)
+    published().rig(experiment).unwrap().export(experiment, request)
 }
 
 fn request(target: Target, filter: &str) -> Request {
@@ -87,7 +87,7 @@ fn the_firmware_holds_what_the_examples_give() {
 
 /// The estimates of the first recording of an example.
 fn estimated(experiment: &Experiment) -> (Recording, SegmentEstimate) {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     let index = rig.wanted(experiment).unwrap()[0];
     let file = experiment.resolve(&experiment.recording(index).unwrap().file);
     let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();

@@ -6,16 +6,17 @@ mod stage;
 use kalmems::applications::calibration::CalibrationSummary;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
-use kalmems::config::{Device, Experiment};
+use kalmems::config::Experiment;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
-use kalmems::rigs;
+use kalmems::rigs::micro_stage::device::MicroStage;
 use kalmems::rigs::micro_stage::identification::{
     Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
 };
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Ldl, Mat};
@@ -26,7 +27,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError> {
-    rigs::of(experiment).unwrap().identify(experiment, &Silent)
+    published().rig(experiment).unwrap().identify(experiment, &Silent)
 }
 
 fn value(found: &Identification, name: &str) -> [f64; 2] {
@@ -110,7 +111,7 @@ fn the_room_records_give_gaps_gains_and_a_rate_within_the_bars() {
         println!("{note}");
     }
 
-    let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &found.experiment, &Silent).unwrap();
     let [recording] = &outcome.recordings[..] else { panic!("one recording is estimated") };
     let labels: Vec<&str> = recording.segments.iter().map(|s| s.estimate.segment.label.as_str()).collect();
     assert_eq!(labels, ["test1", "test2", "test3", "test4"]);
@@ -151,10 +152,11 @@ fn without_a_vibrometer_a_trusted_gain_gives_the_gaps() {
     assert!(refused.contains("singular value") && refused.contains("trusted = \"gain\""), "{refused}");
     blind.identify.as_mut().unwrap().trusted = Some(kalmems::config::Trusted::Gain);
     // Start the gaps elsewhere, as after a change of temperature.
-    let Device::MicroStage(device) = &mut blind.device else { panic!() };
+    let mut device = (*blind.device::<MicroStage>().unwrap()).clone();
     for electrode in device.electrodes.values_mut() {
         electrode.gap = kalmems::config::Quantity::of(19.5e-6, "m").unwrap();
     }
+    blind.set_device(device);
     let in_situ = identify(&blind).unwrap();
     for name in NAMES {
         let [gap, sd] = value(&in_situ, &format!("gap D_n of {name}"));
@@ -178,7 +180,7 @@ fn the_gyroscope_is_calibrated_by_the_stage_and_by_the_vibrometer() {
     let here = tempfile::tempdir().unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let found = identify(&stage::reference("stage-room", &(TRAINING.to_owned() + ESTIMATE))).unwrap();
-    let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &found.experiment, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let output = Output::begin(&here.path().join("stage"), &Work::named("estimate", "stage")).unwrap();
     write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info(), &|| false).unwrap();
@@ -226,8 +228,9 @@ fn the_examples_calibrate_the_gyroscope_by_the_stage() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
     let out = tempfile::tempdir().unwrap();
     let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    let experiment = Experiment::load(&examples.join("micro_stage/experiment.toml")).unwrap();
-    let outcome = workflow::estimate(&identify(&experiment).unwrap().experiment, &Silent).unwrap();
+    let experiment = published().load(&examples.join("micro_stage/experiment.toml")).unwrap();
+    let outcome =
+        workflow::estimate(published(), &identify(&experiment).unwrap().experiment, &Silent).unwrap();
     let to = out.path().join("micro_stage");
     let output = Output::begin(&to, &Work::named("estimate", "micro_stage")).unwrap();
     write_estimate(&outcome, &Metrics::of(&outcome), &output, WriteOptions::default(), info, &|| false)
@@ -460,12 +463,12 @@ fn recordings_are_identified_estimated_and_refused() {
         let [gap, sd] = value(&found, &format!("gap D_n of {name}"));
         assert!((gap - GAPS[i]).abs() < 4.0 * sd && sd < 80e-9, "{name} {gap} {sd}");
         // The feedthrough that was made.
-        let Device::MicroStage(device) = &found.experiment.device else { panic!() };
+        let device = found.experiment.device::<MicroStage>().unwrap();
         let feedthrough = device.electrodes[*name].feedthrough.as_ref().unwrap();
         assert!((feedthrough.gain.si() / stage::FEEDTHROUGH[i][0] - 1.0).abs() < 2e-3);
         assert!((feedthrough.slope.si() / stage::FEEDTHROUGH[i][1] - 1.0).abs() < 2e-3);
     }
-    let outcome = workflow::estimate(&found.experiment, &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &found.experiment, &Silent).unwrap();
     let estimates = &outcome.recordings[0].segments;
     assert_eq!(estimates.len(), 4);
     for segment in estimates {
@@ -474,7 +477,7 @@ fn recordings_are_identified_estimated_and_refused() {
     }
     // Its own file says the same: it can be read again.
     let again =
-        Experiment::parse(&found.experiment.to_toml().unwrap(), &folder.path().join("again.toml")).unwrap();
+        published().parse(&found.experiment.to_toml().unwrap(), &folder.path().join("again.toml")).unwrap();
     assert_eq!(again, found.experiment);
 
     let refusal = |laboratory: &Laboratory, tables: &str, words: &[&str]| {
@@ -497,10 +500,10 @@ fn recordings_are_identified_estimated_and_refused() {
     refusal(&usual, &blind, &["Θ/D_n", "singular value", "trusted"]);
     refusal(&usual, &(all.clone() + "[identify]\ntraining = [\"r9\"]\n"), &["r9", "r0"]);
     let experiment = at(&usual, &(stage::recordings(&[ON, STILL], true) + ESTIMATE));
-    let why = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let why = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(why.contains("none has `bias_off`") && why.contains("sensing bias off"), "{why}");
     let experiment = at(&other, &(all.clone() + ESTIMATE));
-    let why = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let why = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(why.contains("1712"), "{why}");
 
     // The harmonics alone know the feedthrough too, less exactly.
@@ -522,10 +525,10 @@ fn a_simulation_is_estimated() {
     let folder = tempfile::tempdir().unwrap();
     let run = |tables: &str| {
         let experiment = stage::experiment(folder.path(), &(SIMULATED.to_owned() + tables + ESTIMATE));
-        let rig = rigs::of(&experiment).unwrap();
+        let rig = published().rig(&experiment).unwrap();
         let simulated = rig.simulate(&experiment).map(|s| Unwritten::of(s.as_ref(), &Silent).unwrap());
         let (experiment, simulated) = simulated.map(|s| (described(&experiment), s)).unwrap();
-        let outcome = workflow::estimate_unwritten(&experiment, &simulated, &Silent).unwrap();
+        let outcome = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
         let segment = &outcome.recordings[0].segments[0];
         let nis = segment.estimate.trajectories[0].consistency(400..2501).unwrap();
         (segment.values[0]["rate"].clone(), nis)
@@ -547,13 +550,13 @@ fn a_simulation_is_estimated() {
 
     let refused = |tables: &str| {
         let experiment = stage::experiment(folder.path(), tables);
-        rigs::of(&experiment).unwrap().simulate(&experiment).err().unwrap().to_string()
+        published().rig(&experiment).unwrap().simulate(&experiment).err().unwrap().to_string()
     };
     let touching = refused(&SIMULATED.replace("1.2 V", "12 V"));
     assert!(touching.contains("touches electrode"), "{touching}");
     let outlook = {
         let experiment = stage::experiment(folder.path(), SIMULATED);
-        rigs::of(&experiment).unwrap().outlook(&experiment).unwrap()
+        published().rig(&experiment).unwrap().outlook(&experiment).unwrap()
     };
     println!("{}", outlook.to_text());
     let threshold = outlook.fact("threshold_rad").unwrap().values[0];
@@ -570,7 +573,7 @@ fn described(experiment: &Experiment) -> Experiment {
                   \"cap2A_V\", signal_2B = \"cap2B_V\" }\n\
                   reference = { file = \"reference.csv\", channels = { rate = \"rate_rad_per_s\", angle = \"angle_rad\" } }\n";
     let text = experiment.to_toml().unwrap() + tables;
-    Experiment::parse(&text, experiment.path()).unwrap()
+    published().parse(&text, experiment.path()).unwrap()
 }
 
 /// A record that goes on for 35 ms, with these changes to its lines, and its experiment: what of it is the drive's is known from
@@ -595,11 +598,11 @@ fn goes_on(
             text = text.replace(&table, &known);
         }
     }
-    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn read_first(experiment: &Experiment) -> Recording {
-    let layout = rigs::of(experiment).unwrap().layout(experiment, 0).unwrap();
+    let layout = published().rig(experiment).unwrap().layout(experiment, 0).unwrap();
     Recording::read(&experiment.resolve(&experiment.recordings[0].file), &layout).unwrap()
 }
 
@@ -616,7 +619,8 @@ fn a_recording_in_parts_gives_the_same_bits() {
     for from_bias_off in [true, false] {
         let experiment = goes_on(folder.path(), from_bias_off, change, &smoothed);
         let recording = read_first(&experiment);
-        let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+        let whole =
+            published().rig(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
         let [four, ..] = &whole[0].trajectories[..] else { panic!() };
         assert!(four.counts.bridged == 4 && four.lock.held());
         // As good as a short record: what the drive alone shows is taken away at the end as at the beginning.
@@ -659,6 +663,6 @@ fn a_drive_that_does_not_go_on_is_refused() {
         Some(if k > 12_000 { format!("{},0.00001,{}", cells[0], cells[2]) } else { line })
     };
     let experiment = goes_on(folder.path(), true, change, ESTIMATE);
-    let why = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let why = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(why.contains("steady"), "{why}");
 }

@@ -1,10 +1,9 @@
 //! What is said of the scanner before a recording, and the pictures of it.
 
-use kalmems::config::Experiment;
 use kalmems::figures::Shape;
 use kalmems::outlook::Outlook;
 use kalmems::results::outlook_figures;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -16,8 +15,8 @@ fn outlook_of(change: impl Fn(&str) -> String) -> Outlook {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("experiment.toml");
     std::fs::write(&path, toml).unwrap();
-    let experiment = Experiment::load(&path).unwrap();
-    rigs::of(&experiment).unwrap().outlook(&experiment).unwrap()
+    let experiment = published().load(&path).unwrap();
+    published().rig(&experiment).unwrap().outlook(&experiment).unwrap()
 }
 
 /// That of the file as it is.

@@ -8,7 +8,7 @@ use kalmems::estimate::SegmentEstimate;
 use kalmems::progress::Silent;
 use kalmems::recording::{Recording, UnwrittenRecording};
 use kalmems::results::{Metrics, Verdict};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
 use piston::{CASE, Case, FIVE, trajectory};
@@ -23,7 +23,7 @@ fn reference_data() -> PathBuf {
 /// The experiment of the reference set, read where the data are.
 fn nominal() -> Experiment {
     let text = std::fs::read_to_string("tests/experiments/piston-nominal.toml").unwrap();
-    Experiment::parse(&text, &reference_data().join("recordings/piston-nominal.toml")).unwrap()
+    published().parse(&text, &reference_data().join("recordings/piston-nominal.toml")).unwrap()
 }
 
 /// Columns of a file with a line of names.
@@ -51,7 +51,7 @@ fn the_recording_of_independent_origin() {
     let tolerance = |name: &str| expected["tolerances"][name].as_f64().unwrap();
     let achieved = |filter: &str, name: &str| expected["achieved"][filter][name].as_f64().unwrap();
 
-    let outcome = workflow::estimate(&nominal(), &Silent).unwrap();
+    let outcome = workflow::estimate(published(), &nominal(), &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     for e in metrics.estimators() {
         let errors = &e.values["position"];
@@ -159,7 +159,7 @@ fn slow_a_filter_starts_from_any_phase() {
 #[test]
 fn gaps_and_missing_samples_are_bridged_and_counted() {
     let experiment = Case { duration_s: 0.6, ..CASE }.experiment("0.2 s", FIVE);
-    let rig = rigs::of(&experiment).unwrap();
+    let rig = published().rig(&experiment).unwrap();
     let layout = rig.layout(&experiment, 0).unwrap();
     let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
     let mut k = 0_u32;
@@ -195,12 +195,12 @@ fn what_cannot_be_is_refused() {
     let message = |text: &str, from: &str, to: &str| {
         assert!(text.contains(from), "{from}");
         let changed = text.replacen(from, to, 1);
-        let experiment = Experiment::parse(&changed, Path::new("piston.toml"));
+        let experiment = published().parse(&changed, Path::new("piston.toml"));
         let experiment = match experiment {
             Ok(experiment) => experiment,
             Err(why) => return why.to_string(),
         };
-        let rig = rigs::of(&experiment).unwrap();
+        let rig = published().rig(&experiment).unwrap();
         if let Err(why) = rig.wanted(&experiment) {
             return why.to_string();
         }
@@ -227,7 +227,7 @@ fn what_cannot_be_is_refused() {
 fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
     let text = case.experiment("0.5 s", filters).to_toml().unwrap();
     let text = text.replace("[simulate]", "[simulate]\nnoise = false").replace("noise = true\n", "");
-    let experiment = Experiment::parse(&text, Path::new("piston.toml")).unwrap();
+    let experiment = published().parse(&text, Path::new("piston.toml")).unwrap();
     let outcome = run(&experiment, &experiment);
     let trajectory = trajectory(&outcome, key);
     let sd = &trajectory.state("position").unwrap().sd;
@@ -236,9 +236,9 @@ fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
 
 /// What `told` makes of what `real` records.
 fn run(real: &Experiment, told: &Experiment) -> workflow::Outcome {
-    let simulation = rigs::of(real).unwrap().simulate(real).unwrap();
+    let simulation = published().rig(real).unwrap().simulate(real).unwrap();
     let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    workflow::estimate_unwritten(told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
+    workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the
@@ -281,7 +281,8 @@ fn slow_a_drifting_amplitude_is_followed_without_lag() {
 fn the_example_reaches_nanometres() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror");
     let outcome =
-        workflow::estimate(&Experiment::load(&folder.join("experiment.toml")).unwrap(), &Silent).unwrap();
+        workflow::estimate(published(), &published().load(&folder.join("experiment.toml")).unwrap(), &Silent)
+            .unwrap();
     let metrics = Metrics::of(&outcome);
     let of = |key: &str| metrics.estimators().find(|e| e.key == key).unwrap();
     let rms = |key: &str| of(key).values["position"].rmse * 1e9;
@@ -295,8 +296,8 @@ fn the_example_reaches_nanometres() {
     let table = kalmems::results::summary_table(&metrics, false).to_text();
     assert!(table.contains("position RMSE") && !table.contains("angle"), "{table}");
 
-    let simulation = Experiment::load(&folder.join("simulation.toml")).unwrap();
-    assert_eq!(rigs::of(&simulation).unwrap().simulate(&simulation).unwrap().samples(), 194_001);
+    let simulation = published().load(&folder.join("simulation.toml")).unwrap();
+    assert_eq!(published().rig(&simulation).unwrap().simulate(&simulation).unwrap().samples(), 194_001);
 }
 
 /// The example of the driven mirror, changed.
@@ -317,7 +318,7 @@ channels = { position = "position_m", velocity = "velocity_m_per_s" }
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &folder.join("driven.toml")).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &folder.join("driven.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Pulses at twice its frequency keep the mirror going, at half of theirs and as far as harmonic balance says; an independent
@@ -325,7 +326,7 @@ channels = { position = "position_m", velocity = "velocity_m_per_s" }
 #[test]
 fn a_driven_mirror_moves_at_half_the_rate_of_its_trigger() {
     let experiment = driven(&[]);
-    let outlook = rigs::of(&experiment).unwrap().outlook(&experiment).unwrap();
+    let outlook = published().rig(&experiment).unwrap().outlook(&experiment).unwrap();
     println!("{}", outlook.to_text());
     let balanced = outlook.fact("driven_amplitude_m").unwrap().values[0];
     assert!((balanced / 465e-6 - 1.0).abs() < 0.02, "{balanced}");
@@ -395,7 +396,7 @@ fn a_phase_locked_loop_is_about_as_good_as_its_filter() {
         .replace(", amplitude_rate = \"1e-14 m^2/s^3\"", "")
         .replace("offset = \"1e-19", "amplitude = \"1e-15");
     let experiment = CASE.experiment("0.1 s", &steady);
-    let why = rigs::of(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string();
+    let why = published().rig(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string();
     assert!(why.contains("built for five states"), "{why}");
 }
 
@@ -432,7 +433,7 @@ fn with_samples(
     experiment: &Experiment,
     mut change: impl FnMut(u32, f64) -> f64,
 ) -> (Vec<String>, SegmentEstimate) {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     let layout = rig.layout(experiment, 0).unwrap();
     let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
     let mut k = 0_u32;
@@ -455,7 +456,7 @@ fn with_samples(
 fn samples_beyond_the_device_are_left_out_and_named() {
     let case = Case { duration_s: 0.4, ..CASE };
     let parse =
-        |text: &str| Experiment::parse(text, Path::new("piston.toml")).unwrap_or_else(|e| panic!("{e}"));
+        |text: &str| published().parse(text, Path::new("piston.toml")).unwrap_or_else(|e| panic!("{e}"));
     let unbounded = case.experiment("0.1 s", FIVE).to_toml().unwrap();
     let reference = "reference_distance = \"1 mm\"\n";
     let table = format!("{reference}nearest = \"0.45 mm\"\nfarthest = \"1.55 mm\"\n");
@@ -485,7 +486,13 @@ fn samples_beyond_the_device_are_left_out_and_named() {
 
     // A motion beyond the table is refused where it is stated, and named where it is found.
     let narrow = bounded.replace("0.45 mm", "0.55 mm");
-    let why = rigs::of(&parse(&narrow)).unwrap().simulate(&parse(&narrow)).map(drop).unwrap_err().to_string();
+    let why = published()
+        .rig(&parse(&narrow))
+        .unwrap()
+        .simulate(&parse(&narrow))
+        .map(drop)
+        .unwrap_err()
+        .to_string();
     assert!(why.contains("outside the table") && why.contains("5.0000e-4 m"), "{why}");
     let outcome = run(&parse(&bounded), &parse(&narrow.replace("0.55 mm", "0.505 mm")));
     let remarks = &outcome.recordings[0].segments[0].estimate.remarks;
@@ -507,7 +514,7 @@ fn a_bandwidth_beyond_half_the_sampling_rate_is_named() {
         "[device.piston_mirror.readout]\nbandwidth = \"20 kHz\"\n",
     );
     assert!(wide != text, "{text}");
-    let wide = Experiment::parse(&wide, Path::new("piston.toml")).unwrap();
+    let wide = published().parse(&wide, Path::new("piston.toml")).unwrap();
     let verdict = |told: &Experiment| {
         let outcome = run(&wide, told);
         let verdict = Metrics::of(&outcome).estimators().next().unwrap().verdict;
@@ -533,10 +540,12 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
         ("integration_rate = \"200 kHz\"", "integration_rate = \"180 kHz\""),
         (", trigger = \"trigger_V\"", ""),
     ]);
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    let why =
-        workflow::estimate_unwritten(&experiment, &simulated, &Silent).map(drop).unwrap_err().to_string();
+    let why = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent)
+        .map(drop)
+        .unwrap_err()
+        .to_string();
     assert!(why.contains("sampled at 900.0 Hz") && why.contains("taken for 400.0 Hz"), "{why}");
 }
 
@@ -545,7 +554,7 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
 fn the_outlook_says_what_the_signal_can_tell() {
     let filters = format!("{}\n{}", "", THREE);
     let experiment = driven(&[("[[estimate.filter]]", &format!("{filters}\n[[estimate.filter]]"))]);
-    let rig = rigs::of(&experiment).unwrap();
+    let rig = published().rig(&experiment).unwrap();
     let outlook = rig.outlook(&experiment).unwrap();
     println!("{}", outlook.to_text());
     let values = |name: &str| outlook.fact(name).unwrap_or_else(|| panic!("{name}")).values.clone();
@@ -623,11 +632,11 @@ fn recorded(
         )
         .replace("\"109.3 fF\"]\n", "\"109.3 fF\"]\nnearest = \"0.50135 mm\"\nfarthest = \"1.7 mm\"\n");
     let text = format!("{text}{filters}");
-    (Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}")), path)
+    (published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}")), path)
 }
 
 fn read(experiment: &Experiment, path: &Path) -> Recording {
-    Recording::read(path, &rigs::of(experiment).unwrap().layout(experiment, 0).unwrap()).unwrap()
+    Recording::read(path, &published().rig(experiment).unwrap().layout(experiment, 0).unwrap()).unwrap()
 }
 
 #[test]
@@ -643,7 +652,7 @@ fn a_recording_in_parts_gives_the_same_bits() {
     let filters = ALL_KINDS.replacen("smooth_lag", "smooth = true\nsmooth_lag", 1);
     let (experiment, path) = recorded(folder.path(), change, &filters);
     let recording = read(&experiment, &path);
-    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+    let whole = published().rig(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
     let counts = whole[0].trajectories[0].counts;
     assert_eq!((counts.bridged, counts.without_signal), (21, 43));
     let remarks = whole[0].remarks.join("\n");

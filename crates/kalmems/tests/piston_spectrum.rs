@@ -11,7 +11,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Verdict};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
 use piston::{CASE, Case, FIVE, trajectory};
@@ -71,10 +71,10 @@ fn three_states_lag_behind_a_drift_and_five_do_not() {
 fn a_wrong_gain_is_not_seen_by_the_filter() {
     let told = Case { duration_s: 1.0, ..CASE }.experiment("0.5 s", FIVE);
     let real = told.to_toml().unwrap().replace("109.3 fF", "109.31093 fF");
-    let real = Experiment::parse(&real, Path::new("piston.toml")).unwrap();
-    let simulation = rigs::of(&real).unwrap().simulate(&real).unwrap();
+    let real = published().parse(&real, Path::new("piston.toml")).unwrap();
+    let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
     let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    let outcome = workflow::estimate_unwritten(&told, &simulated, &Silent).unwrap();
+    let outcome = workflow::estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let five = metrics.estimators().next().unwrap();
     let errors = &five.values["position"];
@@ -175,11 +175,11 @@ fn a_known_line_removes_a_gain_error_that_the_filter_does_not_see() {
         let told = Case { seed, duration_s: 0.4, ..CASE }.experiment("0.2 s", FIVE);
         let text = told.to_toml().unwrap();
         let real = text.replace("109.3 fF", &format!("{} fF", 109.3 * GAIN));
-        let real = Experiment::parse(&real, Path::new("piston.toml")).unwrap();
-        let simulation = rigs::of(&real).unwrap().simulate(&real).unwrap();
+        let real = published().parse(&real, Path::new("piston.toml")).unwrap();
+        let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
         let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
         let estimate = |told: &Experiment| {
-            let outcome = workflow::estimate_unwritten(told, &simulated, &Silent).unwrap();
+            let outcome = workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap();
             let metrics = Metrics::of(&outcome);
             let five = metrics.estimators().next().unwrap();
             (outcome, five.verdict, five.values["position"].rmse * 1e9)
@@ -231,7 +231,7 @@ scale_sd = {scale_sd:e}
 "#
         );
         let file = SpectrumFile::parse(&spectrum, &path("laser.toml")).unwrap();
-        let outcome = measure(&file, &Silent).unwrap();
+        let outcome = measure(published(), &file, &Silent).unwrap();
         let found = outcome.recalibration.unwrap();
         let sd = found.scale_sd.unwrap();
         println!("seed {seed}: scale {:.7} ± {sd:.1e}, expected {GAIN}", found.scale);
@@ -242,7 +242,7 @@ scale_sd = {scale_sd:e}
         let corrected =
             text.replace("reference_distance = \"1 mm\"", &format!("reference_distance = \"{write}\""));
         assert_ne!(corrected, text);
-        let corrected = Experiment::parse(&corrected, Path::new("piston.toml")).unwrap();
+        let corrected = published().parse(&corrected, Path::new("piston.toml")).unwrap();
         let (_, verdict, after) = estimate(&corrected);
         println!("seed {seed}: {before:.0} nm rms before, {after:.1} nm after");
         assert_eq!(verdict, Verdict::Consistent);

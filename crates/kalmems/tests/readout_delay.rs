@@ -3,9 +3,8 @@
 
 mod scanner;
 
-use kalmems::config::Experiment;
 use kalmems::evaluate::{MotionErrors, Reference};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use scanner::{Simulated, TRUTH, WIDE, errors, estimate, filter, quartiles};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -32,8 +31,8 @@ fn example(name: &str, replaced: &[(&str, &str)]) -> String {
 
 /// What `kalmems simulate` would record.
 fn simulated(toml: &str, motion_hz: f64) -> Simulated {
-    let experiment = Experiment::parse(toml, Path::new("simulation.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let experiment = published().parse(toml, Path::new("simulation.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let (mut drive_v, mut signal) = (Vec::new(), Vec::new());
     let (mut time_s, mut angle, mut rate) = (Vec::new(), Vec::new(), Vec::new());
     simulation
@@ -180,8 +179,8 @@ fn slow_poles_and_delay_over_frequencies_and_seeds() {
 #[test]
 fn a_delay_that_cannot_be_heeded_is_refused() {
     let said = |toml: &str| {
-        let experiment = Experiment::parse(toml, Path::new("experiment.toml")).unwrap();
-        match rigs::of(&experiment).unwrap().simulate(&experiment) {
+        let experiment = published().parse(toml, Path::new("experiment.toml")).unwrap();
+        match published().rig(&experiment).unwrap().simulate(&experiment) {
             Err(error) => error.to_string(),
             Ok(_) => "accepted".to_owned(),
         }
@@ -191,5 +190,5 @@ fn a_delay_that_cannot_be_heeded_is_refused() {
     let variance = "noise_variance = \"1.92e-4 V^2\"";
     let two = said(&example("two_axes.toml", &[(variance, &format!("{variance}\n{DELAY}\n#"))]));
     assert!(two.contains("a scanner with two axes is read without a delay"), "{two}");
-    assert!(Experiment::parse(&plain("delay = \"-1 us\"", &[]), Path::new("e.toml")).is_err());
+    assert!(published().parse(&plain("delay = \"-1 us\"", &[]), Path::new("e.toml")).is_err());
 }

@@ -8,12 +8,11 @@ mod scanner;
 #[path = "scanner_estimators/stream.rs"]
 mod stream;
 
-use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Metrics, Verdict};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::workflow::{self, Outcome, WorkflowError};
 use scanner::{
     NOISE_VARIANCE, SKIP_S, Simulated, TRUTH, Told, WIDE, errors, estimate, experiment, filter, simulate,
@@ -30,7 +29,11 @@ fn with_filters(file: &str, filters: &str) -> Result<Outcome, WorkflowError> {
     let path = example(file);
     let text = std::fs::read_to_string(&path).unwrap();
     let end = text.find("[[estimate.filter]]").unwrap();
-    workflow::estimate(&Experiment::parse(&format!("{}{filters}", &text[..end]), &path)?, &Silent)
+    workflow::estimate(
+        published(),
+        &published().parse(&format!("{}{filters}", &text[..end]), &path)?,
+        &Silent,
+    )
 }
 
 fn metrics(file: &str, filters: &str) -> Metrics {
@@ -82,8 +85,8 @@ fn a_stiffness_state_finds_the_stiffness_whatever_the_sign_of_the_motion() {
         let path = example("experiment.toml");
         let text = std::fs::read_to_string(&path).unwrap().replace("\"positive\"", first_peak);
         let end = text.find("[[estimate.filter]]").unwrap();
-        let experiment = Experiment::parse(&format!("{}{tracked}", &text[..end]), &path).unwrap();
-        workflow::estimate(&experiment, &Silent).unwrap()
+        let experiment = published().parse(&format!("{}{tracked}", &text[..end]), &path).unwrap();
+        workflow::estimate(published(), &experiment, &Silent).unwrap()
     };
     let [up, down] = ["\"positive\"", "\"negative\""].map(run);
     let of = |outcome: &Outcome, i: usize| outcome.recordings[0].segments[0].estimate.trajectories[i].clone();
@@ -274,8 +277,8 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
             ),
         ];
         let toml = format!("{head}{}", filters.concat());
-        let experiment = Experiment::parse(&toml, &folder.join("experiment.toml")).unwrap();
-        let metrics = Metrics::of(&workflow::estimate(&experiment, &Silent).unwrap());
+        let experiment = published().parse(&toml, &folder.join("experiment.toml")).unwrap();
+        let metrics = Metrics::of(&workflow::estimate(published(), &experiment, &Silent).unwrap());
         for estimator in metrics.estimators() {
             let (key, prefix) = match estimator.key.strip_suffix("_smoothed") {
                 Some(key) => (key, "rts_"),
@@ -341,8 +344,8 @@ fn a_recording_in_parts_gives_the_same_bits() {
     let text = std::fs::read_to_string(example("experiment.toml")).unwrap();
     let end = text.find("[[estimate.filter]]").unwrap();
     let path = folder.path().join("experiment.toml");
-    let experiment = Experiment::parse(&format!("{}{filters}", &text[..end]), &path).unwrap();
-    let rig = rigs::of(&experiment).unwrap();
+    let experiment = published().parse(&format!("{}{filters}", &text[..end]), &path).unwrap();
+    let rig = published().rig(&experiment).unwrap();
     let recording =
         Recording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, 0).unwrap()).unwrap();
     let whole = &rig.estimate(&experiment, 0, &recording, &Silent).unwrap()[0].trajectories;

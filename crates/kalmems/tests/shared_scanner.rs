@@ -11,6 +11,7 @@ use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, WriteError, WriteOptions, estimate_figures, notices,
     write_estimate,
 };
+use kalmems::rigs::published;
 use kalmems::workflow::{self, Outcome};
 use std::path::PathBuf;
 
@@ -26,11 +27,11 @@ fn changed(file: &str, changes: &[(&str, &str)]) -> Experiment {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &path).unwrap()
+    published().parse(&text, &path).unwrap()
 }
 
 fn run(experiment: &Experiment) -> (Outcome, Metrics) {
-    let outcome = workflow::estimate(experiment, &Silent).unwrap();
+    let outcome = workflow::estimate(published(), experiment, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     (outcome, metrics)
 }
@@ -106,7 +107,7 @@ fn deleting_the_reference_changes_no_estimate() {
     let end = text.find("[estimate]").unwrap();
     let path = folder.path().join("experiment.toml");
     std::fs::write(&path, format!("{}{}", &text[..start], &text[end..])).unwrap();
-    let experiment = Experiment::load(&path).unwrap();
+    let experiment = published().load(&path).unwrap();
     let (without, metrics) = run(&experiment);
     assert_eq!(bits(&with), bits(&without));
     assert!(metrics.estimators().all(|e| e.errors.is_none() && e.verdict != Verdict::WrongSign));
@@ -126,7 +127,7 @@ fn deleting_the_reference_changes_no_estimate() {
     }
     std::fs::write(folder.path().join("reference.csv"), mirrored).unwrap();
     std::fs::write(&path, text).unwrap();
-    let (opposite, metrics) = run(&Experiment::load(&path).unwrap());
+    let (opposite, metrics) = run(&published().load(&path).unwrap());
     assert_eq!(bits(&with), bits(&opposite));
     assert!(metrics.estimators().filter(|e| e.key != "model_alone").all(|e| e.verdict == Verdict::WrongSign));
 }
@@ -155,7 +156,7 @@ fn the_sign_is_an_input() {
 #[test]
 fn a_start_at_exactly_zero_is_refused_with_the_reason() {
     let experiment = changed("experiment.toml", &[("angle = \"0.05 rad\"", "angle = \"0 rad\"")]);
-    let error = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("experiment.toml:") && error.contains("estimate.filter[0].start"), "{error}");
     assert!(error.contains("symmetric"), "{error}");
     // Hardly more than zero is enough.
@@ -178,7 +179,7 @@ fn a_change_of_branch_on_the_way_is_told() {
         });
         let toml = std::fs::read_to_string(example("experiment.toml")).unwrap();
         let toml = toml.replace("1.1033e-4 N m", "1.122e-4 N m").replace(Q, "1e10 rad^2/s^3");
-        let experiment = Experiment::parse(&toml, &folder.path().join("experiment.toml")).unwrap();
+        let experiment = published().parse(&toml, &folder.path().join("experiment.toml")).unwrap();
         let (_, metrics) = run(&experiment);
         for estimator in metrics.estimators().filter(|e| e.key != "model_alone") {
             // The reference knows: mirrored for the rest of the record, the error is that of twice the motion.
@@ -210,7 +211,7 @@ fn edited(f: impl Fn(usize, Vec<String>) -> Option<Vec<String>>) -> (tempfile::T
     for file in ["experiment.toml", "reference.csv"] {
         std::fs::copy(example(file), folder.path().join(file)).unwrap();
     }
-    let experiment = Experiment::load(&folder.path().join("experiment.toml")).unwrap();
+    let experiment = published().load(&folder.path().join("experiment.toml")).unwrap();
     (folder, experiment)
 }
 
@@ -269,16 +270,16 @@ fn a_drive_that_is_unknown_is_refused() {
         }
         Some(cells)
     });
-    let error = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("`drive_V`") && error.contains("0.0007 s") && error.contains("split"), "{error}");
     let (_folder, experiment) = edited(|row, cells| (row < 8000).then_some(cells));
-    let error = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("settling time"), "{error}");
     let (_folder, experiment) = edited(|_, mut cells| {
         cells[2] = String::new();
         Some(cells)
     });
-    let error = workflow::estimate(&experiment, &Silent).unwrap_err().to_string();
+    let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("no finite sample"), "{error}");
 }
 
@@ -298,7 +299,7 @@ fn segments_are_estimated_each_by_itself() {
     let start = toml.find("[recording.reference]").unwrap();
     let end = toml.find("[estimate]").unwrap();
     let toml = format!("{}{}", &toml[..start], &toml[end..]);
-    let experiment = Experiment::parse(&toml, &folder.path().join("experiment.toml")).unwrap();
+    let experiment = published().parse(&toml, &folder.path().join("experiment.toml")).unwrap();
     let (outcome, _) = run(&experiment);
     let [first, second] = outcome.recordings[0].segments.as_slice() else { panic!() };
     assert_eq!(

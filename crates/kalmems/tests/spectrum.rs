@@ -8,6 +8,7 @@ use kalmems::applications::spectrum::{
     Apodisation, SpectrumError, SpectrumOutcome, line_height, measure, transform, zero_path,
 };
 use kalmems::progress::Silent;
+use kalmems::rigs::published;
 use scene::{Scene, write_columns};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
@@ -111,7 +112,7 @@ within = "2 1/cm"
 absorption = true
 "#;
     let file = SpectrumFile::parse(text, &folder.path().join("one.toml")).unwrap();
-    let outcome = measure(&file, &Silent).unwrap();
+    let outcome = measure(published(), &file, &Silent).unwrap();
     let scans = &outcome.processed.scans;
     assert_eq!(scans.spectra.len(), 2);
     let peak = whole.values.iter().map(|v| v.re).fold(0.0, f64::max);

@@ -1,10 +1,9 @@
 //! Studies: the same bytes by every way, and what is refused.
 
-use kalmems::config::Experiment;
 use kalmems::progress::{Progress, Silent};
 use kalmems::recording::{Clock, Hints, Layout, Recording};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::study::{Options, Plan, Shard, StudyError, Summary};
 use std::collections::BTreeMap;
@@ -82,7 +81,7 @@ impl Folder {
     }
 
     fn plan(&self) -> Result<Plan, StudyError> {
-        Plan::load(&self.path("study.toml"))
+        Plan::load(published(), &self.path("study.toml"))
     }
 
     /// Runs a shard with so many threads; its journal.
@@ -104,7 +103,7 @@ impl Folder {
     }
 
     fn written(&self, out: &str, journals: &[PathBuf]) -> BTreeMap<String, Vec<u8>> {
-        let plan = Plan::from_journal(&journals[0]).unwrap();
+        let plan = Plan::from_journal(published(), &journals[0]).unwrap();
         write(&plan, journals, &self.path(out)).unwrap();
         files(&self.path(out))
     }
@@ -181,7 +180,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     let shards = ["3/4", "1/4", "4/4", "2/4"].map(|shard| folder.run("parts", shard, 2, &Silent).unwrap());
     assert_eq!(folder.written("parts", &shards), one);
     let join = |journals: &[PathBuf]| {
-        let plan = Plan::from_journal(&journals[0]).unwrap();
+        let plan = Plan::from_journal(published(), &journals[0]).unwrap();
         write(&plan, journals, &folder.path("refused")).unwrap_err()
     };
     let gap = join(&shards[..3]);
@@ -275,8 +274,8 @@ fn what_is_not_written_is_read_as_if_it_were() {
     let adc = "adc = { bits = 10, low = \"-1 V\", high = \"1 V\" }\n";
     let text = experiment().replace("[simulate.drive.sine]", &format!("[simulate.drive.sine]\n# {adc}"));
     let text = text.replace("seed = 1\n", &format!("seed = 1\n{adc}"));
-    let experiment = Experiment::parse(&text, &folder.path("experiment.toml")).unwrap();
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let experiment = published().parse(&text, &folder.path("experiment.toml")).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let out = folder.path("simulated");
     let output = Output::begin(&out, &Work::named("simulate", "simulated")).unwrap();
@@ -438,8 +437,8 @@ fn a_recording_can_be_studied() {
         "name = \"told\"\nexperiment = \"written/experiment.toml\"\n[[vary]]\nkey = \"device.shared_scanner.resonator.stiffness\"\n\
          values = [\"1.10e-4 N m\", \"1.103e-4 N m\"]\n",
     );
-    let experiment = Experiment::load(&folder.path("experiment.toml")).unwrap();
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let experiment = published().load(&folder.path("experiment.toml")).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let output = Output::begin(&folder.path("written"), &Work::named("simulate", "written")).unwrap();
     write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();

@@ -1,9 +1,9 @@
 //! The threshold-sensing scanner's parameters from free decays, against the truth, the Cramér–Rao bound, and what an
 //! independent program identified.
 
-use kalmems::config::{self, Experiment};
 use kalmems::progress::Silent;
-use kalmems::rigs;
+use kalmems::rigs::published;
+use kalmems::rigs::threshold_scanner::device::ThresholdScanner;
 use kalmems::rigs::threshold_scanner::identification::{
     CurvePoint, Decay, DecayError, DecayFit, fit_curve, fit_decay, unknown,
 };
@@ -329,8 +329,8 @@ delay = "0.1 ms"
 fn the_rig_identifies_an_experiment_and_puts_the_values_in_their_places() {
     let folder = std::env::var_os("KALMEMS_REFERENCE_DATA").expect("KALMEMS_REFERENCE_DATA names a folder");
     let path = PathBuf::from(folder).join("recordings/threshold-nominal/experiment.toml");
-    let experiment = Experiment::parse(EXPERIMENT, &path).unwrap();
-    let found = rigs::of(&experiment).unwrap().identify(&experiment, &Silent).unwrap();
+    let experiment = published().parse(EXPERIMENT, &path).unwrap();
+    let found = published().rig(&experiment).unwrap().identify(&experiment, &Silent).unwrap();
     let value = |name: &str| {
         let parameter = found.parameters.iter().find(|p| p.name.starts_with(name)).unwrap();
         println!("{name}: {:.6e} +- {:.1e} {}", parameter.value, parameter.standard_error, parameter.unit);
@@ -347,7 +347,7 @@ fn the_rig_identifies_an_experiment_and_puts_the_values_in_their_places() {
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     assert_eq!(found.figures.len(), 3);
     // The values are those of the device that comes back, and of its reference.
-    let config::Device::ThresholdScanner(device) = &found.experiment.device else { panic!("another device") };
+    let device = found.experiment.device::<ThresholdScanner>().unwrap();
     assert!((device.resonator.natural_frequency.si() - 624.6).abs() < 0.02);
     assert!((device.resonator.damping_ratio.si() - 0.0066).abs() < 3e-5);
     assert!((device.comb.steepness.si() / 76.0 - 1.0).abs() < 0.04);
@@ -356,8 +356,8 @@ fn the_rig_identifies_an_experiment_and_puts_the_values_in_their_places() {
     assert!((reference.delay_s() - 0.114e-3).abs() < 4e-7);
     // Without a reference there is no scale.
     let (alone, _) = EXPERIMENT.split_once("[recording.reference]").unwrap();
-    let alone = Experiment::parse(alone, &path).unwrap();
-    let why = rigs::of(&alone).unwrap().identify(&alone, &Silent).unwrap_err().to_string();
+    let alone = published().parse(alone, &path).unwrap();
+    let why = published().rig(&alone).unwrap().identify(&alone, &Silent).unwrap_err().to_string();
     assert!(why.contains("no reference"), "{why}");
 }
 
@@ -372,8 +372,8 @@ fn a_drive_that_is_not_off_is_named() {
             text += &format!("{:.6},{},{y},{}\n", 8e-6 * k as f64, volts(k), angle.tan() * DETECTOR);
         }
         std::fs::write(folder.path().join("recording.csv"), text).unwrap();
-        let experiment = Experiment::parse(EXPERIMENT, &folder.path().join("experiment.toml")).unwrap();
-        rigs::of(&experiment).unwrap().identify(&experiment, &Silent)
+        let experiment = published().parse(EXPERIMENT, &folder.path().join("experiment.toml")).unwrap();
+        published().rig(&experiment).unwrap().identify(&experiment, &Silent)
     };
     let why = write(&|k| if k < 40 { 60.0 } else { 0.0 }).unwrap_err().to_string();
     assert!(why.contains("not off") && why.contains("60 V at 0 s") && why.contains("40 of 2400"), "{why}");

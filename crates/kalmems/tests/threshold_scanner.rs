@@ -5,11 +5,10 @@ mod live;
 mod parts;
 mod threshold;
 
-use kalmems::config::Experiment;
 use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, notices};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{WorkflowError, estimate_unwritten};
 use std::path::Path;
@@ -102,8 +101,8 @@ fn a_free_decay_is_the_closed_form_and_its_detector_shows_it_late_or_early() {
             .replace("noise_variance = \"2.5e-5 V^2\"", &format!("{delay}noise_variance = \"2.5e-5 V^2\""));
         let text =
             case.replace("seed = 1", "noise = false") + "\n[simulate.drive.constant]\nvoltage = \"0 V\"\n";
-        let experiment = Experiment::parse(&text, Path::new("free.toml")).unwrap();
-        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        let experiment = published().parse(&text, Path::new("free.toml")).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let (omega_n, zeta) = (std::f64::consts::TAU * 624.6, 0.0066);
         let (decay, omega) = (zeta * omega_n, omega_n * f64::sqrt(1.0 - zeta * zeta));
         let angle = |t: f64| {
@@ -136,8 +135,8 @@ fn a_sweep_captures_and_a_cut_off_frees() {
                  hold = \"0.2 s\"\n{cut_off}"
             );
         let text = text.replace("duration = \"80 ms\"", "duration = \"30 ms\"");
-        let experiment = Experiment::parse(&text, Path::new("capture.toml")).unwrap();
-        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        let experiment = published().parse(&text, Path::new("capture.toml")).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let mut samples = Vec::new();
         simulation
             .run(&mut |sample| {
@@ -257,7 +256,7 @@ fn brief_cut_offs_of_the_power_are_followed_with_their_transients() {
 }
 
 fn refused(case: &Case, recording: &Unwritten) -> EstimateError {
-    match estimate_unwritten(&case.experiment(), recording, &Silent) {
+    match estimate_unwritten(published(), &case.experiment(), recording, &Silent) {
         Err(WorkflowError::Estimate(why)) => why,
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("it was estimated"),
@@ -321,7 +320,7 @@ fn the_likeliest_filter_is_named() {
     let wrong = "variant = \"literal\"\nthreshold = { angle = \"3.7 mrad\", angle_sd = \"0.95 mrad\" }";
     let tracked = "threshold = { angle = \"3.7 mrad\", gate = 4 }\nstates = { natural_frequency = { start_sd = \"1 %\" } }";
     let experiment = Case { filter: wrong.to_owned(), second: Some(tracked.to_owned()), ..case }.experiment();
-    let outcome = estimate_unwritten(&experiment, &recording, &Silent).unwrap();
+    let outcome = estimate_unwritten(published(), &experiment, &recording, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let likeliest = metrics.recordings[0].segments[0].likeliest.clone().unwrap();
     assert_eq!(likeliest.key, "second");

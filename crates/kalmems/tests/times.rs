@@ -6,7 +6,8 @@ use kalmems::config::Experiment;
 use kalmems::inspect::inspect;
 use kalmems::progress::Silent;
 use kalmems::recording::{FindingKind, Recording};
-use kalmems::{rigs, workflow};
+use kalmems::rigs::published;
+use kalmems::workflow;
 use parts::{goes_on_after_a_kill, same_bits_in_a_stream};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -75,12 +76,12 @@ fn experiment(folder: &Path, name: &str, clock: &str) -> Experiment {
             &format!("file = {name:?}\nclock = {{ column = {clock:?} }}"),
         )
         .replace("skip = \"8 ms\"", "skip = \"0.2 ms\"");
-    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Every bit of the trajectories and of the errors against the reference.
 fn bits(experiment: &Experiment) -> (Vec<u64>, String, Option<String>) {
-    let outcome = workflow::estimate(experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let outcome = workflow::estimate(published(), experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let recording = &outcome.recordings[0];
     let segment = &recording.segments[0];
     let trajectories = segment.estimate.trajectories.iter();
@@ -181,8 +182,8 @@ fn a_stream_counts_as_the_file_does_and_says_from_where() {
             .replace("skip = \"8 ms\"", "skip = \"0.2 ms\"")
             .replace("\"time_s\"", &format!("{name:?}"));
         let experiment =
-            Experiment::parse(&text, &folder.path().join("stream.toml")).unwrap_or_else(|e| panic!("{e}"));
-        let rig = rigs::of(&experiment).unwrap();
+            published().parse(&text, &folder.path().join("stream.toml")).unwrap_or_else(|e| panic!("{e}"));
+        let rig = published().rig(&experiment).unwrap();
         let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
         assert_eq!(recording.origin().to_string(), "1763834400.123456");
         let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (recorded.as_bytes(), 100));
@@ -198,7 +199,7 @@ fn streaming(folder: &Path, input: &str, clock: &str) -> Experiment {
         .replace("skip = \"8 ms\"", "skip = \"0.2 ms\"")
         .replace("[stream.input.text]\ncolumns = [\"time_s\", \"drive_V\", \"cap_V\"]", input)
         .replace("\"time_s\"", &format!("{clock:?}"));
-    Experiment::parse(&text, &folder.join("stream.toml")).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &folder.join("stream.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 const TEXT_OF_NANOSECONDS: &str = "[stream.input.text]\ncolumns = [\"time_ns\", \"drive_V\", \"cap_V\"]";
@@ -219,7 +220,7 @@ fn frames_with_integer_nanoseconds_since_1970_count_as_the_file_does() {
         frames.extend_from_slice(&cells.next().unwrap().parse::<i64>().unwrap().to_le_bytes());
         cells.for_each(|cell| frames.extend_from_slice(&cell.parse::<f64>().unwrap().to_le_bytes()));
     }
-    let rig = rigs::of(&experiment).unwrap();
+    let rig = published().rig(&experiment).unwrap();
     let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&frames, 100));
     assert_eq!(summary.origin.unwrap().seconds, "1763834400.123456");
@@ -288,7 +289,7 @@ fn times_that_a_file_has_rounded_are_named_with_what_to_write() {
         "file = \"recording.csv\"\nclock = { column = \"time_s\" }",
         &format!("file = \"rounded.npy\"\n{text}"),
     );
-    let experiment = Experiment::parse(&all, &folder.path().join("experiment.toml")).unwrap();
+    let experiment = published().parse(&all, &folder.path().join("experiment.toml")).unwrap();
     let recording = Recording::read(&path, &experiment.recording(0).unwrap().layout(&["cap_V"])).unwrap();
     let time = &recording.segments()[0].time;
     // The median of rounded intervals would be a multiple of 0.24 µs, 0.15 % off at best.

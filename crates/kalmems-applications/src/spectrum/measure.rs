@@ -12,12 +12,13 @@ use super::resample::ResampleError;
 use super::scans::{Detector, ScanCounts};
 use super::track::PositionTrackError;
 use super::transform::TransformError;
-use crate::config::{ConfigError, Device, Experiment, Fault, Quantity};
+use crate::config::{ConfigError, Fault, Quantity};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::{Finding, ReadError, Source};
 use crate::signal::cubic_between;
 use crate::spectrum::file::{Band, PathDifference, SpectrumFile, SpectrumLine, SpectrumReference};
+use kalmems_engines::rig::{LengthScale, Workbench};
 
 /// A spectrum, and what is known of it.
 #[derive(Clone, Debug)]
@@ -168,7 +169,11 @@ impl SpectrumError {
 }
 
 /// Reads, or simulates, all interferograms of a spectrum file and computes the spectrum.
-pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumOutcome, SpectrumError> {
+pub fn measure(
+    workbench: &Workbench,
+    file: &SpectrumFile,
+    progress: &dyn Progress,
+) -> Result<SpectrumOutcome, SpectrumError> {
     let mut input = Input { file, origin: None, files: NamedFiles::new("spectrum file", progress) };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
@@ -208,7 +213,7 @@ pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumO
     let NamedFiles { sources, findings, .. } = input.files;
     let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle, scale_sd.hypot(skew));
     let correction = match recalibration {
-        Some(recalibration) => correction(file, recalibration)?,
+        Some(recalibration) => correction(workbench, file, recalibration)?,
         None => None,
     };
     Ok(SpectrumOutcome {
@@ -234,21 +239,22 @@ pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumO
 /// A capacitance that is a series in (reference distance)/d keeps its values if the reference distance grows by the same
 /// share as all distances.
 fn correction(
+    workbench: &Workbench,
     file: &SpectrumFile,
     Recalibration { scale, scale_sd, .. }: Recalibration,
 ) -> Result<Option<Correction>, SpectrumError> {
     let Some(experiment) = &file.experiment else { return Ok(None) };
-    let experiment = Experiment::load(&file.resolve(experiment))?;
-    let Device::PistonMirror(mirror) = &experiment.device else {
-        let why = "its device is no piston mirror; a line recalibrates the distances of one".to_owned();
+    let experiment = workbench.load(&file.resolve(experiment))?;
+    let Some(LengthScale { key, length }) = workbench.rig(&experiment)?.length_scale(&experiment)? else {
+        let why = "no length of its device scales what it measures; a line recalibrates the distances of a piston mirror"
+            .to_owned();
         return Err(file.error("experiment", Fault::Value { why }).into());
     };
-    let distance = &mirror.capacitance.reference_distance;
     Ok(Some(Correction {
-        key: "device.piston_mirror.capacitance.reference_distance",
-        was: distance.text().to_owned(),
-        is_m: scale * distance.si(),
-        sd_m: scale_sd.map(|sd| sd * distance.si()),
+        key,
+        was: length.text().to_owned(),
+        is_m: scale * length.si(),
+        sd_m: scale_sd.map(|sd| sd * length.si()),
     }))
 }
 

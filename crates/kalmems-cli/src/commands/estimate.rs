@@ -8,16 +8,17 @@ use kalmems::results::{
     LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, summary_table,
     write_estimate,
 };
+use kalmems::rigs::published;
 use kalmems::workflow::{self, PartsError, WorkflowError};
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
-    let metrics = if workflow::is_long(&experiment).map_err(|e| wrong(&e))? {
+    let metrics = if workflow::is_long(published(), &experiment).map_err(|e| wrong(&e))? {
         in_parts(&experiment, arguments, &output, (started, clock))?
     } else {
         at_once(&experiment, arguments, &output, (started, clock))?
@@ -57,7 +58,7 @@ fn at_once(
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
-    let outcome = workflow::estimate(experiment, &bar).map_err(|e| of_work(&e))?;
+    let outcome = workflow::estimate(published(), experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
     let metrics = Metrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };
@@ -75,9 +76,10 @@ fn in_parts(
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
-    let mut results = LongEstimate::begin(experiment, output, wanted, &crate::interrupt::requested);
+    let rig = published().rig(experiment).map_err(|e| Ending::Wrong(e.to_string()))?;
+    let mut results = LongEstimate::begin(rig, experiment, output, wanted, &crate::interrupt::requested);
     let bar = Bar::default();
-    let whole = workflow::estimate_in_parts(experiment, &bar, &mut |part| results.part(&part));
+    let whole = workflow::estimate_in_parts(published(), experiment, &bar, &mut |part| results.part(&part));
     let whole = whole.map_err(|e| match e {
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),

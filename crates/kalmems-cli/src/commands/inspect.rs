@@ -3,12 +3,11 @@
 use crate::args::InspectArguments;
 use crate::progress::Bar;
 use crate::{Ending, print, target};
-use kalmems::config::Experiment;
 use kalmems::inspect::inspect_with;
 use kalmems::progress::Progress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
 
@@ -27,8 +26,8 @@ fn wrong(e: &dyn Display) -> Ending {
 /// What an experiment's device will do under its drive.
 fn device(arguments: &InspectArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let experiment = Experiment::load(&arguments.input).map_err(|e| wrong(&e))?;
-    let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
+    let experiment = published().load(&arguments.input).map_err(|e| wrong(&e))?;
+    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
     let outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
     if let Some(path) = &arguments.png {
         draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;

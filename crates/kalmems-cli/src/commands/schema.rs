@@ -5,11 +5,11 @@ use crate::{Ending, print};
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::image::Image;
 use kalmems::applications::spectrum::SpectrumFile;
-use kalmems::config::schema;
+use kalmems::rigs::published;
 
 pub fn run(arguments: &SchemaArguments) -> Result<(), Ending> {
     let schema = match arguments.of {
-        Described::Experiment => schema(),
+        Described::Experiment => published().schema(),
         Described::Gyro => GyroscopeCalibration::schema(),
         Described::Image => Image::schema(),
         Described::Spectrum => SpectrumFile::schema(),

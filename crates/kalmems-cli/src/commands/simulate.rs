@@ -3,20 +3,20 @@
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
 use crate::{Ending, print, target};
-use kalmems::config::{Experiment, Role};
+use kalmems::config::Role;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::SimulateError;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let mut experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let mut experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
     if let (Some(simulate), Some(seed)) = (&mut experiment.simulate, arguments.seed) {
         simulate.seed = seed.into();
     }
-    let rig = rigs::of(&experiment).map_err(|e| wrong(&e))?;
+    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
     let simulation = rig.simulate(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("simulate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["simulated", &experiment.name.to_string()], &work)?;

@@ -7,6 +7,7 @@ use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
 use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
 use kalmems::results::{RunInfo, Work};
+use kalmems::rigs::published;
 use std::time::{Instant, SystemTime};
 
 pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
@@ -16,7 +17,7 @@ pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
     let work = Work::of_file("spectrum", &arguments.spectrum, file.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["spectrum", &file.name.to_string()], &work)?;
     let bar = Bar::default();
-    let outcome = measure(&file, &bar)
+    let outcome = measure(published(), &file, &bar)
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let metrics = SpectrumMetrics::of(&outcome);

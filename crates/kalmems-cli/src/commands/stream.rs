@@ -3,9 +3,9 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use crate::interrupt;
-use kalmems::config::Experiment;
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
+use kalmems::rigs::published;
 use kalmems::stream::{
     AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
 };
@@ -25,7 +25,7 @@ const INTERRUPTED: u8 = 130;
 
 pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = Experiment::load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let (lines, frames) = (arguments.lines.as_deref(), arguments.frames.as_deref());
     let standard = Path::new("-");
     let lines = lines.or(if frames.is_none() { Some(standard) } else { None });
@@ -48,12 +48,13 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
             arguments.from
         );
     }
-    let summary = match stream(&experiment, Box::new(source), outputs, state, &interrupt::requested) {
-        // A reader that closes the pipe has what it wanted.
-        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
-        Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
-        summary => summary.map_err(|e| wrong(&e))?,
-    };
+    let summary =
+        match stream(published(), &experiment, Box::new(source), outputs, state, &interrupt::requested) {
+            // A reader that closes the pipe has what it wanted.
+            Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
+            Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
+            summary => summary.map_err(|e| wrong(&e))?,
+        };
     if let Some(Break { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
         eprintln!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);

@@ -1,12 +1,13 @@
 //! The whole file.
 
+use super::device::DeviceTable;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
 use super::values::{self, AnyValue, Entry, Values};
 use super::{
-    Channels, ConfigError, Device, DriveSource, Estimate, Fault, Filter, Identify, Key, Method, Name,
-    Recording, Reference, Sign, Simulate, Stream,
+    Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording, Reference, Sign,
+    Simulate, Stream,
 };
 use crate::recording::{DeclaredColumn, Layout};
 use crate::units::Kind;
@@ -27,8 +28,8 @@ pub struct Experiment {
     /// What the experiment is about, in free text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
-    /// The device: exactly one table, such as `[device.shared_scanner]`.
-    pub device: Device,
+    /// The device: exactly one table, such as `[device.shared_scanner]`; see [`Experiment::device`].
+    pub(super) device: DeviceTable,
     /// The recordings, at least one; none are needed for a simulation alone.
     #[serde(rename = "recording", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
@@ -46,7 +47,7 @@ pub struct Experiment {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stream: Option<Stream>,
     #[serde(skip)]
-    source: Source,
+    pub(super) source: Source,
 }
 
 impl Experiment {
@@ -69,26 +70,25 @@ impl Experiment {
 
     /// What no single key can be blamed for.
     fn check(&self) -> Result<(), ConfigError> {
-        self.device.check().map_err(|(key, why)| self.error(key, Fault::Value { why }))?;
         if self.recordings.is_empty() && self.simulate.is_none() {
             let why = "found no recording; expected at least one `[[recording]]`".to_owned();
             let empty = self.error("recording", Fault::Value { why });
             if empty.place.position.is_some() {
                 return Err(empty);
             }
-            let remedy = remedy::<Self>(&Key::from("recording"));
+            let remedy = {
+                let key = Key::from("recording");
+                remedy::<Self>(&key, &key)
+            };
             return Err(self.error("recording", Fault::MissingKey { remedy }));
         }
         self.check_names()?;
         self.check_columns()?;
-        self.check_crossings()?;
         if let Some(estimate) = &self.estimate {
             estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
-            self.check_methods(estimate)?;
         }
         if let Some(simulate) = &self.simulate {
             simulate.check().map_err(|(key, fault)| self.error(key, fault))?;
-            self.check_dither(simulate)?;
         }
         Ok(())
     }
@@ -106,78 +106,6 @@ impl Experiment {
             }
         }
         Ok(())
-    }
-
-    /// Keys of the estimate that are for a device with a threshold alone.
-    fn check_crossings(&self) -> Result<(), ConfigError> {
-        let Some(estimate) =
-            self.estimate.as_ref().filter(|_| !matches!(self.device, Device::ThresholdScanner(_)))
-        else {
-            return Ok(());
-        };
-        let at = Key::from("estimate");
-        let of_filter = |(index, filter): (usize, &Filter)| {
-            let given = [
-                ("variant", filter.variant.is_some()),
-                ("signal_variance", filter.signal_variance.is_some()),
-                ("threshold", filter.threshold.is_some()),
-            ];
-            let at = at.clone().child("filter").index(index);
-            given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
-        };
-        let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
-        let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
-        match of_all.or_else(|| estimate.filters.iter().enumerate().find_map(of_filter)) {
-            Some(key) => {
-                let why = "it is for a `[device.threshold_scanner]`; leave it out".to_owned();
-                Err(self.error(key, Fault::Value { why }))
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// What is built for one device alone.
-    fn check_methods(&self, estimate: &Estimate) -> Result<(), ConfigError> {
-        let with_channels = estimate.filters.iter().position(|filter| !filter.channels.is_empty());
-        if let Some(index) = with_channels.filter(|_| !matches!(self.device, Device::MicroStage(_))) {
-            let key = Key::from("estimate").child("filter").index(index).child("channels");
-            let why = "only the micro-stage has several signals; leave it out".to_owned();
-            return Err(self.error(key, Fault::Value { why }));
-        }
-        if matches!(self.device, Device::Accelerometer(_)) {
-            return Ok(());
-        }
-        for (index, filter) in estimate.filters.iter().enumerate() {
-            let key = Key::from("estimate").child("filter").index(index);
-            // Of a phasor a settled gain is a phase-locked loop.
-            let is_lock =
-                filter.method == Method::SteadyState && matches!(self.device, Device::PistonMirror(_));
-            if filter.method.is_for_nearly_linear() && !is_lock {
-                let word = filter.method.word();
-                let why = format!("the method `{word}` is for the accelerometer alone; use `ekf`");
-                return Err(self.error(key.child("method"), Fault::Value { why }));
-            }
-            if filter.noise_memory.is_some() {
-                let why = "only the accelerometer's filters estimate the variance of a sample; leave it out";
-                return Err(self.error(key.child("noise_memory"), Fault::Value { why: why.to_owned() }));
-            }
-            if filter.known_acceleration {
-                let why = "only the accelerometer has an acceleration that could be known; leave it out";
-                return Err(self.error(key.child("known_acceleration"), Fault::Value { why: why.to_owned() }));
-            }
-        }
-        Ok(())
-    }
-
-    /// What can be added to a feedback is refused where there is none.
-    fn check_dither(&self, simulate: &Simulate) -> Result<(), ConfigError> {
-        let has_feedback = matches!(&self.device, Device::Accelerometer(device) if device.feedback.is_some());
-        if has_feedback || simulate.dither.is_none() {
-            return Ok(());
-        }
-        let why = "a dither is added to the feedback of an accelerometer, and there is none; leave it out, or write \
-                   `[device.accelerometer.feedback]`";
-        Err(self.error("simulate.dither", Fault::Value { why: why.to_owned() }))
     }
 
     fn check_names(&self) -> Result<(), ConfigError> {

@@ -37,13 +37,13 @@ mod sign;
 mod simulate;
 mod source;
 mod stream;
-#[cfg(test)]
-mod tests;
+mod uses;
 mod values;
+mod vibrometer;
 
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
-pub use device::*;
+pub use device::{DeviceDescription, DeviceKind};
 pub use error::{ConfigError, Fault, Place, Position};
 pub use estimate::{Crossings, Estimate, Peak};
 pub use experiment::Experiment;
@@ -59,7 +59,7 @@ pub use quantity::Quantity;
 pub use reader::read_source;
 pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
-pub use schema::{schema, schema_of};
+pub use schema::{experiment_schema, schema_of};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
     AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
@@ -68,4 +68,6 @@ pub use simulate::{
 };
 pub use source::Source;
 pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
+pub use uses::Uses;
 pub use values::{AnyValue, Entry, Values};
+pub use vibrometer::Vibrometer;

@@ -133,9 +133,41 @@ pub fn read_source<T: DeserializeOwned + JsonSchema>(source: &Source) -> Result<
     drop(document);
     read.map_err(|Failure { mut fault, key, byte }| {
         if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
-            *what = remedy::<T>(&key);
+            *what = remedy::<T>(&key, &key);
         }
         source.error(key, byte, fault)
+    })
+}
+
+/// Reads the table at `place` of a file into a type; otherwise as [`read_source`].
+pub(super) fn read_below<T: DeserializeOwned + JsonSchema>(
+    source: &Source,
+    place: &Key,
+) -> Result<T, ConfigError> {
+    let document = source.document()?;
+    let missing =
+        || source.error_at(place.clone(), Fault::MissingKey { remedy: format!("add the table `[{place}]`") });
+    let mut table = document.get_ref();
+    let mut value = None;
+    for step in place.steps() {
+        let Step::Name(name) = step else { return Err(missing()) };
+        let found: &Spanned<DeValue<'_>> = table.get(name.as_str()).ok_or_else(missing)?;
+        value = Some(found);
+        if let Some(inner) = found.get_ref().as_table() {
+            table = inner;
+        }
+    }
+    let value = value.ok_or_else(missing)?;
+    T::deserialize(Reader { value }).map_err(|failure| {
+        let Failure { mut fault, key, byte } = failure.at(value.span());
+        let full = place.steps().iter().rev().cloned().fold(key.clone(), |mut full, step| {
+            full.prepend(step);
+            full
+        });
+        if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+            *what = remedy::<T>(&key, &full);
+        }
+        source.error(full, byte, fault)
     })
 }
 

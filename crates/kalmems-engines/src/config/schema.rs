@@ -1,5 +1,6 @@
 //! The JSON schema of experiment files, and what those of other files are made with, from the types that read them.
 
+use super::device::DeviceKind;
 use super::key::Step;
 use super::{Experiment, Key};
 use schemars::JsonSchema;
@@ -7,9 +8,19 @@ use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
 use serde_json::Value;
 
-/// The JSON schema of an experiment file: for editors, and for checking a file without this program.
-pub fn schema() -> Value {
-    schema_of::<Experiment>("A kalmems experiment")
+/// The JSON schema of an experiment file with one of these devices: for editors, and for checking a file without this
+/// program.
+pub fn experiment_schema(devices: &[DeviceKind]) -> Value {
+    let mut generator = settings(false).into_generator();
+    let device = DeviceKind::schema_of_one(devices, &mut generator);
+    let mut schema = generator.into_root_schema_for::<Experiment>();
+    if let Some(Value::Object(properties)) = schema.get_mut("properties") {
+        properties.insert("device".to_owned(), device.into());
+    }
+    RecursiveTransform(remove_null).transform(&mut schema);
+    let mut schema = schema.to_value();
+    schema["title"] = "A kalmems experiment".into();
+    schema
 }
 
 /// The JSON schema of what a type reads, under a title.
@@ -19,10 +30,14 @@ pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
     schema
 }
 
-fn generate<T: JsonSchema>(inline: bool) -> Value {
+fn settings(inline: bool) -> SchemaSettings {
     let mut settings = SchemaSettings::draft2020_12();
     settings.inline_subschemas = inline;
-    let mut schema = settings.into_generator().into_root_schema_for::<T>();
+    settings
+}
+
+fn generate<T: JsonSchema>(inline: bool) -> Value {
+    let mut schema = settings(inline).into_generator().into_root_schema_for::<T>();
     RecursiveTransform(remove_null).transform(&mut schema);
     schema.to_value()
 }
@@ -53,15 +68,16 @@ fn remove_null(schema: &mut schemars::Schema) {
     }
 }
 
-/// What to write at a key, with an example from the schema; for a key that must be there.
-pub(super) fn remedy<T: JsonSchema>(key: &Key) -> String {
+/// What to write at a key of what `T` reads, with an example from the schema; for a key that must be there. `full` is the way
+/// to it from the top of the file.
+pub(super) fn remedy<T: JsonSchema>(key: &Key, full: &Key) -> String {
     let schema = generate::<T>(true);
     key.steps().iter().try_fold(&schema, |here, step| below(here, step)).map_or_else(String::new, |here| {
         match example(here) {
             // An entry of a list has no name to write it to.
             Some(example) if key.last().is_empty() => format!("write `{example}`"),
             Some(example) => format!("write `{} = {example}`", key.last()),
-            None => format!("add {}", tables(here, &key.header())),
+            None => format!("add {}", tables(here, &full.header())),
         }
     })
 }

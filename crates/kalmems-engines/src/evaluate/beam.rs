@@ -1,6 +1,5 @@
 //! The angle of a mirror, from where its beam falls.
 
-use crate::config::{DetectedAngle, Device, Experiment};
 use kalmems_core::Scalar;
 
 /// y·G = L·tan(m·θ): what a position-sensing detector of gain G at the distance L makes of a mirror's angle θ.
@@ -24,19 +23,6 @@ pub struct BeamPosition {
 }
 
 impl BeamPosition {
-    /// The detector of a device that has one.
-    pub fn of(experiment: &Experiment) -> Option<Self> {
-        let Device::ThresholdScanner(scanner) = &experiment.device else { return None };
-        scanner.position_detector.as_ref().map(|detector| Self {
-            gain: detector.gain.si(),
-            distance: detector.distance.si(),
-            multiple: match detector.angle {
-                DetectedAngle::Mirror => 1.0,
-                DetectedAngle::Beam => 2.0,
-            },
-        })
-    }
-
     /// θ in rad.
     pub fn angle(&self, volts: f64) -> f64 {
         (volts * self.gain / self.distance).atan() / self.multiple

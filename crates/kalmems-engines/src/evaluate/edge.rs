@@ -1,6 +1,6 @@
 //! The angular rate of a stage, from how fast its edge moves.
 
-use crate::config::{Device, Experiment, Vibrometer};
+use crate::config::Vibrometer;
 use crate::signal::fit_sine;
 
 /// ω = 2·v/w: what a vibrometer at the edge of a target of width w makes of a tilt about its middle; its output is G·v
@@ -20,12 +20,6 @@ impl From<&Vibrometer> for EdgeVelocity {
 }
 
 impl EdgeVelocity {
-    /// The vibrometer of a device that has one.
-    pub fn of(experiment: &Experiment) -> Option<Self> {
-        let Device::MicroStage(stage) = &experiment.device else { return None };
-        stage.vibrometer.as_ref().map(Self::from)
-    }
-
     /// ω in rad/s of one volt.
     pub fn rate_per_volt(&self) -> f64 {
         2.0 / (self.gain * self.target_width)

@@ -4,6 +4,7 @@
 
 mod angle;
 mod beam;
+mod channels;
 mod edge;
 mod lag;
 mod parts;
@@ -14,6 +15,7 @@ mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
+pub use channels::{Instruments, ReferenceChannels};
 pub use edge::EdgeVelocity;
 pub use lag::ReferenceLag;
 pub use parts::PartErrors;

@@ -1,6 +1,6 @@
 //! What is known of the motion independently.
 
-use super::{BeamPosition, EdgeVelocity, ValueReference, ValueState};
+use super::{BeamPosition, EdgeVelocity, Instruments, ReferenceChannels, ValueReference, ValueState};
 use crate::config::{ConfigError, Experiment, Fault, Key};
 use crate::estimate::Trajectory;
 use crate::recording::{Instant, Layout, ReadError, Recording, Restarts, Segment};
@@ -76,20 +76,19 @@ pub enum ReferenceError {
 pub const ONE_ANGLE: [[&str; 2]; 1] = [["angle", "rate"]];
 
 impl ReferenceRecording {
-    /// Reads the reference of a recording, if the experiment names one: each of these angles, and its rate where the
-    /// reference has one; and of these values the first, and others where it has them. Its times count from the origin of
+    /// Reads the reference of a recording, if the experiment names one: each of the angles that it may know, and its rate where
+    /// the reference has one; and of the values the first, and others where it has them. Its times count from the origin of
     /// the recording's.
     pub fn read(
         experiment: &Experiment,
         (index, origin): (usize, Instant),
-        angles: &[[&'static str; 2]],
-        values: &'static [ValueState],
+        known: &ReferenceChannels,
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Option<Self>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let file = experiment.resolve(reference.file(described));
-        Self::read_by(experiment, (index, origin), angles, values, |layout| {
+        Self::read_by(experiment, (index, origin), known, |layout| {
             Recording::read_with(&file, layout, progress)
         })
     }
@@ -98,11 +97,10 @@ impl ReferenceRecording {
     pub fn read_by(
         experiment: &Experiment,
         (index, origin): (usize, Instant),
-        angles: &[[&'static str; 2]],
-        values: &'static [ValueState],
+        known: &ReferenceChannels,
         read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
     ) -> Result<Option<Self>, ReferenceError> {
-        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
+        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, known)? else {
             return Ok(None);
         };
         let layout = Layout { origin: Some(origin), ..layout };
@@ -115,14 +113,12 @@ impl ReferenceColumns {
     pub(super) fn of(
         experiment: &Experiment,
         index: usize,
-        angles: &[[&'static str; 2]],
-        values: &'static [ValueState],
+        known: &ReferenceChannels,
     ) -> Result<Option<(Layout, Self)>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
-        let beam = BeamPosition::of(experiment);
-        let edge = EdgeVelocity::of(experiment);
+        let ReferenceChannels { angles, values, instruments: Instruments { beam, edge } } = *known;
         let of_beam = beam.iter().map(|_| POSITION).chain(edge.iter().map(|_| EDGE));
         let known = || {
             angles

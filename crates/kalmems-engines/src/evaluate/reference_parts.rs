@@ -1,7 +1,7 @@
 //! The reference of a recording that is read in parts.
 
 use super::reference::ReferenceColumns;
-use super::{ReferenceError, ReferenceRecording, ValueState};
+use super::{ReferenceChannels, ReferenceError, ReferenceRecording};
 use crate::config::Experiment;
 use crate::recording::{Around, Finding, Instant, Layout, ReadError, Recording, Segment, Source, Stretches};
 use std::ops::ControlFlow;
@@ -25,10 +25,9 @@ impl ReferenceParts {
     pub fn open(
         experiment: &Experiment,
         (index, origin): (usize, Instant),
-        angles: &[[&'static str; 2]],
-        values: &'static [ValueState],
+        known: &ReferenceChannels,
     ) -> Result<Option<Self>, ReferenceError> {
-        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, angles, values)? else {
+        let Some((layout, columns)) = ReferenceColumns::of(experiment, index, known)? else {
             return Ok(None);
         };
         let layout = Layout { origin: Some(origin), ..layout };

@@ -3,7 +3,7 @@
 use super::still::STRETCH;
 use super::{IdentifyError, Still, StillRecord};
 use crate::config::{self, Experiment, Fault, Key, Role};
-use crate::evaluate::{ONE_ANGLE, Reference, ReferenceRecording};
+use crate::evaluate::{Reference, ReferenceChannels, ReferenceRecording};
 use crate::progress::Progress;
 use crate::recording::{Around, Finding, Recording, Segment, Source, Stretches};
 use crate::units::Kind;
@@ -31,7 +31,8 @@ pub struct Material {
 
 impl Material {
     /// The one recording of this role; `None` where there is none. `channel` is what the rig calls the column, which
-    /// must be of this kind; others that `also` names may stand beside it and are not read.
+    /// must be of this kind; others that `also` names may stand beside it and are not read. `known` is what its reference may
+    /// know.
     ///
     /// It must hold one record, sampled evenly: fits by shooting and spectra need that.
     pub fn of_role(
@@ -39,6 +40,7 @@ impl Material {
         role: Role,
         (channel, kind): (&str, &Kind),
         also: &[&str],
+        known: &ReferenceChannels,
         progress: &dyn Progress,
     ) -> Result<Option<Self>, IdentifyError> {
         let Some(chosen) = Chosen::of_role(experiment, role, channel, also)? else { return Ok(None) };
@@ -60,13 +62,10 @@ impl Material {
             return Err(several(&name, recording.segments().len()));
         };
         let interval_s = even_interval_s(&name, segment)?;
-        let reference = ReferenceRecording::read(
-            experiment,
-            (index, recording.origin()),
-            &ONE_ANGLE,
-            &[],
-            &mut |done, _| progress.reached(done),
-        )?;
+        let reference =
+            ReferenceRecording::read(experiment, (index, recording.origin()), known, &mut |done, _| {
+                progress.reached(done)
+            })?;
         let mut sources = vec![recording.source().clone()];
         sources.extend(reference.iter().map(|r| r.recording().source().clone()));
         let time_s = segment.time.to_vec();

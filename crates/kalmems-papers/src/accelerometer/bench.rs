@@ -1,7 +1,6 @@
 //! The thesis's instrument on the bench: runs of it, and the filters at work on them.
 
 use super::{failed, published::noise};
-use crate::config::Experiment;
 use crate::estimate::{Past, Samples, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Silent;
@@ -11,6 +10,7 @@ use kalmems_rigs::accelerometer::{
     Acceleration, Acting, Hardware, Moment, Observed, Run, SegmentData, Settings, closed_loop,
     estimate_segment,
 };
+use kalmems_rigs::published;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ impl Bench {
     pub fn new(relative_permittivity: f64) -> Result<Self, ReproduceError> {
         let wrong = |e: crate::config::ConfigError| failed("the published instrument")(e.into());
         let path = Path::new("accelerometer/device.toml");
-        let experiment = Experiment::parse(include_str!("device.toml"), path).map_err(wrong)?;
+        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
         let mut settings = Settings::of(&experiment).map_err(wrong)?;
         let mut closed = closed_loop(&experiment, INTERVAL_S).map_err(wrong)?;
         let hardware = &mut settings.hardware;

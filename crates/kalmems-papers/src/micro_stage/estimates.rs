@@ -8,6 +8,7 @@ use crate::simulate::{SimulateError, Unwritten, described};
 use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use kalmems_rigs::Rig;
 use kalmems_rigs::micro_stage::MicroStageRig;
+use kalmems_rigs::published;
 use kalmems_rigs::workflow::{self, Outcome};
 
 /// The validation.
@@ -33,7 +34,7 @@ fn outcome(volts: f64, seed: u64) -> Result<Outcome, ReproduceError> {
     let simulation = MicroStageRig.simulate(&experiment).map_err(failed(HEAD.key))?;
     let unwritten: Result<Unwritten, SimulateError> = Unwritten::of(simulation.as_ref(), &Silent);
     let recorded = described(&experiment, simulation.as_ref());
-    workflow::estimate_unwritten(&recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
+    workflow::estimate_unwritten(published(), &recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
         .map_err(failed(HEAD.key))
 }
 

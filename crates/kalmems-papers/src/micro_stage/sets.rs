@@ -10,6 +10,7 @@ use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{MirrorResonator, PiezoStage};
 use kalmems_models::readout::PlateCurrent;
 use kalmems_rigs::micro_stage::identification::WaveRecord;
+use kalmems_rigs::published;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -98,5 +99,5 @@ pub fn experiment(
     for [gap, gain] in electrodes {
         text = text.replacen("GAP", &format!("{gap:e} m"), 1).replacen("GAIN", &format!("{gain:e} V ohm"), 1);
     }
-    Experiment::parse(&text, Path::new("stage.toml")).map_err(failed(item))
+    published().parse(&text, Path::new("stage.toml")).map_err(failed(item))
 }

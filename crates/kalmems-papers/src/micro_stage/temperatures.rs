@@ -18,6 +18,7 @@ use kalmems_models::readout::PlateCurrent;
 use kalmems_rigs::Rig;
 use kalmems_rigs::micro_stage::MicroStageRig;
 use kalmems_rigs::micro_stage::identification::{Sought, WaveRecord, Waveforms, in_situ, motion_by, unknown};
+use kalmems_rigs::published;
 use kalmems_rigs::workflow;
 use std::f64::consts::TAU;
 
@@ -141,6 +142,7 @@ impl Temperature {
             let unwritten = Unwritten::of(simulation.as_ref(), &Silent).map_err(failed(HEAD.key))?;
             let estimated = experiment(HEAD.key, volts, seed, believed)?;
             let outcome = workflow::estimate_unwritten(
+                published(),
                 &described(&estimated, simulation.as_ref()),
                 &unwritten,
                 &Silent,

@@ -1,7 +1,6 @@
 //! The published mirror, moved, read and estimated.
 
 use super::published::{circuit, results};
-use crate::config::Experiment;
 use crate::estimate::{Around, Past, Samples, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Progress;
@@ -9,6 +8,7 @@ use crate::simulate::WhiteNoise;
 use kalmems_rigs::piston_mirror::{
     COEFFICIENTS, Motion, PartData, Plates, SegmentData, Settings, estimate_segment,
 };
+use kalmems_rigs::published;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -81,7 +81,7 @@ pub fn settings(amplitude_density: f64) -> Result<Settings, ReproduceError> {
     let text = include_str!("device.toml");
     let failed = super::failed("the published mirror");
     let experiment =
-        Experiment::parse(text, Path::new("piston_mirror/device.toml")).map_err(|e| failed(e.into()))?;
+        published().parse(text, Path::new("piston_mirror/device.toml")).map_err(|e| failed(e.into()))?;
     let mut settings = Settings::of(&experiment).map_err(|e| failed(e.into()))?;
     for filter in &mut settings.filters {
         if let Motion::Steady { density: [amplitude, _], .. } = &mut filter.motion {

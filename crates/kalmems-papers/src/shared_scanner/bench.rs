@@ -2,7 +2,7 @@
 
 use super::failed;
 use super::misprinted_ukf::{Misprint, MisprintedUkf};
-use crate::config::{Experiment, Method};
+use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Beside, EstimateError, FilterPast, Past, Trajectory};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
@@ -12,6 +12,7 @@ use crate::signal::extremes_of_rate;
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::Measurement;
 use kalmems_models::dynamics::ParametricScanner;
+use kalmems_rigs::published;
 use kalmems_rigs::shared_scanner::{
     FilterSettings, Hardware, Settings, estimate_segment, estimate_segment_with,
 };
@@ -74,7 +75,7 @@ impl Bench {
     pub fn new() -> Result<Self, ReproduceError> {
         let wrong = |e: crate::config::ConfigError| failed("the published device")(e.into());
         let path = Path::new("shared_scanner/device.toml");
-        let experiment = Experiment::parse(include_str!("device.toml"), path).map_err(wrong)?;
+        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
         Ok(Self {
             hardware: Hardware::of(&experiment).map_err(wrong)?,
             settings: Settings::of(&experiment).map_err(wrong)?,

@@ -1,7 +1,7 @@
 //! The published device on the bench: free decays of it, recordings of them, and the filters at work.
 
 use super::failed;
-use crate::config::{ConfigError, Experiment, Timing};
+use crate::config::{ConfigError, Timing};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Motion, Past, Trajectory};
 use crate::program::ReproduceError;
@@ -9,6 +9,7 @@ use crate::progress::Progress;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
+use kalmems_rigs::published;
 use kalmems_rigs::threshold_scanner::{
     Crossing, FilterSettings, Hardware, Rows, Samples, Settings, Sought, estimate_segment, find_crossings,
 };
@@ -58,7 +59,7 @@ impl Bench {
     pub fn new() -> Result<Self, ReproduceError> {
         let wrong = |e: ConfigError| failed("the published device")(e.into());
         let path = Path::new("threshold_scanner/device.toml");
-        let experiment = Experiment::parse(include_str!("device.toml"), path).map_err(wrong)?;
+        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
         let settings = Settings::of(&experiment).map_err(wrong)?;
         Ok(Self { device: settings.hardware, settings })
     }

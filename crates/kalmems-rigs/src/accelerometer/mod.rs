@@ -7,6 +7,7 @@
 mod bank;
 mod course;
 mod data;
+pub mod device;
 mod dither;
 mod feedback;
 mod filters;
@@ -23,7 +24,8 @@ mod uncertainty;
 mod varied;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::accelerometer::device::Accelerometer;
+use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
@@ -57,8 +59,16 @@ impl Rig for AccelerometerRig {
         "accelerometer"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::Accelerometer(_))
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<Accelerometer>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<Accelerometer>().map(|_| true)
+    }
+
+    fn uses(&self, experiment: &Experiment) -> Uses {
+        Uses { nearly_linear: true, feedback: simulation::feedback(experiment).is_some(), ..Uses::default() }
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -4,7 +4,8 @@ use super::instrument::settled_acceleration_sd;
 use super::run::Acting;
 use super::settings::Hardware;
 use super::simulation::{acting, closed_loop};
-use crate::config::{Device, Experiment, Quantity};
+use crate::accelerometer::device::Accelerometer;
+use crate::config::{Experiment, Quantity};
 use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
 use crate::simulate::SimulateError;
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -322,11 +323,11 @@ fn noise(
         ),
     };
     // In phase with the carrier there is twice the density; the sensing capacitors divide what C4 feeds back.
-    let (temperature, stated_hz) = match &experiment.device {
-        Device::Accelerometer(device) => {
+    let (temperature, stated_hz) = match experiment.device::<Accelerometer>() {
+        Ok(device) => {
             (device.proof_mass.temperature.si(), device.readout.carrier_frequency.as_ref().map(Quantity::si))
         }
-        _ => (0.0, None),
+        Err(_) => (0.0, None),
     };
     let carrier_hz = stated_hz.unwrap_or(ASSUMED_CARRIER_HZ);
     let stage = Mosfet::ASSUMED;

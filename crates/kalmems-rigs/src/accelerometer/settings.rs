@@ -1,7 +1,8 @@
 //! What the rig takes from an experiment file, in SI.
 
 use super::filters::FilterSettings;
-use crate::config::{ConfigError, Device, Experiment, Fault, Quantity};
+use crate::accelerometer::device;
+use crate::config::{ConfigError, Experiment, Fault, Quantity};
 use kalmems_models::capacitance::DifferentialPlates;
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{Accelerometer, GaussMarkov, ProofMass, SensedAcceleration};
@@ -38,10 +39,7 @@ pub struct Hardware {
 impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::Accelerometer(device) = &experiment.device else {
-            let why = "this rig is for a `[device.accelerometer]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let device = experiment.device::<device::Accelerometer>()?;
         let plates = DifferentialPlates {
             area: device.plates.area.si(),
             gap: device.plates.gap.si(),

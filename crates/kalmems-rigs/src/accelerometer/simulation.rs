@@ -4,14 +4,15 @@ use super::dither;
 use super::filters::entries;
 use super::run::{Acceleration, Acting, Observed, Run};
 use super::settings::{Hardware, Settings};
+use crate::accelerometer::device::{Accelerometer, ForceFeedback};
 use crate::config::{
-    AccelerationDrive, Accelerometer, ConfigError, Device, DriveSource, Experiment, Fault, ForceFeedback,
-    Key, Quantity, Sign, Simulate,
+    AccelerationDrive, ConfigError, DriveSource, Experiment, Fault, Key, Quantity, Sign, Simulate,
 };
 use crate::recording::Source;
 use crate::simulate::{Channel, Sample, SimulateError, Simulation};
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// The accelerometer, its loop and what it is to measure.
 pub struct AccelerometerSimulation {
@@ -26,16 +27,13 @@ const RECORDED: [Channel; 3] = [
 ];
 
 /// What the file says of the device.
-fn described(experiment: &Experiment) -> Option<&Accelerometer> {
-    match &experiment.device {
-        Device::Accelerometer(device) => Some(device),
-        _ => None,
-    }
+fn described(experiment: &Experiment) -> Option<Arc<Accelerometer>> {
+    experiment.device().ok()
 }
 
 /// What the file says of the feedback, where there is one.
-pub fn feedback(experiment: &Experiment) -> Option<&ForceFeedback> {
-    described(experiment)?.feedback.as_ref()
+pub fn feedback(experiment: &Experiment) -> Option<ForceFeedback> {
+    described(experiment)?.feedback.clone()
 }
 
 /// The force-rebalance loop that an experiment describes, sampled at this interval in s; with a controller of zeros where it
@@ -43,7 +41,7 @@ pub fn feedback(experiment: &Experiment) -> Option<&ForceFeedback> {
 pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<RebalanceLoop<f64>, ConfigError> {
     let hardware = Hardware::of(experiment)?;
     let feedback = feedback(experiment);
-    let is = |flag: fn(&ForceFeedback) -> bool| feedback.is_some_and(flag);
+    let is = |flag: fn(&ForceFeedback) -> bool| feedback.as_ref().is_some_and(flag);
     // What is held is half an interval late on average.
     let held = if is(|f| f.continuous) { 0.0 } else { 0.5 };
     let computed = if is(|f| f.one_sample_late) { 1.0 } else { 0.0 };
@@ -51,8 +49,8 @@ pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<Rebalance
         device: hardware.sensed.device,
         readout: hardware.readout,
         controller: PiController {
-            proportional: feedback.map_or(0.0, |feedback| feedback.proportional_gain.si()),
-            integral: feedback.map_or(0.0, |feedback| feedback.integral_gain.si()),
+            proportional: feedback.as_ref().map_or(0.0, |feedback| feedback.proportional_gain.si()),
+            integral: feedback.as_ref().map_or(0.0, |feedback| feedback.integral_gain.si()),
         },
         delay: (held + computed) * interval_s,
     })
@@ -155,7 +153,8 @@ const STEPS_PER_PERIOD: f64 = 16.0;
 /// The frequency of the carrier that is to be simulated in full, in Hz.
 fn carrier(experiment: &Experiment, simulate: &Simulate) -> Result<f64, ConfigError> {
     let readout = ["accelerometer", "readout"].into_iter().fold(Key::from("device"), Key::child);
-    let described = described(experiment).map(|device| &device.readout);
+    let device = described(experiment);
+    let described = device.as_ref().map(|device| &device.readout);
     let Some(frequency) = described.and_then(|readout| readout.carrier_frequency.as_ref()) else {
         let remedy = "a carrier in full has a frequency: write `carrier_frequency = \"1 MHz\"`".to_owned();
         return Err(experiment.error(readout.child("carrier_frequency"), Fault::MissingKey { remedy }));

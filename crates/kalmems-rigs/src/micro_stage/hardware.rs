@@ -1,7 +1,8 @@
 //! What the rig takes from the device table, in SI.
 
-use crate::config::{ConfigError, Device, Electrode, Experiment, Fault, MicroStage, Quantity};
+use crate::config::{ConfigError, Experiment, Fault, Quantity};
 use crate::evaluate::EdgeVelocity;
+use crate::micro_stage::device::{Electrode, MicroStage};
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{MirrorResonator, PiezoStage};
@@ -63,10 +64,7 @@ impl ElectrodeChannel {
 impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::MicroStage(device) = &experiment.device else {
-            let why = "this rig is for a `[device.micro_stage]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let device = experiment.device::<MicroStage>()?;
         let electrodes = device.electrodes.len();
         if electrodes > super::ELECTRODES {
             let why = format!(
@@ -75,7 +73,7 @@ impl Hardware {
             );
             return Err(experiment.error("device.micro_stage.electrodes", Fault::Value { why }));
         }
-        Ok(Self::from_table(device))
+        Ok(Self::from_table(&device))
     }
 
     fn from_table(device: &MicroStage) -> Self {

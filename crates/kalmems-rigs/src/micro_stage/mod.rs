@@ -5,6 +5,7 @@
 //! vibrometer at the stage's edge is what gaps and gains are identified with, and what estimates are judged by.
 
 mod course;
+pub mod device;
 mod drive_sine;
 mod feedthrough;
 mod filters;
@@ -17,10 +18,12 @@ mod settings;
 mod simulation;
 
 use super::{Estimator, Rig};
-use crate::config::{self, ConfigError, Device, Experiment, Fault, Key, Role};
+use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Role, Uses};
 use crate::estimate::{Around, Axis, EstimateError, Motion, Part, Past, SegmentEstimate, SignalSegment};
+use crate::evaluate::{EdgeVelocity, Instruments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
+use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
@@ -53,8 +56,21 @@ impl Rig for MicroStageRig {
         "micro_stage"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::MicroStage(_))
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<MicroStage>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<MicroStage>().map(|_| true)
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { several_signals: true, ..Uses::default() }
+    }
+
+    fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
+        let stage = experiment.device::<MicroStage>()?;
+        Ok(Instruments { edge: stage.vibrometer.as_ref().map(EdgeVelocity::from), ..Instruments::default() })
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

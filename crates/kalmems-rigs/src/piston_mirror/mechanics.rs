@@ -1,6 +1,7 @@
 //! The mirror's mechanics and its drive.
 
-use crate::config::{DrivenPlate, Quantity};
+use crate::config::Quantity;
+use crate::piston_mirror::device::DrivenPlate;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{GasDamping, ParametricScanner, TorsionalResonator};
 use std::f64::consts::TAU;

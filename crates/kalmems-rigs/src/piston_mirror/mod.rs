@@ -7,6 +7,7 @@
 mod bound;
 mod course;
 mod data;
+pub mod device;
 mod driven;
 mod mechanics;
 mod metamodel;
@@ -24,16 +25,18 @@ mod start;
 mod trigger;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Key, Role};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
+use crate::piston_mirror::device::PistonMirror;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use bound::{MotionBound, motion_bound};
 pub use data::SegmentData;
+use kalmems_engines::rig::LengthScale;
 pub use mechanics::Mechanics;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
@@ -70,8 +73,22 @@ impl Rig for PistonMirrorRig {
         "piston_mirror"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::PistonMirror(_))
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<PistonMirror>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<PistonMirror>().map(|_| true)
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { settled_gain: true, ..Uses::default() }
+    }
+
+    fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
+        let mirror = experiment.device::<PistonMirror>()?;
+        let length = mirror.capacitance.reference_distance.clone();
+        Ok(Some(LengthScale { key: "device.piston_mirror.capacitance.reference_distance", length }))
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -5,8 +5,10 @@ use super::mechanics::Mechanics;
 use super::observability::Unseen;
 use super::phasor::{Drifting, Phasor, position_and_velocity};
 use super::settings::{FilterSettings, Hardware, Motion, Settings};
-use crate::config::{CarrierFrontEnd, Device, DriveSource, Experiment};
+use crate::config::{DriveSource, Experiment};
 use crate::outlook::{Outlook, Recorded, Topic};
+use crate::piston_mirror::device::CarrierFrontEnd;
+use crate::piston_mirror::device::PistonMirror;
 use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
 use kalmems_core::{Covariance, FixedGain};
 use kalmems_models::dynamics::ParametricScanner;
@@ -101,7 +103,7 @@ fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> T
             at[2] * 1e3
         ),
     );
-    let Device::PistonMirror(device) = &experiment.device else { return topic };
+    let Ok(device) = experiment.device::<PistonMirror>() else { return topic };
     let Some(circuit) = &device.readout.front_end else {
         return topic.with(
             "front_end_af_per_root_hz",

@@ -4,10 +4,10 @@ use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
-    CYCLES, ConfigError, Device, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign,
-    Start,
+    CYCLES, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
 };
 use crate::estimate::{FilterBasics, process_noise};
+use crate::piston_mirror::device::PistonMirror;
 use crate::units::kind;
 
 /// What an experiment says of a piston mirror and of its filters, checked and in SI.
@@ -69,10 +69,7 @@ pub enum Motion {
 impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::PistonMirror(device) = &experiment.device else {
-            let why = "this rig is for a `[device.piston_mirror]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let device = experiment.device::<PistonMirror>()?;
         let given = &device.capacitance.coefficients;
         if given.len() > COEFFICIENTS {
             let why = format!(

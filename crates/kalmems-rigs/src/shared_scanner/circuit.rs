@@ -5,9 +5,9 @@ use super::simulation::{Sensing, Sensor};
 use crate::circuit::{
     Adequacy, AdequacyError, Chain, Circuit, Detector, HighPass, Inputs, SAMPLES_PER_CARRIER_CYCLE, Setting,
 };
-use crate::config::{
-    ConfigError, DetectorSource, Device, Experiment, Fault, Key, ModulatedCircuit, Quantity, Simulate,
-};
+use crate::config::{ConfigError, Experiment, Fault, Key, Quantity, Simulate};
+use crate::shared_scanner::device::SharedScanner;
+use crate::shared_scanner::device::{DetectorSource, ModulatedCircuit};
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_models::circuit::{DiodeEnvelope, SquareLaw, SynchronousDemodulator, Transimpedance};
 use kalmems_models::dynamics::ParametricScanner;
@@ -38,7 +38,7 @@ impl SensingCircuit {
             let remedy = "describe the circuit, or simulate without one".to_owned();
             experiment.error(key, Fault::MissingKey { remedy })
         };
-        let Device::SharedScanner(device) = &experiment.device else { return Err(missing()) };
+        let device = experiment.device::<SharedScanner>()?;
         let described = device.circuit.as_ref().ok_or_else(missing)?;
         let integration_rate_hz = simulate.integration_rate.si();
         let at = |keys: &[&str], fault: Fault| {

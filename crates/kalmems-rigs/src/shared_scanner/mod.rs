@@ -6,6 +6,7 @@
 
 mod beside;
 mod circuit;
+pub mod device;
 mod export;
 mod filters;
 pub mod identification;
@@ -21,7 +22,7 @@ mod simulation;
 pub mod two_axes;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Role};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Role};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{Around, Axis, Beside, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
@@ -30,6 +31,7 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
+use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use filters::FilterSettings;
@@ -49,8 +51,12 @@ impl Rig for SharedScannerRig {
         "shared_scanner"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::SharedScanner(scanner) if scanner.second_axis.is_none())
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<SharedScanner>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        Ok(experiment.device::<SharedScanner>()?.second_axis.is_none())
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -63,15 +63,15 @@ pub fn estimate(
 /// use kalmems_core::SquareRootEkf;
 /// use kalmems_engines::estimate::{FilterPast, Part, Past, SignalSegment, driven::DrivenSegment};
 /// use kalmems_engines::progress::Silent;
-/// use kalmems_engines::{config::Experiment, recording::Recording, units::kind};
+/// use kalmems_engines::{recording::Recording, units::kind};
 /// use kalmems_rigs::shared_scanner::{Settings, estimate_segment_with};
 /// # use std::path::Path;
 ///
 /// # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-/// let experiment = Experiment::load(&root.join("examples/shared_scanner/experiment.toml"))?;
+/// let experiment = kalmems_rigs::published().load(&root.join("examples/shared_scanner/experiment.toml"))?;
 /// let settings = Settings::of(&experiment)?;
 /// let file = experiment.resolve(&experiment.recording(0)?.file);
-/// let recording = Recording::read(&file, &kalmems_rigs::of(&experiment)?.layout(&experiment, 0)?)?;
+/// let recording = Recording::read(&file, &kalmems_rigs::published().rig(&experiment)?.layout(&experiment, 0)?)?;
 ///
 /// let (part, mut past) = (Part::whole(&recording, &recording.segments()[0]), Past::default());
 /// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;

@@ -1,9 +1,8 @@
 //! What the rig takes from an experiment file, in SI.
 
 use super::filters::FilterSettings;
-use crate::config::{
-    ConfigError, Device, Entry, Estimate, Experiment, Fault, Key, Peak, Quantity, Sign, Values,
-};
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Peak, Quantity, Sign, Values};
+use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
@@ -42,10 +41,7 @@ pub struct Hardware {
 impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::SharedScanner(device) = &experiment.device else {
-            let why = "this rig is for a `[device.shared_scanner]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let device = experiment.device::<SharedScanner>()?;
         let comb = GaussianComb {
             nominal: device.comb.nominal_capacitance.si(),
             angular_width: device.comb.angular_width.si(),

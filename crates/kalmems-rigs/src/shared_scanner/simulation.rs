@@ -3,8 +3,9 @@
 use super::circuit::{SensingCircuit, density_asked, not_reduced};
 use super::past::Past;
 use super::settings::{Hardware, state_at};
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Key, Simulate, Values};
+use crate::config::{ConfigError, DriveSource, Experiment, Fault, Key, Simulate, Values};
 use crate::recording::Source;
+use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{
     Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
 };
@@ -119,7 +120,7 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
         Channel { meaning: "angle", column: "angle_rad" },
         Channel { meaning: "rate", column: "rate_rad_per_s" },
     ];
-    if matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some()) {
+    if experiment.device::<SharedScanner>()?.circuit.is_some() {
         let density = density_asked(experiment)?;
         let circuit = |simulate: &Simulate, drive: &Drive| SensingCircuit::of(experiment, simulate, drive);
         let outlook = |circuit: &SensingCircuit, drive: &Drive, start: [f64; 2]| {
@@ -156,10 +157,7 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
             return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
         };
         let recorded = matches!(simulate.drive, DriveSource::Recorded(_));
-        if let Device::SharedScanner(device) = &experiment.device
-            && device.carrier.included_in_drive
-            && !recorded
-        {
+        if experiment.device::<SharedScanner>()?.carrier.included_in_drive && !recorded {
             let why = "a drive that is computed has no carrier in it; write `false`, or simulate with a recorded drive";
             let key = ["shared_scanner", "carrier", "included_in_drive"];
             let key = key.into_iter().fold(Key::from("device"), Key::child);

@@ -1,6 +1,7 @@
 //! What the rig takes from the device table, in SI.
 
-use crate::config::{CombShape, ConfigError, Device, Experiment, Fault, Quantity};
+use crate::config::{ConfigError, Experiment, Quantity};
+use crate::threshold_scanner::device::{CombShape, ThresholdScanner};
 use kalmems_models::capacitance::{CombCurve, CombFingers, CurveShape};
 use kalmems_models::dynamics::{CombDrivenMirror, MirrorResonator};
 use kalmems_models::readout::CurrentReadout;
@@ -24,10 +25,7 @@ pub struct Hardware {
 impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let Device::ThresholdScanner(device) = &experiment.device else {
-            let why = "this rig is for a `[device.threshold_scanner]`".to_owned();
-            return Err(experiment.error("device", Fault::Value { why }));
-        };
+        let device = experiment.device::<ThresholdScanner>()?;
         let feedback_resistance = device.readout.feedback_resistance.si();
         let from_fingers = device.comb.fingers.as_ref().map(|fingers| {
             let fingers = CombFingers {

@@ -6,6 +6,7 @@
 
 mod course;
 mod crossings;
+pub mod device;
 mod export;
 mod filters;
 mod hardware;
@@ -20,9 +21,10 @@ mod simulation;
 mod verdict;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, Device, Experiment, Key, Role};
+use crate::config::{ConfigError, DeviceKind, Experiment, Key, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::evaluate::Instruments;
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
@@ -30,6 +32,7 @@ use crate::outlook::{Outlook, Topic};
 use crate::progress::Progress;
 use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
+use crate::threshold_scanner::device::ThresholdScanner;
 use crate::units::kind;
 pub use crossings::{Crossing, Instant, find as find_crossings};
 pub use filters::{FilterSettings, ThresholdSettings};
@@ -54,8 +57,20 @@ impl Rig for ThresholdScannerRig {
         "threshold_scanner"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        matches!(device, Device::ThresholdScanner(_))
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<ThresholdScanner>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<ThresholdScanner>().map(|_| true)
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { crossings: true, ..Uses::default() }
+    }
+
+    fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
+        instruments(experiment)
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
@@ -295,4 +310,11 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         information: Vec::new(),
         frequencies: Vec::new(),
     })
+}
+
+/// The detector of the beam's position, where the device table describes one.
+fn instruments(experiment: &Experiment) -> Result<Instruments, ConfigError> {
+    let device = experiment.device::<ThresholdScanner>()?;
+    let beam = device.position_detector.as_ref().map(device::PositionDetector::beam);
+    Ok(Instruments { beam, ..Instruments::default() })
 }

@@ -2,7 +2,7 @@
 
 use super::hardware::Hardware;
 use super::settings::state_at;
-use crate::config::{CaptureDrive, Device, DriveSource, Experiment, Fault, Key, Quantity};
+use crate::config::{CaptureDrive, DriveSource, Experiment, Fault, Key, Quantity};
 use crate::evaluate::BeamPosition;
 use crate::recording::Source;
 use crate::signal::hermite;
@@ -10,6 +10,7 @@ use crate::simulate::{
     Channel, Converter, Drive, Interruptions, Sample, SimulateError, Simulation, Simulator, WhiteNoise,
     drive_of,
 };
+use crate::threshold_scanner::device::ThresholdScanner;
 use kalmems_core::Measurement;
 use kalmems_models::readout::Feedthrough;
 use std::collections::VecDeque;
@@ -76,16 +77,12 @@ impl ThresholdSimulation {
         }
         let sampling_rate_hz = simulate.sampling_rate.si();
         let noise = if simulate.noise { 1.0 } else { 0.0 };
-        let detector = match (&experiment.device, BeamPosition::of(experiment)) {
-            (Device::ThresholdScanner(device), Some(beam)) => {
-                device.position_detector.as_ref().map(|detector| Detector {
-                    beam,
-                    late: detector.delay.as_ref().map_or(0.0, Quantity::si) * sampling_rate_hz,
-                    noise: noise * detector.noise_variance.si().sqrt(),
-                })
-            }
-            _ => None,
-        };
+        let device = experiment.device::<ThresholdScanner>()?;
+        let detector = device.position_detector.as_ref().map(|detector| Detector {
+            beam: detector.beam(),
+            late: detector.delay.as_ref().map_or(0.0, Quantity::si) * sampling_rate_hz,
+            noise: noise * detector.noise_variance.si().sqrt(),
+        });
         if detector.is_some_and(|detector| detector.late.abs() > simulate.samples() as f64) {
             let why = "the detector is later than the recording is long".to_owned();
             let key = Key::from("device.threshold_scanner.position_detector.delay");

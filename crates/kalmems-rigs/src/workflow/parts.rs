@@ -6,7 +6,7 @@ use crate::estimate::{Around, EstimateError, Part, SegmentEstimate, StretchJudge
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
 use crate::progress::Progress;
 use crate::recording::{self, Finding, Instant, Source, Stretches};
-use crate::{Estimator, Rig, of};
+use crate::{Estimator, Rig, Workbench};
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -60,8 +60,8 @@ impl<E, W: Into<WorkflowError>> From<W> for PartsError<E> {
 
 /// Whether a recording that the rig wants is too long to be held in memory, or, being no file, cannot be asked how long it
 /// is.
-pub fn is_long(experiment: &Experiment) -> Result<bool, WorkflowError> {
-    let rig = of(experiment)?;
+pub fn is_long(workbench: &Workbench, experiment: &Experiment) -> Result<bool, WorkflowError> {
+    let rig = workbench.rig(experiment)?;
     for index in rig.wanted(experiment)? {
         let described = experiment.recording(index)?;
         let path = experiment.resolve(&described.file);
@@ -78,11 +78,12 @@ pub fn is_long(experiment: &Experiment) -> Result<bool, WorkflowError> {
 /// What the filters say of a sample is what [`estimate`](super::estimate) says of it; a smoother over the whole recording
 /// knows one part ahead.
 pub fn estimate_in_parts<E>(
+    workbench: &Workbench,
     experiment: &Experiment,
     progress: &dyn Progress,
     taken: &mut dyn FnMut(PartOutcome) -> Result<(), E>,
 ) -> Result<Vec<WholeRecording>, PartsError<E>> {
-    let rig = of(experiment)?;
+    let rig = workbench.rig(experiment)?;
     let mut all = Vec::new();
     for (place, index) in rig.wanted(experiment)?.into_iter().enumerate() {
         let work = Work { experiment, rig, index, place, progress };
@@ -94,7 +95,7 @@ pub fn estimate_in_parts<E>(
 /// The work on one recording.
 struct Work<'a> {
     experiment: &'a Experiment,
-    rig: &'static dyn Rig,
+    rig: &'a dyn Rig,
     index: usize,
     place: usize,
     progress: &'a dyn Progress,
@@ -171,7 +172,7 @@ impl Work<'_> {
 
     fn reference(&self, origin: Instant) -> Result<Option<ReferenceParts>, ReferenceError> {
         let place = (self.index, origin);
-        ReferenceParts::open(self.experiment, place, self.rig.angles(), self.rig.values())
+        ReferenceParts::open(self.experiment, place, &self.rig.reference(self.experiment)?)
     }
 
     fn part(

@@ -13,7 +13,7 @@ use super::{
 use crate::config::Experiment;
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
-use crate::rigs;
+use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
 use kalmems_figures::Figure;
 use std::collections::BTreeMap;
@@ -28,6 +28,7 @@ pub(super) const PICTURED: usize = 16;
 /// They are those of [`write_estimate`](super::write_estimate), but that the pictures show the last part of each segment, and
 /// how the filters fared from part to part.
 pub struct LongEstimate<'a> {
+    rig: &'a dyn Rig,
     output: &'a Output,
     experiment: &'a Experiment,
     input_id: String,
@@ -57,6 +58,7 @@ pub(super) type FilterFigures = (String, Option<f64>, Option<f64>);
 impl<'a> LongEstimate<'a> {
     /// Begins to write into a result; where `stop` says so, the work ends.
     pub fn begin(
+        rig: &'a dyn Rig,
         experiment: &'a Experiment,
         output: &'a Output,
         options: WriteOptions,
@@ -64,6 +66,7 @@ impl<'a> LongEstimate<'a> {
     ) -> Self {
         Self {
             output,
+            rig,
             experiment,
             input_id: input_id(experiment),
             recordings: Vec::new(),
@@ -179,7 +182,7 @@ impl<'a> LongEstimate<'a> {
             own.reference_diagnosis =
                 whole.reference.as_ref().map_or_else(Vec::new, |(_, found)| texts(found));
         }
-        let rig = rigs::of(self.experiment).map_err(|e| WriteError::Experiment(Box::new(e)))?;
+        let rig = self.rig;
         let metrics = Metrics {
             experiment: self.experiment.name.to_string(),
             rig: rig.name(),

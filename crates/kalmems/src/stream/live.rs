@@ -57,8 +57,8 @@ impl Progress for Stopping<'_> {
 }
 
 /// What an estimate of a stream needs to know.
-pub(super) struct Settings {
-    pub rig: &'static dyn Rig,
+pub(super) struct Settings<'a> {
+    pub rig: &'a dyn Rig,
     /// The settling time in s.
     pub skip_s: f64,
     /// Over how many samples the mean NIS is watched.
@@ -72,7 +72,7 @@ pub(super) struct Settings {
 
 /// What is kept while samples arrive.
 pub(super) struct Live<'a> {
-    settings: Settings,
+    settings: Settings<'a>,
     stopping: &'a Stopping<'a>,
     /// What went wrong while samples were waited for.
     failed: Option<io::Error>,
@@ -102,7 +102,7 @@ pub(super) struct Live<'a> {
 
 impl<'a> Live<'a> {
     pub(super) fn new(
-        settings: Settings,
+        settings: Settings<'a>,
         outputs: Outputs,
         keeper: Option<Keeper>,
         (arrivals, shared): (Arrivals, Shared),

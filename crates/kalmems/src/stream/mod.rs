@@ -31,7 +31,7 @@ pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
 use crate::estimate::{EstimateError, ForetoldCounts, Past, StretchSummary};
 use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
-use crate::rigs;
+use crate::rigs::Workbench;
 use latency::Arrivals;
 use live::Live;
 use recent::RecentSamples;
@@ -145,6 +145,7 @@ pub struct AheadSummary {
 ///
 /// A connection that breaks is no error: what was received is estimated, and the summary says what broke and when.
 pub fn stream(
+    workbench: &Workbench,
     experiment: &Experiment,
     connection: Box<dyn Connection>,
     outputs: Outputs,
@@ -156,7 +157,7 @@ pub fn stream(
             "add a table `[stream]` with `rate` and `[stream.input.text]` or `[stream.input.frames]`";
         experiment.error("stream", Fault::MissingKey { remedy: remedy.to_owned() })
     })?;
-    let rig = rigs::of(experiment)?;
+    let rig = workbench.rig(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
     let stopping = live::Stopping::new(stop);
     let mut estimator = rig.live(experiment, index, &stopping)?;

@@ -26,7 +26,7 @@
 //!     key = "simulate.start.angle"
 //!     values = ["0.01 rad", "0.05 rad"]
 //! "#)?;
-//! let plan = Plan::load(&file)?;
+//! let plan = Plan::load(kalmems::rigs::published(), &file)?;
 //! let all = Options { shard: Shard::WHOLE, threads: None, force: false };
 //! let progressed = plan.run_all(&out, all, &Silent)?;
 //! let output = Output::begin(&out, &plan.work())?;

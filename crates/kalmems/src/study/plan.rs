@@ -8,7 +8,7 @@ use super::patch::{absent, put};
 use super::seed::{self, Draw};
 use crate::config::{ConfigError, Experiment, Fault, Key, Source, read_source};
 use crate::results::Work;
-use crate::rigs;
+use crate::rigs::Workbench;
 use crate::simulate::{Simulation, described};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -37,6 +37,7 @@ const FORMAT: u32 = 1;
 /// A study, ready to run.
 #[derive(Clone, Debug)]
 pub struct Plan {
+    pub(super) workbench: Workbench,
     pub(super) source: Source,
     pub(super) description: Description,
     pub(super) axes: Vec<Axis>,
@@ -67,7 +68,7 @@ pub(super) enum Ready {
 
 impl Plan {
     /// Reads a study file and the experiment file that it names.
-    pub fn load(path: &Path) -> Result<Self, StudyError> {
+    pub fn load(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
         let source = Source::load(path)?;
         let description: Description = read_source(&source)?;
         let file = path.parent().unwrap_or(Path::new("")).join(&description.experiment);
@@ -81,19 +82,19 @@ impl Plan {
             }
             _ => e,
         })?;
-        Self::of(source, experiment)
+        Self::of(workbench, source, experiment)
     }
 
     /// The plan of a study from both texts, as a journal has them.
-    pub(super) fn parse(study: &str, experiment: &str) -> Result<Self, StudyError> {
+    pub(super) fn parse(workbench: &Workbench, study: &str, experiment: &str) -> Result<Self, StudyError> {
         let source = Source::of(study, Path::new("study.toml"))?;
-        Self::of(source, Source::of(experiment, Path::new("experiment.toml"))?)
+        Self::of(workbench, source, Source::of(experiment, Path::new("experiment.toml"))?)
     }
 
-    fn of(source: Source, experiment: Source) -> Result<Self, StudyError> {
+    fn of(workbench: &Workbench, source: Source, experiment: Source) -> Result<Self, StudyError> {
         let description: Description = read_source(&source)?;
         // The reader of experiments says better what is wrong with one.
-        let simulated = Experiment::parse(&experiment.text, &experiment.path)?.simulate.is_some();
+        let simulated = workbench.parse(&experiment.text, &experiment.path)?.simulate.is_some();
         let document: Table = experiment.text.parse().map_err(|e: toml::de::Error| {
             let why = e.message().to_owned();
             experiment.error_at(Key::default(), Fault::Syntax { column: 1, why })
@@ -115,7 +116,8 @@ impl Plan {
             truth.push((key, value.clone()));
             Ok(())
         })?;
-        let plan = Self { source, description, axes, experiment, document, truth, simulated };
+        let workbench = workbench.clone();
+        let plan = Self { workbench, source, description, axes, experiment, document, truth, simulated };
         plan.check_names()?;
         plan.check_keys()?;
         Ok(plan)
@@ -186,7 +188,7 @@ impl Plan {
                 }
             }
             Ready::Recorded(told) => {
-                let rig = rigs::of(&told)?;
+                let rig = self.workbench.rig(&told)?;
                 for index in rig.wanted(&told)? {
                     let described = told.recording(index)?;
                     let reference = described.reference.as_ref().map(|reference| reference.file(described));
@@ -229,14 +231,14 @@ impl Plan {
     fn ready_with(&self, settings: &[Option<&Setting>], seed: u64) -> Result<Ready, RunError> {
         let told = self.patched(&[], settings, AppliesTo::Told, None)?;
         if !self.simulated {
-            let rig = rigs::of(&told)?;
+            let rig = self.workbench.rig(&told)?;
             rig.wanted(&told)?;
             return Ok(Ready::Recorded(Box::new(told)));
         }
         let truth = self.patched(&self.truth, settings, AppliesTo::Truth, Some(seed))?;
-        let simulation = rigs::of(&truth)?.simulate(&truth)?;
+        let simulation = self.workbench.rig(&truth)?.simulate(&truth)?;
         let told = described(&told, &*simulation);
-        rigs::of(&told)?.wanted(&told)?;
+        self.workbench.rig(&told)?.wanted(&told)?;
         Ok(Ready::Simulated(simulation, Box::new(told)))
     }
 
@@ -267,7 +269,7 @@ impl Plan {
             patch(&Key::from("simulate").child("seed"), &seed)?;
         }
         let text = toml::to_string(&document).unwrap_or_default();
-        Experiment::parse(&text, &self.experiment.path)
+        self.workbench.parse(&text, &self.experiment.path)
     }
 
     /// A fault in a text that was put together has no line that anyone could look up.
@@ -363,7 +365,7 @@ impl Plan {
 
     /// Whether the reader of experiments takes each key and value by itself.
     fn check_values(&self) -> Result<(), StudyError> {
-        Experiment::parse(&self.experiment.text, &self.experiment.path)?;
+        self.workbench.parse(&self.experiment.text, &self.experiment.path)?;
         for (key, value) in &self.truth {
             let place = Key::from("truth").child(&key.to_string());
             self.check_place(key, value, &place)?;

@@ -6,6 +6,7 @@ use super::table::Table;
 use super::{Plan, Shard, StudyError, spread};
 use crate::results::write_figure;
 use crate::results::{Notice, Output, RUN_FILE};
+use crate::rigs::Workbench;
 use kalmems_figures::{Figure, Page, Section, Severity};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -66,9 +67,9 @@ impl fmt::Display for Summary {
 
 impl Plan {
     /// The plan of a study, from one of its journals.
-    pub fn from_journal(path: &Path) -> Result<Self, StudyError> {
+    pub fn from_journal(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
         let (header, _) = journal::load(path)?;
-        Self::parse(&header.study, &header.experiment)
+        Self::parse(workbench, &header.study, &header.experiment)
     }
 
     /// What tells the results of this study from others.

@@ -149,9 +149,9 @@ impl Plan {
                 let simulated = Unwritten::of(&*simulation, progress)?;
                 // From here on there is nothing of the device but what a file of it would hold.
                 drop(simulation);
-                workflow::estimate_unwritten(&told, &simulated, progress)?
+                workflow::estimate_unwritten(&self.workbench, &told, &simulated, progress)?
             }
-            Ready::Recorded(told) => workflow::estimate(&told, progress)?,
+            Ready::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
         };
         Ok(Metrics::of(&outcome))
     }

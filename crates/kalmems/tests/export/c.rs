@@ -1,6 +1,7 @@
 //! The C sources: compiled without a warning, and compared with the library and the program.
 
 use super::*;
+use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems_core::Scalar;
 use std::ops::ControlFlow;
@@ -204,8 +205,8 @@ start = {{ angle = "-0.102 rad", rate = "413 rad/s" }}
 start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
 "#
         );
-        let written = Experiment::parse(&text, Path::new("decay.toml")).unwrap_or_else(|e| panic!("{e}"));
-        let rig = rigs::of(&written).unwrap();
+        let written = published().parse(&text, Path::new("decay.toml")).unwrap_or_else(|e| panic!("{e}"));
+        let rig = published().rig(&written).unwrap();
         let simulation = rig.simulate(&written).unwrap();
         let experiment = described(&written, simulation.as_ref());
         let simulated = Unwritten::of(simulation.as_ref(), &Silent).unwrap();

@@ -6,7 +6,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{Crossing, LockEvent, Part, Trajectory};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::stream::{Connection, Opened, Outputs, StreamError, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
@@ -28,7 +28,7 @@ pub struct InParts {
 
 /// Takes the first segment of a recording in parts of this length.
 pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -> InParts {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     let mut estimator = rig.estimator(experiment, 0, &Silent).unwrap();
     let segment = &recording.segments()[0];
     let around = estimator.around(segment.time.interval_s().unwrap());
@@ -74,7 +74,7 @@ pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -
 /// Finds every bit of the answers unchanged in parts of these lengths; what is smoothed over the whole, under keys that end so,
 /// knows a part more and not all.
 pub fn same_bits_in_parts(experiment: &Experiment, recording: &Recording, lengths: &[usize]) {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     let estimate = rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0);
     let whole = &estimate.trajectories;
     let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -215,7 +215,7 @@ pub fn connected(
 ) -> Streamed {
     let lines = Shared { bytes: Rc::default(), killed };
     let outputs = Outputs { lines: Some(Box::new(lines.clone())), ..Outputs::default() };
-    let ended = stream(experiment, connection, outputs, state, &|| false);
+    let ended = stream(published(), experiment, connection, outputs, state, &|| false);
     let text = String::from_utf8(lines.bytes.borrow().clone()).unwrap();
     let (mut answers, mut events) = (BTreeMap::<_, Vec<_>>::new(), Vec::new());
     let (mut acknowledged_s, mut origin) = (None, None);
@@ -240,7 +240,7 @@ pub fn same_bits_in_a_stream(
     recording: &Recording,
     (bytes, longest): (&[u8], u64),
 ) -> (Vec<serde_json::Value>, StreamSummary) {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     let whole = &rig.estimate(experiment, 0, recording, &Silent).unwrap()[0].trajectories;
     let Streamed { answers, events, origin, ended, .. } =
         streamed(experiment, Pieces::of(bytes.to_vec(), longest), None);

@@ -6,7 +6,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{self, Outcome};
 use std::path::Path;
@@ -84,15 +84,15 @@ skip = "{skip}"
 {filters}
 "#
         );
-        Experiment::parse(&text, Path::new("piston.toml")).unwrap_or_else(|e| panic!("{e}"))
+        published().parse(&text, Path::new("piston.toml")).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Simulates and estimates.
     pub fn run(&self, skip: &str, filters: &str) -> (Outcome, Metrics) {
         let experiment = self.experiment(skip, filters);
-        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let unwritten = Unwritten::of(&*simulation, &Silent).unwrap();
-        let outcome = workflow::estimate_unwritten(&experiment, &unwritten, &Silent).unwrap();
+        let outcome = workflow::estimate_unwritten(published(), &experiment, &unwritten, &Silent).unwrap();
         let metrics = Metrics::of(&outcome);
         (outcome, metrics)
     }

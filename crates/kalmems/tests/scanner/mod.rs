@@ -2,13 +2,12 @@
 
 #![allow(dead_code)] // each test uses its part
 
-use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
 use kalmems::estimate::Trajectory;
 use kalmems::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Dynamics, Measurement};
 use kalmems_models::capacitance::GaussianComb;
@@ -209,8 +208,8 @@ pub fn estimate(simulated: &Simulated, told: &Told, toml: &str) -> SegmentEstima
     }
     std::fs::write(folder.path().join("recording.csv"), csv).unwrap();
     let path = folder.path().join("experiment.toml");
-    let experiment = Experiment::parse(toml, &path).unwrap_or_else(|e| panic!("{e}"));
-    let rig = rigs::of(&experiment).unwrap();
+    let experiment = published().parse(toml, &path).unwrap_or_else(|e| panic!("{e}"));
+    let rig = published().rig(&experiment).unwrap();
     let index = rig.wanted(&experiment).unwrap()[0];
     let recording =
         Recording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, index).unwrap())

@@ -4,7 +4,7 @@ use super::example;
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport};
 use kalmems::simulate::Simulation;
 use std::ops::ControlFlow;
@@ -18,7 +18,7 @@ fn experiment(changes: &[(&str, &str)]) -> Result<Experiment, String> {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
     }
-    Experiment::parse(&text, &path).map_err(|e| e.to_string())
+    published().parse(&text, &path).map_err(|e| e.to_string())
 }
 
 fn regulated(changes: &[(&str, &str)]) -> RegulationReport {
@@ -69,7 +69,7 @@ fn without_regulation_it_drops_off_the_fold() {
 #[test]
 fn what_cannot_be_regulated_is_refused() {
     let refused = |changes: &[(&str, &str)]| match experiment(changes) {
-        Ok(experiment) => match rigs::of(&experiment).unwrap().simulate(&experiment) {
+        Ok(experiment) => match published().rig(&experiment).unwrap().simulate(&experiment) {
             Ok(_) => panic!("{changes:?} was taken"),
             Err(why) => why.to_string(),
         },
@@ -95,7 +95,7 @@ fn what_cannot_be_regulated_is_refused() {
         (text.find("[simulate.drive.regulated]").unwrap(), text.find("# The filter in").unwrap());
     let sine = "[simulate.drive.sine]\noffset = \"90 V\"\namplitude = \"70 V\"\nfrequency = \"31.25 kHz\"\n";
     let with_sine = format!("{}{sine}{}", &text[..from], &text[to..]);
-    let why = Experiment::parse(&with_sine, &example("regulate.toml")).unwrap_err().to_string();
+    let why = published().parse(&with_sine, &example("regulate.toml")).unwrap_err().to_string();
     assert!(why.contains("a temperature changes under a regulated drive alone"), "{why}");
     let threshold = example("../threshold_scanner/simulation.toml");
     let other = std::fs::read_to_string(&threshold).unwrap();
@@ -103,8 +103,8 @@ fn what_cannot_be_regulated_is_refused() {
     let end = other[start + 1..].find("\n[estimate").map_or(other.len(), |i| start + 1 + i);
     let drive = text[from..to].replace("# hold_from", "hold_from");
     let moved = format!("{}{drive}{}", &other[..start], &other[end..]);
-    let moved = Experiment::parse(&moved, &threshold).unwrap();
-    let why = rigs::of(&moved).unwrap().simulate(&moved).err().unwrap().to_string();
+    let moved = published().parse(&moved, &threshold).unwrap();
+    let why = published().rig(&moved).unwrap().simulate(&moved).err().unwrap().to_string();
     assert!(why.contains("only the shared-electrode scanner of one axis is regulated"), "{why}");
 }
 
@@ -116,7 +116,7 @@ fn a_run_is_written_whole_and_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let mut all = Vec::new();
     for name in ["one", "two"] {
-        let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let target = folder.path().join(name);
         let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
         let output = Output::begin(&target, &Work::named("simulate", name)).unwrap();
@@ -187,7 +187,7 @@ fn slow_a_gain_that_is_not_tracked_is_taken_for_amplitude() {
 #[test]
 fn the_rig_hands_it_out() {
     let experiment = experiment(&[]).unwrap();
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     assert_eq!(simulation.samples(), 1_250_001);
     assert!(simulation.papers().files.is_empty());
     let direct = RegulatedSimulation::of(&experiment).unwrap();

@@ -1,7 +1,7 @@
 //! A device whose samples arrive over a connection with faults: each is told, and the estimate is right again soon.
 
 use super::example;
-use kalmems::config::Experiment;
+use kalmems::rigs::published;
 use kalmems::stream::{Connection, Outputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
@@ -363,7 +363,7 @@ fn with_faults(samples: u64, faults: u64) -> (StreamSummary, Judged) {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
     }
-    let experiment = Experiment::parse(&text, &path).unwrap_or_else(|e| panic!("{e}"));
+    let experiment = published().parse(&text, &path).unwrap_or_else(|e| panic!("{e}"));
     let log = Arc::new(Mutex::new(Log::default()));
     let script = Arc::new(Mutex::new(Script::new(samples, faults, log.clone())));
     let reference = std::fs::read_to_string(example("reference.csv")).unwrap();
@@ -372,7 +372,7 @@ fn with_faults(samples: u64, faults: u64) -> (StreamSummary, Judged) {
     let judged = Arc::new(Mutex::new(Judged::default()));
     let judge = Judge { judged: judged.clone(), log: log.clone(), truth };
     let outputs = Outputs { lines: Some(Box::new(judge)), ..Outputs::default() };
-    let summary = stream(&experiment, Box::new(Wire(script.clone())), outputs, None, &|| false);
+    let summary = stream(published(), &experiment, Box::new(Wire(script.clone())), outputs, None, &|| false);
     let summary = summary.unwrap_or_else(|e| panic!("{e}"));
     let script = script.lock().unwrap();
     let mut judged = std::mem::take(&mut *judged.lock().unwrap());

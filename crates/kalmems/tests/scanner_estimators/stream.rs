@@ -6,7 +6,7 @@ use super::parts::{
 };
 use kalmems::config::Experiment;
 use kalmems::recording::Recording;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::stream::StreamSummary;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
@@ -22,13 +22,13 @@ fn experiment(changes: &[(&str, &str)]) -> Experiment {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &path).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &path).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]
 fn a_stream_says_what_an_estimate_says_sample_by_sample() {
     let experiment = experiment(&[("every = 10", "every = 1")]);
-    let rig = rigs::of(&experiment).unwrap();
+    let rig = published().rig(&experiment).unwrap();
     let path = example("recording.csv");
     let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let bytes = std::fs::read(&path).unwrap();
@@ -371,7 +371,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
     let path = example("../accelerometer/experiment.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
-    let other = Experiment::parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
+    let other = published().parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
     let input = Pieces::of(Vec::new(), 10);
     let error = streamed(&other, input, None).ended.unwrap_err().to_string();
     assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
@@ -413,8 +413,8 @@ fn simulated(seed: u64) -> (Vec<u8>, Vec<[f64; 3]>) {
          start = {{ angle = \"0.1441234 rad\", rate = \"5801.15 rad/s\" }}\nseed = {seed}\n\
          [simulate.drive.sine]\noffset = \"90 V\"\namplitude = \"90 V\"\nfrequency = \"31.35 kHz\"\n"
     );
-    let experiment = Experiment::parse(&(text + &simulate), &path).unwrap_or_else(|e| panic!("{e}"));
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let experiment = published().parse(&(text + &simulate), &path).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let (mut samples, mut truth) = (String::new(), Vec::new());
     simulation
         .run(&mut |sample| {

@@ -5,6 +5,7 @@
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{SpectrumError, SpectrumOutcome, measure};
 use kalmems::progress::Silent;
+use kalmems::rigs::published;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::path::Path;
@@ -115,6 +116,6 @@ within = "4 1/cm"
             text = text.replace("#errors", &format!("[errors]\ndelay_sd = \"{late_s:e} s\"\n"));
         }
         let file = SpectrumFile::parse(&text, &folder.path().join("scene.toml"))?;
-        measure(&file, &Silent)
+        measure(published(), &file, &Silent)
     }
 }

@@ -4,6 +4,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::rigs::micro_stage::identification::WaveRecord;
+use kalmems::rigs::published;
 use kalmems::signal::Sine;
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::{StageLayout, TiltingPlate};
@@ -254,7 +255,7 @@ pub const ESTIMATE: &str = "[estimate]\nskip = \"0.6 ms\"\n\
 
 /// The experiment in a folder.
 pub fn experiment(folder: &Path, tables: &str) -> Experiment {
-    Experiment::parse(&(device() + tables), &folder.join("experiment.toml")).unwrap()
+    published().parse(&(device() + tables), &folder.join("experiment.toml")).unwrap()
 }
 
 /// A folder of the reference recordings.
@@ -275,5 +276,5 @@ pub fn reference(name: &str, tables: &str) -> Experiment {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(described)).unwrap();
     // The files are named from the folder above.
     let place = reference_folder(name).with_file_name(format!("{name}.toml"));
-    Experiment::parse(&(text + tables), &place).unwrap()
+    published().parse(&(text + tables), &place).unwrap()
 }

@@ -3,7 +3,7 @@
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{estimate, estimate_unwritten};
 use std::path::{Path, PathBuf};
@@ -113,13 +113,13 @@ impl Case {
              process_noise = {{ angular_acceleration = \"{density} rad^2/s^3\" }}\n{}",
             filters.concat()
         );
-        Experiment::parse(&text, path).unwrap_or_else(|e| panic!("{e}"))
+        published().parse(&text, path).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// The figures on the reference recording.
     pub fn metrics(&self) -> Metrics {
         let experiment = self.at(&reference_folder().join("experiment.toml"));
-        Metrics::of(&estimate(&experiment, &Silent).unwrap())
+        Metrics::of(&estimate(published(), &experiment, &Silent).unwrap())
     }
 
     /// The errors on the reference recording in rad, part by part and as a whole.
@@ -160,8 +160,8 @@ pub fn text(feedthrough: &'static str) -> String {
 }
 
 fn run(text: &str) -> Unwritten {
-    let experiment = Experiment::parse(text, Path::new("simulation.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+    let experiment = published().parse(text, Path::new("simulation.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     Unwritten::of(&*simulation, &Silent).unwrap()
 }
 
@@ -196,7 +196,7 @@ pub fn metrics_of(case: &Case, recording: &Unwritten) -> Metrics {
     let late = if case.reference.starts_with("delay") { case.reference } else { "" };
     let reference = Box::leak((named.to_owned() + late).into_boxed_str());
     let experiment = Case { reference, ..case.clone() }.experiment();
-    Metrics::of(&estimate_unwritten(&experiment, recording, &Silent).unwrap())
+    Metrics::of(&estimate_unwritten(published(), &experiment, recording, &Silent).unwrap())
 }
 
 /// The error of the first filter's angle over the whole recording, in rad.

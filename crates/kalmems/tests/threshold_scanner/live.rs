@@ -7,7 +7,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::Crossing;
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
-use kalmems::rigs;
+use kalmems::rigs::published;
 use kalmems::stream::{Opened, Outputs, stream};
 use kalmems::workflow::{PartsError, estimate_in_parts};
 use std::ops::ControlFlow;
@@ -36,16 +36,16 @@ fn experiment(folder: &Path, changes: &[(&str, &str)], filters: &str) -> Experim
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
+    published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn read(experiment: &Experiment, folder: &Path) -> Recording {
-    let layout = rigs::of(experiment).unwrap().layout(experiment, 0).unwrap();
+    let layout = published().rig(experiment).unwrap().layout(experiment, 0).unwrap();
     Recording::read(&folder.join("recording.csv"), &layout).unwrap()
 }
 
 fn whole_crossings(experiment: &Experiment, recording: &Recording) -> Vec<Crossing> {
-    let rig = rigs::of(experiment).unwrap();
+    let rig = published().rig(experiment).unwrap();
     rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0).crossings
 }
 
@@ -104,8 +104,8 @@ fn driven(duration: &str, seed: u32) -> (Vec<[f64; 3]>, Vec<[f64; 2]>) {
         + "\n[simulate.drive.capture]\nvoltage = \"60 V\"\nfrom = \"1400 Hz\"\nto = \"1266 Hz\"\nsweep = \"1 s\"\n\
            hold = \"0.1 s\"\n";
     let experiment =
-        Experiment::parse(&simulated, Path::new("driven.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let simulation = rigs::of(&experiment).unwrap().simulate(&experiment).unwrap();
+        published().parse(&simulated, Path::new("driven.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let (mut rows, mut truth) = (Vec::new(), Vec::new());
     simulation
         .run(&mut |sample| {
@@ -159,7 +159,7 @@ fn a_driven_motion_in_parts_gives_the_same_bits() {
     let experiment = experiment(folder.path(), &DRIVEN, &filters);
     let recording = read(&experiment, folder.path());
     same_bits_in_parts(&experiment, &recording, &[700, 4_096, 5_000]);
-    let whole = rigs::of(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
+    let whole = published().rig(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent).unwrap();
     let counts = whole[0].trajectories[0].counts;
     assert!(counts.drive_from_sine > 50 && counts.bridged > 40 && counts.crossings > 40, "{counts:?}");
 }
@@ -275,7 +275,9 @@ fn what_cannot_be_streamed_is_refused_by_name() {
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
         let (experiment, input) =
             (experiment(&folder, changes, ""), Box::new(Opened::new(Pieces::of(bytes.to_vec(), 1000))));
-        let error = stream(&experiment, input, Outputs::default(), None, &|| false).unwrap_err().to_string();
+        let error = stream(published(), &experiment, input, Outputs::default(), None, &|| false)
+            .unwrap_err()
+            .to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
     said(
@@ -302,7 +304,7 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
     let outcome = |rows: &mut dyn Iterator<Item = String>| {
         std::fs::write(&path, csv(rows)).unwrap();
         let mut parts = Vec::new();
-        let whole = estimate_in_parts(&experiment, &Silent, &mut |part| {
+        let whole = estimate_in_parts(published(), &experiment, &Silent, &mut |part| {
             parts.push(part.outcome.segments[0].estimate.clone());
             Ok::<(), ()>(())
         });
@@ -314,8 +316,12 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
     };
     let parts = outcome(&mut rows.iter().map(line)).unwrap();
     assert_eq!(parts.len(), 3);
-    let whole =
-        rigs::of(&experiment).unwrap().estimate(&experiment, 0, &read(&experiment, folder.path()), &Silent);
+    let whole = published().rig(&experiment).unwrap().estimate(
+        &experiment,
+        0,
+        &read(&experiment, folder.path()),
+        &Silent,
+    );
     let whole = &whole.unwrap()[0];
     let bits = |values: &mut dyn Iterator<Item = &f64>| values.map(|v| v.to_bits()).collect::<Vec<u64>>();
     for (i, trajectory) in whole.trajectories.iter().enumerate() {

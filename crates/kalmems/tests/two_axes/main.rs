@@ -10,6 +10,7 @@ use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, estimate_figures, notices, summary_table, write_simulation,
 };
+use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{
     Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
     first_tones, line_share,
@@ -37,7 +38,7 @@ fn changed(changes: &[(&str, &str)]) -> Experiment {
         assert!(text.contains(from), "{from}");
         text = text.replace(from, to);
     }
-    Experiment::parse(&text, &path()).unwrap()
+    published().parse(&text, &path()).unwrap()
 }
 
 fn settings() -> Settings {
@@ -464,8 +465,8 @@ fn the_example_from_end_to_end() {
     let summary = write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
     assert!(summary.outlook.unwrap().contains("band plan: clear"));
-    let simulated = Experiment::load(&target.join("experiment.toml")).unwrap();
-    let outcome = workflow::estimate(&simulated, &Silent).unwrap();
+    let simulated = published().load(&target.join("experiment.toml")).unwrap();
+    let outcome = workflow::estimate(published(), &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let angles = |wrong: bool| {
         let mut angles = Vec::new();
@@ -497,8 +498,8 @@ fn the_example_from_end_to_end() {
     let text = std::fs::read_to_string(target.join("experiment.toml")).unwrap();
     let turned = text.replace("first_peak_y = \"positive\"", "first_peak_y = \"negative\"");
     assert_ne!(text, turned);
-    let turned = Experiment::parse(&turned, &target.join("experiment.toml")).unwrap();
-    let other = workflow::estimate(&turned, &Silent).unwrap();
+    let turned = published().parse(&turned, &target.join("experiment.toml")).unwrap();
+    let other = workflow::estimate(published(), &turned, &Silent).unwrap();
     let states = |outcome: &workflow::Outcome| {
         outcome.recordings[0].segments[0].estimate.trajectories[0]
             .states
@@ -543,7 +544,7 @@ fn a_simulation_for_one_axis_is_refused() {
     let (before, tones) = text.split_once("[simulate.drive.tones]").unwrap();
     let after = &tones[tones.find("# For `kalmems estimate`").unwrap()..];
     let message = |text: &str| {
-        let experiment = Experiment::parse(text, &path()).unwrap();
+        let experiment = published().parse(text, &path()).unwrap();
         TwoAxesRig.simulate(&experiment).err().map(|error| error.to_string())
     };
     let refused = message(&format!("{before}{ring_down}{after}")).unwrap();
@@ -571,8 +572,8 @@ fn a_lost_axis_is_named() {
     let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
     write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
-    let simulated = Experiment::load(&target.join("experiment.toml")).unwrap();
-    let mut outcome = workflow::estimate(&simulated, &Silent).unwrap();
+    let simulated = published().load(&target.join("experiment.toml")).unwrap();
+    let mut outcome = workflow::estimate(published(), &simulated, &Silent).unwrap();
     let estimate = &mut outcome.recordings[0].segments[0].estimate;
     let y = estimate.other_axes[0];
     let axes = [("angle_x", estimate.motion), (y.angle, y.motion)];

@@ -3,11 +3,11 @@
 //!     cargo test --release -p kalmems --test two_axes -- --ignored slow_wrong_models --nocapture
 
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
-use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Past, Trajectory};
 use kalmems::evaluate::{Extent, Reference, evaluate_motion};
 use kalmems::progress::Silent;
+use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate, first_tones};
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
@@ -99,7 +99,7 @@ fn settings(case: &Case) -> Settings {
     let text = std::fs::read_to_string(path()).unwrap();
     let before = &text[..text.find("[[estimate.filter]]").unwrap()];
     let mut settings =
-        Settings::of(&Experiment::parse(&format!("{before}{filters}"), &path()).unwrap()).unwrap();
+        Settings::of(&published().parse(&format!("{before}{filters}"), &path()).unwrap()).unwrap();
     let hardware = &mut settings.hardware;
     hardware.scanner.x.resonator.stiffness *= case.told.stiffness[0];
     hardware.scanner.y.resonator.stiffness *= case.told.stiffness[1];

@@ -14,8 +14,9 @@ use super::feedback;
 use super::instrument::Instrument;
 use super::pull_in;
 use super::settings::Hardware;
+use crate::accelerometer::device::Accelerometer;
 use crate::config::kinds::KindOf;
-use crate::config::{Device, Experiment, Fault, Quantity, SignOf};
+use crate::config::{Experiment, Fault, Quantity, SignOf};
 use crate::identify::{Identification, IdentifyError, Whiteness};
 use crate::progress::Progress;
 use kalmems_core::Scalar;
@@ -113,15 +114,14 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
 
 /// Puts what is known well enough into the device table.
 fn apply(experiment: &mut Experiment, outcome: &Outcome) -> Result<(), IdentifyError> {
-    let Device::Accelerometer(device) = &experiment.device else { return Ok(()) };
-    let mut device = device.clone();
+    let mut device = (*experiment.device::<Accelerometer>()?).clone();
     let mut entries = Entries { experiment, outcome };
     entries.set(unknown::SPRING, &mut device.proof_mass.spring, "N/m")?;
     entries.set(unknown::DAMPING, &mut device.proof_mass.damping, "N s/m")?;
     entries.set(unknown::MASS, &mut device.proof_mass.mass, "kg")?;
     entries.set(unknown::NOISE, &mut device.readout.noise_variance, "V^2")?;
     entries.set(unknown::ACCELERATION, &mut device.acceleration.rms, "m/s^2")?;
-    entries.experiment.device = Device::Accelerometer(device);
+    entries.experiment.set_device(device);
     Ok(())
 }
 

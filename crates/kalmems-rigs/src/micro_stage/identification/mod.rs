@@ -30,9 +30,10 @@ pub(super) use gaps::off_of;
 use super::hardware::Hardware;
 use super::records::{self, Records, of_role};
 use crate::config::kinds::KindOf;
-use crate::config::{Device, Experiment, Fault, Key, MicroStage, Quantity, Role, SignOf};
+use crate::config::{Experiment, Fault, Key, Quantity, Role, SignOf};
 use crate::fit::FitError;
 use crate::identify::{Identification, IdentifyError};
+use crate::micro_stage::device::MicroStage;
 use crate::progress::Progress;
 use std::f64::consts::TAU;
 
@@ -78,7 +79,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         found.materials.push(records.material);
         stop(progress)?;
     }
-    found.experiment.device = Device::MicroStage(device.clone());
+    found.experiment.set_device(device.clone());
     if let Some(index) = on {
         let records = records::read(experiment, &hardware, index, progress)?;
         let off = match off {
@@ -94,7 +95,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             set(experiment, &mut table.gap, by.gap.value, "m")?;
             set(experiment, &mut table.gain, by.gain.value, "V ohm")?;
             if let Some(feedthrough) = by.feedthrough {
-                let of_drive = crate::config::DriveFeedthrough {
+                let of_drive = crate::micro_stage::device::DriveFeedthrough {
                     gain: quantity(experiment, feedthrough[0], "")?,
                     slope: quantity(experiment, feedthrough[1], "s")?,
                 };
@@ -104,16 +105,16 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         if let Some(delay) = fitted.delay {
             set_delay(&mut found.experiment, index, delay.value)?;
         }
-        found.experiment.device = Device::MicroStage(device.clone());
+        found.experiment.set_device(device.clone());
         stop(progress)?;
         if let Some(line) = trained::correction(&found.experiment, &records, &fitted, progress)? {
             words::correction(&mut found, &records, &line);
-            let correction = crate::config::RateCorrection {
+            let correction = crate::micro_stage::device::RateCorrection {
                 scale: quantity(experiment, line.scale.value, "")?,
                 bias: quantity(experiment, line.bias.value, "rad/s")?,
             };
             device.correction = Some(correction);
-            found.experiment.device = Device::MicroStage(device);
+            found.experiment.set_device(device);
         }
         found.materials.push(records.material);
         found.materials.extend(off.map(|off| off.material));
@@ -198,11 +199,8 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
 }
 
-fn device_of(experiment: &Experiment) -> Result<&MicroStage, IdentifyError> {
-    if let Device::MicroStage(device) = &experiment.device {
-        return Ok(device);
-    }
-    Err(value_error(experiment, "this rig is for a `[device.micro_stage]`".to_owned()))
+fn device_of(experiment: &Experiment) -> Result<MicroStage, IdentifyError> {
+    Ok((*experiment.device::<MicroStage>()?).clone())
 }
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {

@@ -2,8 +2,9 @@
 
 use super::common_noise::CommonNoise;
 use super::{quantity, words};
-use crate::config::{Experiment, Fault, Key, MicroStage};
+use crate::config::{Experiment, Fault, Key};
 use crate::identify::{Identification, IdentifyError, Material, STRETCH, StillRecord};
+use crate::micro_stage::device::MicroStage;
 use crate::micro_stage::hardware::Hardware;
 use crate::micro_stage::records::{DRIVE, place};
 use crate::progress::Progress;

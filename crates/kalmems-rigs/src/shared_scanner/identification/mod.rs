@@ -22,9 +22,11 @@ pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state};
 
 use super::settings::Hardware;
 use crate::config::kinds::KindOf;
-use crate::config::{Device, Experiment, Fault, Quantity, Role, SharedScanner, SignOf};
+use crate::config::{Experiment, Fault, Quantity, Role, SignOf};
+use crate::evaluate::{Instruments, ReferenceChannels};
 use crate::identify::{Identification, IdentifyError, Material};
 use crate::progress::Progress;
+use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
 use kalmems_core::{Covariance, Mat};
 use kalmems_models::capacitance::GaussianComb;
@@ -33,8 +35,9 @@ use unknown::{DAMPING, NOMINAL, STIFFNESS, WIDTH};
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
     let hardware = Hardware::of(experiment)?;
+    let reference = ReferenceChannels::one_angle(Instruments::default());
     let channel = |role, name, also: &[&str]| {
-        Material::of_role(experiment, role, (name, &kind::VOLTAGE), also, progress)
+        Material::of_role(experiment, role, (name, &kind::VOLTAGE), also, &reference, progress)
     };
     let mut found = Identification {
         rig: "shared_scanner",
@@ -129,7 +132,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     for material in &found.materials {
         found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));
     }
-    found.experiment.device = Device::SharedScanner(device);
+    found.experiment.set_device(device);
     Ok(found)
 }
 
@@ -137,12 +140,8 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
 }
 
-fn device_of(experiment: &Experiment) -> Result<&SharedScanner, IdentifyError> {
-    if let Device::SharedScanner(device) = &experiment.device {
-        return Ok(device);
-    }
-    let why = "this rig is for a `[device.shared_scanner]`".to_owned();
-    Err(experiment.error("device", Fault::Value { why }).into())
+fn device_of(experiment: &Experiment) -> Result<SharedScanner, IdentifyError> {
+    Ok((*experiment.device::<SharedScanner>()?).clone())
 }
 
 /// Puts an identified value into the experiment.

@@ -3,8 +3,9 @@
 use super::super::circuit::{SensingCircuit, density_asked, not_reduced};
 use super::super::settings::{Hardware, state_at};
 use crate::circuit::{Adequacy, Cost, Known};
-use crate::config::{ConfigError, Device, Experiment};
+use crate::config::{ConfigError, Experiment};
 use crate::outlook::Topic;
+use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::Drive;
 
 /// What the circuit is to a filter, and what each simpler model costs in phase; `None` where the file
@@ -14,7 +15,7 @@ pub fn of_the_circuit(
     hardware: &Hardware,
     drive: Option<&Drive>,
 ) -> Result<Option<Topic>, ConfigError> {
-    if !matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some()) {
+    if experiment.device::<SharedScanner>()?.circuit.is_none() {
         return Ok(None);
     }
     let topic = Topic::new("What a filter has to know of the circuit");

@@ -5,9 +5,10 @@ use super::super::settings::{Hardware, estimate_table, state_at};
 use super::drift::Drift;
 use super::observer::Observer;
 use crate::config::{
-    ConfigError, Device, DriveSource, Experiment, Fault, Key, Method, Quantity, RegulatedDrive, Simulate,
+    ConfigError, DriveSource, Experiment, Fault, Key, Method, Quantity, RegulatedDrive, Simulate,
     TriggerDirection,
 };
+use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{Drive, LoopMargins, RegulatedMotion};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_models::control::{
@@ -59,16 +60,15 @@ impl Regulation {
         let at = |name: &str| Key::from("simulate.drive.regulated").child(name);
         let wrong = |key: Key, why: String| Err(experiment.error(key, Fault::Value { why }));
         let hardware = Hardware::of(experiment)?;
-        if let Device::SharedScanner(device) = &experiment.device {
-            if device.circuit.is_some() {
-                let why = "a regulated drive is simulated with the readout of `gain` and `offset`, not through the \
-                           circuit; remove the table `circuit`";
-                return wrong(Key::from("device.shared_scanner.circuit"), why.to_owned());
-            }
-            if device.carrier.included_in_drive {
-                let why = "a drive that is computed has no carrier in it; write `false`".to_owned();
-                return wrong(Key::from("device.shared_scanner.carrier.included_in_drive"), why);
-            }
+        let device = experiment.device::<SharedScanner>()?;
+        if device.circuit.is_some() {
+            let why = "a regulated drive is simulated with the readout of `gain` and `offset`, not through the \
+                       circuit; remove the table `circuit`";
+            return wrong(Key::from("device.shared_scanner.circuit"), why.to_owned());
+        }
+        if device.carrier.included_in_drive {
+            let why = "a drive that is computed has no carrier in it; write `false`".to_owned();
+            return wrong(Key::from("device.shared_scanner.carrier.included_in_drive"), why);
         }
         let estimate = estimate_table(experiment)?;
         let Some(index) = estimate.filters.iter().position(|filter| filter.name == regulated.filter) else {

@@ -1,6 +1,7 @@
 //! The device with its second axis, in SI.
 
-use crate::config::{ConfigError, Device, Experiment, Fault, Key, Quantity, SecondAxis};
+use crate::config::{ConfigError, Experiment, Fault, Key, Quantity};
+use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::settings;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator, TwoAxisScanner};
@@ -21,7 +22,8 @@ impl Hardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let first = settings::Hardware::of(experiment)?;
-        let Some(second) = second_axis(&experiment.device) else {
+        let device = experiment.device::<SharedScanner>()?;
+        let Some(second) = &device.second_axis else {
             let remedy = "add the table `[device.shared_scanner.second_axis]`".to_owned();
             return Err(experiment.error("device", Fault::MissingKey { remedy }));
         };
@@ -59,13 +61,5 @@ impl Hardware {
             },
             noise_variance: first.noise_variance,
         })
-    }
-}
-
-/// The second axis of a shared-electrode scanner, where it has one.
-pub fn second_axis(device: &Device) -> Option<&SecondAxis> {
-    match device {
-        Device::SharedScanner(scanner) => scanner.second_axis.as_ref(),
-        _ => None,
     }
 }

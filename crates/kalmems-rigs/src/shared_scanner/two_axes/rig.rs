@@ -1,17 +1,17 @@
 //! The rig of a scanner with two axes.
 
-use super::hardware::second_axis;
 use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
 use super::settings::Settings;
 use super::simulation::simulation;
-use crate::config::{ConfigError, Device, Experiment};
+use crate::config::{ConfigError, DeviceKind, Experiment};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
+use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -28,8 +28,12 @@ impl Rig for TwoAxesRig {
         "shared_scanner.second_axis"
     }
 
-    fn takes(&self, device: &Device) -> bool {
-        second_axis(device).is_some()
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<SharedScanner>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        Ok(experiment.device::<SharedScanner>()?.second_axis.is_some())
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -3,7 +3,8 @@
 use super::band_plan::{BandPlan, PlannedDrive};
 use super::hardware::Hardware;
 use super::settings::state_at;
-use crate::config::{ConfigError, Device, DriveSource, Experiment, Fault, Simulate, Values};
+use crate::config::{ConfigError, DriveSource, Experiment, Fault, Simulate, Values};
+use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::simulation::{Readout, ScannerSimulation};
 use crate::simulate::{Channel, Drive, SimulateError, Simulation};
 
@@ -36,7 +37,7 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
 /// A ring-down and the circuit are computed for one axis; simulated as something else they would be believed.
 fn refuse_what_is_for_one_axis(experiment: &Experiment) -> Result<(), ConfigError> {
     let drive = experiment.simulate.as_ref().map(|simulate| &simulate.drive);
-    let has_circuit = matches!(&experiment.device, Device::SharedScanner(device) if device.circuit.is_some());
+    let has_circuit = experiment.device::<SharedScanner>()?.circuit.is_some();
     let (key, why) = if matches!(drive, Some(DriveSource::RingDown(_))) {
         let why = "a ring-down of two axes on one electrode is not computed; simulate each axis by itself, without \
                    `[device.shared_scanner.second_axis]`, or with another drive, such as `[simulate.drive.tones]`";

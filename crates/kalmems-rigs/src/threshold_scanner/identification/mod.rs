@@ -15,12 +15,14 @@ pub use decay::{Decay, DecayError, DecayFit, fit_decay, unknown};
 use super::hardware::Hardware;
 use super::{MEANINGS, POSITION};
 use crate::config::kinds::KindOf;
-use crate::config::{Device, Experiment, Fault, Quantity, Reference, Role, SignOf, ThresholdScanner};
-use crate::evaluate::BeamPosition;
+use crate::config::{Experiment, Fault, Quantity, Reference, Role, SignOf};
+use crate::evaluate::ReferenceChannels;
 use crate::fit::Derived;
 use crate::identify::{Identification, IdentifyError, Material};
 use crate::progress::Progress;
 use crate::recording::Recording;
+use crate::threshold_scanner::device::ThresholdScanner;
+use crate::threshold_scanner::instruments;
 use crate::units::kind;
 use std::f64::consts::TAU;
 
@@ -43,6 +45,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         Role::RingDown,
         (signal, &kind::VOLTAGE),
         &[drive, POSITION],
+        &ReferenceChannels::one_angle(instruments(experiment)?),
         progress,
     )?
     .ok_or_else(|| {
@@ -56,7 +59,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         return Err(material.unfit(why.to_owned()));
     }
     drive_is_off(experiment, &material, progress)?;
-    let beam = BeamPosition::of(experiment);
+    let beam = instruments(experiment)?.beam;
     let record = Decay {
         interval_s: material.interval_s,
         signal: &material.signal,
@@ -103,7 +106,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     };
     words::of(&mut identification, &material, &found);
     apply(experiment, &mut device, &found)?;
-    identification.experiment.device = Device::ThresholdScanner(device);
+    identification.experiment.set_device(device);
     let reference =
         place.and_then(|index| identification.experiment.recordings.get_mut(index)?.reference.as_mut());
     if let Some(reference) = reference {
@@ -147,11 +150,8 @@ fn drive_is_off(
     Ok(())
 }
 
-fn device_of(experiment: &Experiment) -> Result<&ThresholdScanner, IdentifyError> {
-    if let Device::ThresholdScanner(device) = &experiment.device {
-        return Ok(device);
-    }
-    Err(value_error(experiment, "this rig is for a `[device.threshold_scanner]`".to_owned()))
+fn device_of(experiment: &Experiment) -> Result<ThresholdScanner, IdentifyError> {
+    Ok((*experiment.device::<ThresholdScanner>()?).clone())
 }
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {

@@ -1,14 +1,18 @@
-use super::*;
-use crate::units::kind;
+//! What the text of an experiment may say, and what is said of one that says it wrongly.
+
+use kalmems_engines::config::*;
+use kalmems_engines::units::kind;
+use kalmems_rigs::published;
+use kalmems_rigs::shared_scanner::device::SharedScanner;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-const SCANNER: &str = include_str!("../../../kalmems/tests/experiments/shared-scanner.toml");
-const STAGE: &str = include_str!("../../../kalmems/tests/experiments/stage-room.toml");
+const SCANNER: &str = include_str!("../../kalmems/tests/experiments/shared-scanner.toml");
+const STAGE: &str = include_str!("../../kalmems/tests/experiments/stage-room.toml");
 
 fn parse(text: &str) -> Result<Experiment, ConfigError> {
-    Experiment::parse(text, Path::new("lab/experiment.toml"))
+    published().parse(text, Path::new("lab/experiment.toml"))
 }
 
 fn message(text: &str) -> String {
@@ -25,7 +29,7 @@ const RATE: Entry = Entry::new("rate", &kind::ANGULAR_RATE, Sign::Any);
 #[test]
 fn values_arrive_in_si() {
     let experiment = scanner();
-    let Device::SharedScanner(device) = &experiment.device else { panic!("another device") };
+    let device = experiment.device::<SharedScanner>().unwrap();
     let found = [
         device.resonator.inertia.si(),
         device.resonator.stiffness.si(),
@@ -260,7 +264,7 @@ fn a_channel_is_a_name_or_a_table_and_comes_back_as_it_was() {
     let recording = &experiment.recordings[0];
     assert_eq!(recording.channels.column("drive"), Some("Vdrive"));
     let layout = recording.layout(&["Vdrive", "Ucap"]);
-    assert_eq!(layout.clock, crate::recording::Clock::Column("t".to_owned()));
+    assert_eq!(layout.clock, kalmems_engines::recording::Clock::Column("t".to_owned()));
     let drive = layout.declared.iter().find(|known| known.key == "drive").unwrap();
     let reading = drive.reading.as_ref().unwrap();
     assert_eq!(

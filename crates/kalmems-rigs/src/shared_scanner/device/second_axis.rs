@@ -1,8 +1,8 @@
 //! A second axis on the electrode of a shared-electrode scanner.
 
 use super::{GaussianComb, Resonator};
+use crate::config::Quantity;
 use crate::config::kinds::Inertia;
-use crate::config::quantity::Quantity;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,12 +1,13 @@
 //! The micro-stage that shakes a gyroscope, with capacitors underneath.
 
-use crate::config::Key;
+use crate::config::Quantity;
+use crate::config::Vibrometer;
 use crate::config::kinds::{
     AngularRate, CurrentGain, DriveGain, Frequency, Length, LengthPerVoltage, RateVariance, Ratio, Time,
-    VoltagePerVelocity, VoltageVariance,
+    VoltageVariance,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, NotZero, Positive};
+use crate::config::{DeviceDescription, Key};
+use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -109,18 +110,6 @@ pub struct Electrode {
     pub feedthrough: Option<DriveFeedthrough>,
 }
 
-/// A laser vibrometer that looks at the edge of the gyroscope.
-///
-/// How late it shows the velocity is the `delay` of the recording's reference.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Vibrometer {
-    /// Volts per velocity.
-    pub gain: Quantity<VoltagePerVelocity, NotZero>,
-    /// The width of what it looks at: the angular rate is twice the edge's velocity by this width.
-    pub target_width: Quantity<Length, Positive>,
-}
-
 /// The gyroscope that is to be calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -131,8 +120,11 @@ pub struct Gyroscope {
     pub noise_variance: Quantity<RateVariance, Positive>,
 }
 
-impl MicroStage {
-    pub(super) fn check(&self) -> Result<(), (Key, String)> {
+impl DeviceDescription for MicroStage {
+    const NAME: &'static str = "micro_stage";
+    const SUMMARY: &'static str = "A stage that shakes a gyroscope to calibrate it.";
+
+    fn check(&self) -> Result<(), (Key, String)> {
         let electrodes = Key::from("device.micro_stage.electrodes");
         if self.electrodes.is_empty() {
             let why =

@@ -1,12 +1,12 @@
 //! The piston mirror, sensed by a capacitor of one plate behind it.
 
-use crate::config::Key;
+use crate::config::Quantity;
 use crate::config::kinds::{
     Capacitance, CapacitanceDensity, Frequency, Length, Mass, Pressure, Ratio, Resistance, Voltage,
     VoltageNoise,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, Positive};
+use crate::config::{DeviceDescription, Key};
+use crate::config::{NotNegative, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -123,8 +123,11 @@ pub struct SurroundingGas {
     pub transition_pressure: Quantity<Pressure, Positive>,
 }
 
-impl PistonMirror {
-    pub(super) fn check(&self) -> Result<(), (Key, String)> {
+impl DeviceDescription for PistonMirror {
+    const NAME: &'static str = "piston_mirror";
+    const SUMMARY: &'static str = "A piston mirror for a Fourier-transform spectrometer.";
+
+    fn check(&self) -> Result<(), (Key, String)> {
         if let (Some(nearest), Some(farthest)) = (&self.capacitance.nearest, &self.capacitance.farthest)
             && nearest.si() >= farthest.si()
         {

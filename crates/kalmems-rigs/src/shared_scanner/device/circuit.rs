@@ -1,10 +1,10 @@
 //! The circuit that modulates and demodulates, stage by stage.
 
+use crate::config::Quantity;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, PerVoltage, Ratio, Resistance, Voltage, VoltageDensity,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, NotZero, Positive};
+use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};

@@ -1,12 +1,13 @@
 //! The threshold-sensing scanner: a position is known when the angle passes the comb's steepest point.
 
-use crate::config::Key;
+use crate::config::Quantity;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Length, LengthPerVoltage, PerAngle, Ratio, Resistance, SquareDriveGain,
     Time, Voltage, VoltagePerRate, VoltageVariance,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, NotZero, Positive};
+use crate::config::{DeviceDescription, Key};
+use crate::config::{NotNegative, NotZero, Positive};
+use crate::evaluate::BeamPosition;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -146,9 +147,25 @@ pub enum DetectedAngle {
     Beam,
 }
 
-impl ThresholdScanner {
-    /// What no single value can be blamed for: the key, and what is wrong.
-    pub(super) fn check(&self) -> Result<(), (Key, String)> {
+impl PositionDetector {
+    /// How its voltage follows from the angle.
+    pub fn beam(&self) -> BeamPosition {
+        BeamPosition {
+            gain: self.gain.si(),
+            distance: self.distance.si(),
+            multiple: match self.angle {
+                DetectedAngle::Mirror => 1.0,
+                DetectedAngle::Beam => 2.0,
+            },
+        }
+    }
+}
+
+impl DeviceDescription for ThresholdScanner {
+    const NAME: &'static str = "threshold_scanner";
+    const SUMMARY: &'static str = "A scanner whose signal tells most when the angle passes a threshold.";
+
+    fn check(&self) -> Result<(), (Key, String)> {
         let at = |name: &str, why: String| {
             let way = ["device", "threshold_scanner", "comb"].into_iter().chain(name.split('.'));
             Err((way.fold(Key::default(), Key::child), why))

@@ -1,11 +1,12 @@
 //! The force-rebalance accelerometer.
 
+use crate::config::DeviceDescription;
+use crate::config::Quantity;
 use crate::config::kinds::{
     Acceleration, Area, Capacitance, Damping, Frequency, IntegralGain, Length, Mass, Ratio, SpringConstant,
     Temperature, Time, Voltage, VoltageVariance,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, Positive};
+use crate::config::{NotNegative, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +25,11 @@ pub struct Accelerometer {
     pub feedback: Option<ForceFeedback>,
     /// What is known of the acceleration beforehand.
     pub acceleration: AccelerationPrior,
+}
+
+impl DeviceDescription for Accelerometer {
+    const NAME: &'static str = "accelerometer";
+    const SUMMARY: &'static str = "A force-rebalance accelerometer.";
 }
 
 /// A mass on a spring, moved by the molecules around it.

@@ -3,9 +3,14 @@
 //! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
-use crate::config::{ConfigError, Device, Experiment, Fault, Key};
+mod workbench;
+
+pub use workbench::Workbench;
+
+use crate::config::kinds::Length;
+use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Positive, Quantity, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, StretchJudge, StretchSummary};
-use crate::evaluate::{MotionErrors, ONE_ANGLE, Reference, ValueState};
+use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, Reference, ReferenceChannels, ValueState};
 use crate::export::{self, ExportError, Exported, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -14,12 +19,22 @@ use crate::recording::{Finding, Layout, Recording, Segment};
 use crate::simulate::{SimulateError, Simulation};
 
 /// A device with its drive, its recordings and its way of being estimated.
-pub trait Rig: Sync {
-    /// The device table that it is for, such as `shared_scanner`.
+pub trait Rig: Send + Sync {
+    /// Its name in results, such as `shared_scanner`.
     fn name(&self) -> &'static str;
 
-    /// Whether it is for this device.
-    fn takes(&self, device: &Device) -> bool;
+    /// The device table that it reads.
+    fn device(&self) -> DeviceKind;
+
+    /// Reads the device table of an experiment that has one of this name, and says whether it is for this device; where
+    /// several rigs read the same table, one of them is.
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError>;
+
+    /// What of an experiment file its device has a use for.
+    fn uses(&self, experiment: &Experiment) -> Uses {
+        let _ = experiment;
+        Uses::default()
+    }
 
     /// The recordings of an experiment that an estimate is wanted for, as indices, and all that can be checked
     /// of the experiment before they are read.
@@ -36,6 +51,25 @@ pub trait Rig: Sync {
     /// The states that a reference may know and that are no angles; the first is what the device is for.
     fn values(&self) -> &'static [ValueState] {
         &[]
+    }
+
+    /// The instruments whose voltage a reference may hold in the place of an angle or a rate.
+    fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
+        let _ = experiment;
+        Ok(Instruments::default())
+    }
+
+    /// What a reference of this device may know.
+    fn reference(&self, experiment: &Experiment) -> Result<ReferenceChannels, ConfigError> {
+        let (angles, values) = (self.angles(), self.values());
+        Ok(ReferenceChannels { angles, values, instruments: self.instruments(experiment)? })
+    }
+
+    /// The length in the device table by which all lengths of its signal scale, and its key: what a spectrum's known line can
+    /// correct.
+    fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
+        let _ = experiment;
+        Ok(None)
     }
 
     /// What estimates one of them, part by part.
@@ -136,6 +170,15 @@ pub trait Rig: Sync {
         };
         export::export((experiment, request), (&filter, name), &columns, first_recording)
     }
+}
+
+/// A length of the device table by which all lengths that its signal tells scale.
+#[derive(Clone, Debug)]
+pub struct LengthScale {
+    /// The key in the experiment file.
+    pub key: &'static str,
+    /// Its value.
+    pub length: Quantity<Length, Positive>,
 }
 
 /// Estimates a recording, segment by segment, and each segment part by part.

@@ -1,13 +1,20 @@
 //! The shared-electrode scanner: one comb drives and senses.
 
-use super::SecondAxis;
-use super::circuit::ModulatedCircuit;
+mod circuit;
+mod second_axis;
+
+pub use circuit::{
+    DetectorSource, DiodeDetector, HighPassFilter, ModulatedCircuit, SquareLawDetector, SynchronousDetector,
+};
+pub use second_axis::SecondAxis;
+
+use crate::config::DeviceDescription;
+use crate::config::Quantity;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Inertia, Stiffness, Time, TorsionalDamping, Voltage,
     VoltagePerCapacitance, VoltageVariance,
 };
-use crate::config::quantity::Quantity;
-use crate::config::sign::{NotNegative, NotZero, Positive};
+use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -30,6 +37,11 @@ pub struct SharedScanner {
     /// The circuit, stage by stage. With it a simulation computes the signal through the circuit, and not by `readout`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub circuit: Option<ModulatedCircuit>,
+}
+
+impl DeviceDescription for SharedScanner {
+    const NAME: &'static str = "shared_scanner";
+    const SUMMARY: &'static str = "A scanner whose comb drives and senses at once.";
 }
 
 /// A rotating mass on a torsional spring.

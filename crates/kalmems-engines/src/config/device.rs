@@ -1,0 +1,189 @@
+//! The device of an experiment: one table, which stays as it is written until a rig claims it.
+
+use super::reader::read_below;
+use super::source::Source;
+use super::{ConfigError, Experiment, Fault, Key};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{DeserializeOwned, EnumAccess, VariantAccess, Visitor};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::any::Any;
+use std::borrow::Cow;
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
+/// What a rig reads from the table `[device.NAME]` that is for it.
+pub trait DeviceDescription: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
+    /// The name of the table.
+    const NAME: &'static str;
+
+    /// The device in a sentence, for those who look into the schema.
+    const SUMMARY: &'static str;
+
+    /// What no single value can be blamed for: the key, and what is wrong.
+    fn check(&self) -> Result<(), (Key, String)> {
+        Ok(())
+    }
+}
+
+/// A kind of device that can be described: the name of its table and the schema of what is in it.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceKind {
+    /// The name of its table below `[device]`.
+    pub name: &'static str,
+    summary: &'static str,
+    schema: fn(&mut SchemaGenerator) -> Schema,
+}
+
+impl DeviceKind {
+    /// That which this type describes.
+    pub fn of<T: DeviceDescription>() -> Self {
+        Self { name: T::NAME, summary: T::SUMMARY, schema: SchemaGenerator::subschema_for::<T> }
+    }
+
+    /// The schema of a table `[device]` that holds exactly one of these tables.
+    pub(super) fn schema_of_one(kinds: &[Self], generator: &mut SchemaGenerator) -> Schema {
+        let one = |kind: &Self| {
+            json_schema!({
+                "description": kind.summary,
+                "type": "object",
+                "properties": { kind.name: (kind.schema)(generator) },
+                "required": [kind.name],
+                "additionalProperties": false,
+            })
+        };
+        let each: Vec<Schema> = kinds.iter().map(one).collect();
+        json_schema!({
+            "description": "The device: exactly one of these tables.",
+            "oneOf": each,
+        })
+    }
+}
+
+/// The table `[device.NAME]`: as it stands in the file, and what a rig has read from it.
+#[derive(Clone)]
+pub(super) struct DeviceTable {
+    name: String,
+    /// As it was written.
+    written: serde_json::Value,
+    claimed: OnceLock<Claimed>,
+}
+
+/// What a rig reads from the table.
+#[derive(Clone)]
+struct Claimed {
+    description: Arc<dyn Any + Send + Sync>,
+    /// As it is written out, with every default that has a value.
+    written: serde_json::Value,
+}
+
+impl Claimed {
+    fn of<T: DeviceDescription>(description: T) -> Self {
+        // What is not a table of values, lists and tables could not have been read.
+        let written = serde_json::to_value(&description).unwrap_or_default();
+        Self { description: Arc::new(description), written }
+    }
+}
+
+impl DeviceTable {
+    fn written(&self) -> &serde_json::Value {
+        self.claimed.get().map_or(&self.written, |claimed| &claimed.written)
+    }
+
+    /// The description, read once and checked.
+    fn description<T: DeviceDescription>(&self, source: &Source) -> Result<Arc<T>, ConfigError> {
+        let key = || Key::from("device").child(T::NAME);
+        let claimed = match self.claimed.get() {
+            Some(claimed) => claimed,
+            None => {
+                let description: T = read_below(source, &key())?;
+                description.check().map_err(|(key, why)| source.error_at(key, Fault::Value { why }))?;
+                self.claimed.get_or_init(|| Claimed::of(description))
+            }
+        };
+        // Two rigs may read the same table, each in its own way.
+        Arc::clone(&claimed.description).downcast::<T>().or_else(|_| {
+            let read = serde_json::from_value::<T>(claimed.written.clone());
+            read.map(Arc::new).map_err(|e| source.error_at(key(), Fault::Value { why: e.to_string() }))
+        })
+    }
+}
+
+impl Experiment {
+    /// The name of the device's table: `shared_scanner` of `[device.shared_scanner]`.
+    pub fn device_name(&self) -> &str {
+        &self.device.name
+    }
+
+    /// What the device's table says, where it is of this kind.
+    pub fn device<T: DeviceDescription>(&self) -> Result<Arc<T>, ConfigError> {
+        if self.device.name == T::NAME {
+            self.device.description(&self.source)
+        } else {
+            let why = format!("this rig is for a `[device.{}]`", T::NAME);
+            Err(self.error("device", Fault::Value { why }))
+        }
+    }
+
+    /// Puts another device, or another description of the same, in the place of the one that there is.
+    pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
+        let claimed = Claimed::of(device);
+        let written = claimed.written.clone();
+        self.device = DeviceTable { name: T::NAME.to_owned(), written, claimed: claimed.into() };
+    }
+}
+
+impl PartialEq for DeviceTable {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name && self.written() == other.written()
+    }
+}
+
+impl fmt::Debug for DeviceTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct(&self.name).field("table", self.written()).finish_non_exhaustive()
+    }
+}
+
+impl Serialize for DeviceTable {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(1))?;
+        map.serialize_entry(&self.name, self.written())?;
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for DeviceTable {
+    /// A table with exactly one entry, which names the kind.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneTable;
+        impl<'de> Visitor<'de> for OneTable {
+            type Value = DeviceTable;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("exactly one table, such as `[device.NAME]`")
+            }
+
+            fn visit_enum<A: EnumAccess<'de>>(self, choice: A) -> Result<DeviceTable, A::Error> {
+                let (name, content) = choice.variant::<String>()?;
+                let written = content.newtype_variant()?;
+                Ok(DeviceTable { name, written, claimed: OnceLock::new() })
+            }
+        }
+        deserializer.deserialize_enum("Device", &[], OneTable)
+    }
+}
+
+impl JsonSchema for DeviceTable {
+    fn schema_name() -> Cow<'static, str> {
+        "Device".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "object", "minProperties": 1, "maxProperties": 1 })
+    }
+}

@@ -1,0 +1,81 @@
+//! What of an experiment file a device has a use for.
+
+use super::{ConfigError, Experiment, Fault, Filter, Key, Method};
+
+/// What of an experiment file a device has a use for, beyond what every device has; the rest is refused where it is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Uses {
+    /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
+    /// `threshold` of a filter.
+    pub crossings: bool,
+    /// A filter's `channels`: the device has several signals.
+    pub several_signals: bool,
+    /// The methods for a device that is linear but for a small part, `noise_memory` and `known_acceleration`.
+    pub nearly_linear: bool,
+    /// The method `steady_state`, where `nearly_linear` is not given.
+    pub settled_gain: bool,
+    /// The dither of a simulation, which is added to a feedback.
+    pub feedback: bool,
+}
+
+impl Uses {
+    /// Refuses what is given and of no use: the first of it.
+    pub fn check(self, experiment: &Experiment) -> Result<(), ConfigError> {
+        let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+        if let Some(key) = self.crossing_key(experiment) {
+            return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
+        }
+        let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+        for (index, filter) in filters.enumerate() {
+            let key = |name: &str| Key::from("estimate").child("filter").index(index).child(name);
+            if !(self.several_signals || filter.channels.is_empty()) {
+                return refuse(key("channels"), "this device has one signal; leave it out");
+            }
+            if self.nearly_linear {
+                continue;
+            }
+            if filter.method.is_for_nearly_linear()
+                && !(self.settled_gain && filter.method == Method::SteadyState)
+            {
+                let word = filter.method.word();
+                let why = format!(
+                    "the method `{word}` is for a device that is linear but for a small part; use `ekf`"
+                );
+                return refuse(key("method"), &why);
+            }
+            if filter.noise_memory.is_some() {
+                let why = "no filter of this device estimates the variance of a sample; leave it out";
+                return refuse(key("noise_memory"), why);
+            }
+            if filter.known_acceleration {
+                let why = "this device has no acceleration that could be known; leave it out";
+                return refuse(key("known_acceleration"), why);
+            }
+        }
+        let dithered = experiment.simulate.as_ref().is_some_and(|simulate| simulate.dither.is_some());
+        if dithered && !self.feedback {
+            let why = "a dither is added to the feedback of a device, and there is none; leave it out, or describe the \
+                       feedback, such as by `[device.accelerometer.feedback]`";
+            return refuse(Key::from("simulate.dither"), why);
+        }
+        Ok(())
+    }
+
+    /// A key about crossings that is given and of no use.
+    fn crossing_key(self, experiment: &Experiment) -> Option<Key> {
+        let estimate = experiment.estimate.as_ref().filter(|_| !self.crossings)?;
+        let at = Key::from("estimate");
+        let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
+        let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
+        let of_filter = |(index, filter): (usize, &Filter)| {
+            let given = [
+                ("variant", filter.variant.is_some()),
+                ("signal_variance", filter.signal_variance.is_some()),
+                ("threshold", filter.threshold.is_some()),
+            ];
+            let at = at.clone().child("filter").index(index);
+            given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
+        };
+        of_all.or_else(|| estimate.filters.iter().enumerate().find_map(of_filter))
+    }
+}
