@@ -35,6 +35,8 @@ pub struct RecordingOutcome {
     pub recording: Recording,
     /// The reference, where the experiment names one.
     pub reference: Option<ReferenceRecording>,
+    /// What the device's recorded input is called.
+    pub input: &'static str,
     /// What it tells that is no angle; the first is what the device is for.
     pub values: &'static [ValueState],
     /// One per segment.
@@ -178,7 +180,8 @@ fn evaluate(
         segments.push(SegmentOutcome { estimate, errors, values });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-    Ok(RecordingOutcome { name, recording, reference, values: rig.values(), segments, stretches })
+    let (input, values) = (rig.input(), rig.values());
+    Ok(RecordingOutcome { name, recording, reference, input, values, segments, stretches })
 }
 
 /// Refuses a file that is not there, where the experiment names it.

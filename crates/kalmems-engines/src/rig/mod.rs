@@ -36,6 +36,11 @@ pub trait Rig: Send + Sync {
         Uses::default()
     }
 
+    /// What its recorded input is called in figures.
+    fn input(&self) -> &'static str {
+        "drive"
+    }
+
     /// The recordings of an experiment that an estimate is wanted for, as indices, and all that can be checked
     /// of the experiment before they are read.
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError>;

@@ -87,6 +87,10 @@ impl Rig for AccelerometerRig {
         experiment.layout_to_estimate(index, &all.into_iter().flatten().collect::<Vec<_>>(), cycle_s)
     }
 
+    fn input(&self) -> &'static str {
+        "feedback"
+    }
+
     fn angles(&self) -> &'static [[&'static str; 2]] {
         &[]
     }

@@ -67,7 +67,7 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
     // A device that is not driven has no column of it.
     if !estimate.drive_column.is_empty() {
         let drive = zip(&column(&estimate.drive_column));
-        let label = if compared(recording, segment).is_some() { "feedback" } else { "drive" };
+        let label = recording.input;
         let panel = Panel::new(time_axis(), Axis::new(label, "V"));
         panels.push(panel.with(Series::line(label, Role::Input, drive)));
     }

@@ -115,8 +115,11 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
         Some(drive) => facts.push((
             "drive",
             format!(
-                "{:.3} V + {:.3} V sine at {:.3} Hz; the motion at half of that",
-                drive.offset_v, drive.amplitude_v, drive.frequency_hz
+                "{:.3} V + {:.3} V sine at {:.3} Hz; the motion at {}",
+                drive.offset_v,
+                drive.amplitude_v,
+                drive.frequency_hz,
+                against_drive(segment.motion_hz, drive.frequency_hz)
             ),
         )),
         None if segment.estimators.iter().any(|e| e.values.contains_key("position")) => {
@@ -128,10 +131,27 @@ fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'stati
     for axis in &segment.other_axes {
         facts.push((
             axis.angle,
-            format!("moves at {:.3} Hz, half the frequency of its part of the drive", axis.motion_hz),
+            match &axis.drive {
+                Some(drive) => format!(
+                    "moves at {:.3} Hz; its part of the drive is at {:.3} Hz",
+                    axis.motion_hz, drive.frequency_hz
+                ),
+                None => format!("moves at {:.3} Hz", axis.motion_hz),
+            },
         ));
     }
     facts
+}
+
+/// The frequency of a motion, in words where it is that of the drive or half of it.
+fn against_drive(motion_hz: f64, drive_hz: f64) -> String {
+    /// Both follow from one fit, or from two that agree this well.
+    const SAME: f64 = 1e-6;
+    match motion_hz / drive_hz {
+        ratio if (ratio - 0.5).abs() < SAME => "half the frequency".to_owned(),
+        ratio if (ratio - 1.0).abs() < SAME => "the same frequency".to_owned(),
+        _ => format!("{motion_hz:.3} Hz"),
+    }
 }
 
 fn milli(seconds: f64) -> String {
