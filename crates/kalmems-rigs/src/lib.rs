@@ -23,12 +23,12 @@ use std::sync::LazyLock;
 pub fn published() -> &'static Workbench {
     static PUBLISHED: LazyLock<Workbench> = LazyLock::new(|| {
         Workbench::new()
-            .with(accelerometer::AccelerometerRig)
-            .with(micro_stage::MicroStageRig)
-            .with(piston_mirror::PistonMirrorRig)
             .with(shared_scanner::SharedScannerRig)
             .with(shared_scanner::two_axes::TwoAxesRig)
             .with(threshold_scanner::ThresholdScannerRig)
+            .with(micro_stage::MicroStageRig)
+            .with(accelerometer::AccelerometerRig)
+            .with(piston_mirror::PistonMirrorRig)
     });
     &PUBLISHED
 }

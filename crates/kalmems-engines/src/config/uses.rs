@@ -54,8 +54,8 @@ impl Uses {
         }
         let dithered = experiment.simulate.as_ref().is_some_and(|simulate| simulate.dither.is_some());
         if dithered && !self.feedback {
-            let why = "a dither is added to the feedback of a device, and this one has none; leave it out, or describe a \
-                       feedback in the device's table";
+            let why = "a dither is added to the feedback of a device, and there is none; leave it out, or describe a feedback \
+                       in the device's table";
             return refuse(Key::from("simulate.dither"), why);
         }
         Ok(())

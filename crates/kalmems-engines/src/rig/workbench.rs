@@ -66,7 +66,7 @@ impl Workbench {
                 Fault::OneOf { known, .. } => {
                     *known = devices.iter().map(|device| device.name.to_owned()).collect();
                 }
-                Fault::MissingKey { remedy } => {
+                Fault::MissingKey { remedy } | Fault::Type { remedy, .. } => {
                     let tables = devices.iter().map(|device| format!("`[device.{}]`", device.name));
                     let tables: Vec<String> = tables.collect();
                     *remedy = format!("add one of the tables {}", tables.join(", "));
