@@ -93,13 +93,12 @@ impl DeviceTable {
     /// The description, read once and checked.
     fn description<T: DeviceDescription>(&self, source: &Source) -> Result<Arc<T>, ConfigError> {
         let key = || Key::from("device").child(T::NAME);
-        let claimed = match self.claimed.get() {
-            Some(claimed) => claimed,
-            None => {
-                let description: T = read_below(source, &key())?;
-                description.check().map_err(|(key, why)| source.error_at(key, Fault::Value { why }))?;
-                self.claimed.get_or_init(|| Claimed::of(description))
-            }
+        let claimed = if let Some(claimed) = self.claimed.get() {
+            claimed
+        } else {
+            let description: T = read_below(source, &key())?;
+            description.check().map_err(|(key, why)| source.error_at(key, Fault::Value { why }))?;
+            self.claimed.get_or_init(|| Claimed::of(description))
         };
         // Two rigs may read the same table, each in its own way.
         Arc::clone(&claimed.description).downcast::<T>().or_else(|_| {

@@ -10,12 +10,22 @@ pub struct Uses {
     pub crossings: bool,
     /// A filter's `channels`: the device has several signals.
     pub several_signals: bool,
-    /// The methods for a device that is linear but for a small part, `noise_memory` and `known_acceleration`.
-    pub nearly_linear: bool,
-    /// The method `steady_state`, where `nearly_linear` is not given.
-    pub settled_gain: bool,
+    /// The methods of filters.
+    pub methods: Methods,
     /// The dither of a simulation, which is added to a feedback.
     pub feedback: bool,
+}
+
+/// The methods that a device has a use for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Methods {
+    /// Those for any device.
+    #[default]
+    General,
+    /// These, and `steady_state`.
+    GeneralAndSettledGain,
+    /// All, with `noise_memory` and `known_acceleration`: the device is linear but for a small part.
+    NearlyLinear,
 }
 
 impl Uses {
@@ -31,12 +41,12 @@ impl Uses {
             if !(self.several_signals || filter.channels.is_empty()) {
                 return refuse(key("channels"), "this device has one signal; leave it out");
             }
-            if self.nearly_linear {
+            if self.methods == Methods::NearlyLinear {
                 continue;
             }
-            if filter.method.is_for_nearly_linear()
-                && !(self.settled_gain && filter.method == Method::SteadyState)
-            {
+            let settles =
+                self.methods == Methods::GeneralAndSettledGain && filter.method == Method::SteadyState;
+            if filter.method.is_for_nearly_linear() && !settles {
                 let word = filter.method.word();
                 let why = format!(
                     "the method `{word}` is for a device that is linear but for a small part; use `ekf`"

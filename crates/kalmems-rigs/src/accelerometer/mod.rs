@@ -25,7 +25,7 @@ mod varied;
 
 use super::{Estimator, Rig};
 use crate::accelerometer::device::Accelerometer;
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Methods, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
@@ -68,7 +68,11 @@ impl Rig for AccelerometerRig {
     }
 
     fn uses(&self, experiment: &Experiment) -> Uses {
-        Uses { nearly_linear: true, feedback: simulation::feedback(experiment).is_some(), ..Uses::default() }
+        Uses {
+            methods: Methods::NearlyLinear,
+            feedback: simulation::feedback(experiment).is_some(),
+            ..Uses::default()
+        }
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -25,7 +25,7 @@ mod start;
 mod trigger;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Methods, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
@@ -82,7 +82,7 @@ impl Rig for PistonMirrorRig {
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
-        Uses { settled_gain: true, ..Uses::default() }
+        Uses { methods: Methods::GeneralAndSettledGain, ..Uses::default() }
     }
 
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
