@@ -2,6 +2,7 @@
 
 use crate::args::ReproduceArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::reproduce::{
     Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
@@ -58,6 +59,6 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
         }
         print(&(text + &summary_table(&reproduction, false).to_text()))?;
     }
-    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::config::{Experiment, Role};
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
@@ -48,6 +49,6 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
         Role::RingDown => ("identify from it", "identify"),
         _ => ("estimate it", "estimate"),
     };
-    eprintln!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
+    tell!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
     Ok(())
 }
