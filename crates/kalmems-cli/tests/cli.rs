@@ -1251,3 +1251,38 @@ fn a_command_whose_outputs_are_closed_ends_as_with_open_ones() {
     assert!(!frames[0].is_empty() && frames[0] == frames[1]);
     assert!(folder.path().join("spectrum/figures/spectrum.png").is_file());
 }
+
+/// The digits of a text that stand in a row, the most.
+fn most_digits(text: &str) -> usize {
+    text.split(|c: char| !c.is_ascii_digit()).map(str::len).max().unwrap_or(0)
+}
+
+#[test]
+fn very_large_and_very_small_numbers_have_an_exponent_in_what_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("experiment.toml");
+    for (file, from, to, command) in [
+        ("shared_scanner/experiment.toml", "skip = \"8 ms\"", "skip = \"1e300 s\"", "estimate"),
+        ("shared_scanner/experiment.toml", "\"1.92e-4 V^2\"", "\"1e300 V^2\"", "inspect"),
+        ("shared_scanner/experiment.toml", "\"1.15e-14 kg m^2\"", "\"1e-300 kg m^2\"", "inspect"),
+        ("shared_scanner/simulation.toml", "\"31.35 kHz\"", "\"1e300 Hz\"", "inspect"),
+        ("micro_stage/simulation.toml", "\"1700 Hz\"", "\"1e300 Hz\"", "inspect"),
+        ("micro_stage/simulation.toml", "\"1.2 V\"", "\"1e-300 V\"", "inspect"),
+        ("piston_mirror/experiment.toml", "\"0.151 aF/sqrt(Hz)\"", "\"1e300 aF/sqrt(Hz)\"", "inspect"),
+    ] {
+        let example = root().join("examples").join(file);
+        let text_of = std::fs::read_to_string(&example).unwrap();
+        assert!(text_of.contains(from), "{file}: {from}");
+        let absolute = format!("file = \"{}/", example.parent().unwrap().display());
+        std::fs::write(&path, text_of.replace("file = \"", &absolute).replace(from, to)).unwrap();
+        let out = folder.path().join("out");
+        let out = ["--out", out.to_str().unwrap()];
+        let out = if command == "estimate" { &out[..] } else { &[] };
+        let output = run(&[&[command, path.to_str().unwrap()][..], out].concat());
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        assert!(most_digits(&said) < 18, "{to}: {said}");
+        if command == "estimate" {
+            assert!(said.contains("the settling time of 1e300 s"), "{said}");
+        }
+    }
+}

@@ -15,7 +15,7 @@ use super::transform::TransformError;
 use crate::config::{ConfigError, Device, Experiment, Fault, Quantity};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
-use crate::recording::{Finding, ReadError, Source};
+use crate::recording::{Finding, Purpose, ReadError, Source};
 use crate::signal::cubic_between;
 use crate::spectrum::file::{Band, PathDifference, SpectrumFile, SpectrumLine, SpectrumReference};
 
@@ -169,7 +169,8 @@ impl SpectrumError {
 
 /// Reads, or simulates, all interferograms of a spectrum file and computes the spectrum.
 pub fn measure(file: &SpectrumFile, progress: &dyn Progress) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input = Input { file, origin: None, files: NamedFiles::new("spectrum file", progress) };
+    let mut input =
+        Input { file, origin: None, files: NamedFiles::new("spectrum file", Purpose::Evaluation, progress) };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,
