@@ -1,13 +1,14 @@
 //! Reading the files that a calibration, an image or a spectrum names.
 
 use crate::progress::Progress;
-use crate::recording::{Finding, Layout, ReadError, Recording, Source};
+use crate::recording::{Finding, Layout, Purpose, ReadError, Recording, Source};
 use std::path::Path;
 
 /// Reads files and remembers what they were and what was found in them.
 pub(super) struct NamedFiles<'a> {
     /// What the settings are called, in a message: `image file`.
     settings: &'static str,
+    purpose: Purpose,
     pub(super) progress: &'a dyn Progress,
     pub(super) sources: Vec<Source>,
     /// The name of a file, and what was found in it; each once.
@@ -23,8 +24,8 @@ pub(super) enum NamedFileError {
 }
 
 impl<'a> NamedFiles<'a> {
-    pub(super) const fn new(settings: &'static str, progress: &'a dyn Progress) -> Self {
-        Self { settings, progress, sources: Vec::new(), findings: Vec::new() }
+    pub(super) const fn new(settings: &'static str, purpose: Purpose, progress: &'a dyn Progress) -> Self {
+        Self { settings, purpose, progress, sources: Vec::new(), findings: Vec::new() }
     }
 
     /// Reads a file.
@@ -46,10 +47,10 @@ impl<'a> NamedFiles<'a> {
             }
             progress.reached(done)
         });
-        let recording = read.map_err(NamedFileError::Read)?;
+        let recording = read.map_err(|error| NamedFileError::Read(error.read_for(self.purpose)))?;
         let source = recording.source().clone();
         for finding in recording.diagnosis() {
-            let found = (source.file.clone(), finding.clone());
+            let found = (source.file.clone(), finding.clone().read_for(self.purpose));
             if !self.findings.contains(&found) {
                 self.findings.push(found);
             }

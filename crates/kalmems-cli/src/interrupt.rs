@@ -1,5 +1,6 @@
 //! Interruption: a flag that long work looks at, and an end for work that does not look in time.
 
+use crate::tell::tell;
 use std::io::Write as _;
 use std::process::exit;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,7 +44,7 @@ pub fn listen() {
         }
     };
     if let Err(e) = ctrlc::set_handler(handler) {
-        eprintln!("warning: interruptions will not be handled: {e}");
+        tell!("warning: interruptions will not be handled: {e}");
     }
 }
 

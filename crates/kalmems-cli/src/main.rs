@@ -3,16 +3,21 @@
 //! Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under
 //! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
 
+// Both panic where nobody reads: `print` and `tell!` are for that.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod args;
 mod commands;
 mod interrupt;
 mod progress;
 mod target;
+mod tell;
 
 use args::{Arguments, Command};
 use clap::Parser;
 use kalmems::recording::panic_is_caught;
 use std::process::ExitCode;
+use tell::tell;
 
 /// How a command ended, other than well.
 enum Ending {
@@ -56,7 +61,7 @@ fn main() -> ExitCode {
         Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
-    eprintln!("error: {message}");
+    tell!("error: {message}");
     ExitCode::from(code)
 }
 

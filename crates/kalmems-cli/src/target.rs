@@ -1,6 +1,7 @@
 //! The folder of a result, from before the work begins until the result is there.
 
 use crate::Ending;
+use crate::tell::tell;
 use kalmems::results::{Committed, Output, Work};
 use std::path::PathBuf;
 
@@ -17,7 +18,7 @@ pub fn finish(output: Output) -> Result<PathBuf, Ending> {
     let out = output.target().to_owned();
     let Committed { earlier } = output.commit().map_err(|e| Ending::Wrong(e.to_string()))?;
     if let Some(earlier) = earlier {
-        eprintln!("the earlier result, which differs from this one, is kept in {}", earlier.display());
+        tell!("the earlier result, which differs from this one, is kept in {}", earlier.display());
     }
     Ok(out)
 }

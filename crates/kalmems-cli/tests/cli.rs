@@ -1204,3 +1204,87 @@ fn a_silent_stream_tells_its_health_and_ends_at_once_with_130() {
         drop(input);
     }
 }
+
+/// `kalmems … 2>&1 | head` closes both outputs early.
+#[test]
+fn a_command_whose_outputs_are_closed_ends_as_with_open_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let rows: String =
+        (-512..512).map(|k| format!("{:.6}\n", (0.6 * f64::from(k)).cos() / f64::from(1 + k * k))).collect();
+    std::fs::write(path("i.csv"), format!("detector_1\n{rows}")).unwrap();
+    let spectrum = "name = \"s\"\n[interferogram]\nfile = \"i.csv\"\ncolumns = [\"detector_1\"]\n[path]\nstep = \"0.5 um\"\n\
+                    [transform]\napodisation = \"boxcar\"\nphase = \"power\"\n";
+    std::fs::write(path("s.toml"), spectrum).unwrap();
+    let recording = "examples/shared_scanner/recording.csv";
+    let simulation = "examples/shared_scanner/simulation.toml";
+    for (arguments, code) in [
+        (&["schema"][..], 0),
+        (&["inspect", recording], 0),
+        (&["inspect", EXAMPLE, "--out", &path("outlook")], 0),
+        (&["simulate", simulation, "--out", &path("simulated")], 0),
+        (&["spectrum", &path("s.toml"), "--out", &path("spectrum")], 0),
+        (&["stream", STREAM, "--from", recording, "--frames", &path("FRAMES")], 0),
+        (&["estimate", &path("none.toml"), "--out", &path("none")], 1),
+        (&["estimate"], 2),
+    ] {
+        let with = |arguments: &[&str], open: bool| {
+            let mut command = kalmems();
+            command.args(arguments);
+            let (reader, writer) = std::io::pipe().unwrap();
+            if open {
+                command.stdout(Stdio::null()).stderr(Stdio::null());
+            } else {
+                command.stdout(writer.try_clone().unwrap()).stderr(writer);
+            }
+            drop(reader);
+            command.status().unwrap().code()
+        };
+        let named = |frames: &str| -> Vec<String> {
+            arguments.iter().map(|argument| argument.replace("FRAMES", frames)).collect()
+        };
+        for (frames, open) in [("open", true), ("closed", false)] {
+            let arguments = named(frames);
+            let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+            assert_eq!(with(&arguments, open), Some(code), "{arguments:?}, open: {open}");
+        }
+    }
+    let frames = ["open", "closed"].map(|name| std::fs::read(path(name)).unwrap());
+    assert!(!frames[0].is_empty() && frames[0] == frames[1]);
+    assert!(folder.path().join("spectrum/figures/spectrum.png").is_file());
+}
+
+/// The digits of a text that stand in a row, the most.
+fn most_digits(text: &str) -> usize {
+    text.split(|c: char| !c.is_ascii_digit()).map(str::len).max().unwrap_or(0)
+}
+
+#[test]
+fn very_large_and_very_small_numbers_have_an_exponent_in_what_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("experiment.toml");
+    for (file, from, to, command) in [
+        ("shared_scanner/experiment.toml", "skip = \"8 ms\"", "skip = \"1e300 s\"", "estimate"),
+        ("shared_scanner/experiment.toml", "\"1.92e-4 V^2\"", "\"1e300 V^2\"", "inspect"),
+        ("shared_scanner/experiment.toml", "\"1.15e-14 kg m^2\"", "\"1e-300 kg m^2\"", "inspect"),
+        ("shared_scanner/simulation.toml", "\"31.35 kHz\"", "\"1e300 Hz\"", "inspect"),
+        ("micro_stage/simulation.toml", "\"1700 Hz\"", "\"1e300 Hz\"", "inspect"),
+        ("micro_stage/simulation.toml", "\"1.2 V\"", "\"1e-300 V\"", "inspect"),
+        ("piston_mirror/experiment.toml", "\"0.151 aF/sqrt(Hz)\"", "\"1e300 aF/sqrt(Hz)\"", "inspect"),
+    ] {
+        let example = root().join("examples").join(file);
+        let text_of = std::fs::read_to_string(&example).unwrap();
+        assert!(text_of.contains(from), "{file}: {from}");
+        let absolute = format!("file = \"{}/", example.parent().unwrap().display());
+        std::fs::write(&path, text_of.replace("file = \"", &absolute).replace(from, to)).unwrap();
+        let out = folder.path().join("out");
+        let out = ["--out", out.to_str().unwrap()];
+        let out = if command == "estimate" { &out[..] } else { &[] };
+        let output = run(&[&[command, path.to_str().unwrap()][..], out].concat());
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        assert!(most_digits(&said) < 18, "{to}: {said}");
+        if command == "estimate" {
+            assert!(said.contains("the settling time of 1e300 s"), "{said}");
+        }
+    }
+}

@@ -76,7 +76,7 @@ fn files_of_every_format_with_names_of_their_own_give_the_example_s_trajectory_t
     assert_eq!(expected.lines().count(), ROWS + 1);
     std::fs::write(folder.path().join("own.csv"), rows.replace("time_s,drive_V,cap_V", "t,Vdrive,Ucap"))
         .unwrap();
-    let files = ["own.mat", "own.npz", "own.h5", "own.parquet", "own.tdms"];
+    let files = ["own.mat", "own.npz", "own.h5", "own.parquet", "own.tdms", "nulls.parquet"];
     for file in files {
         std::fs::copy(fixture(file), folder.path().join(file)).unwrap();
     }
@@ -175,28 +175,191 @@ fn inspect_reads_what_estimate_reads_where_a_column_is_text() {
         let text = done(&["inspect", fixture(name).to_str().unwrap()]);
         assert!(text.contains("Vdrive") && text.contains("operator"), "{name}: {text}");
     }
+    // Texts that nobody, or somebody once, filled in.
+    let text = done(&["inspect", fixture("nulls.parquet").to_str().unwrap()]);
+    assert!(text.contains("`remark` is text with nothing in any row and is left out."), "{text}");
+    assert!(text.contains("`note` is text with nothing in 1197 of 1200 rows and is left out."), "{text}");
 }
 
-/// A file that was not meant shows nothing of itself.
+/// Files that were not meant, each with a word that is nobody's business.
+const CANARIES: [(&str, &str); 13] = [
+    ("a word in each line", "SWORDFISH\nalpha\nbeta\n"),
+    ("a line without end", "SWORDFISH"),
+    ("accounts", "root:$6$SWORDFISH$abcdef:19000:0:99999:7:::\ndaemon:*:19000:0:99999:7:::\n"),
+    ("an environment", "# keys\nTOKEN=SWORDFISH\nPORT=5\n"),
+    ("values of a key", "SWORDFISH=1,2,3\n"),
+    ("values of two keys", "SWORDFISH=1,2,3\nOTHER=4,5,6\n"),
+    ("tabs", "SWORDFISH\talpha\nbeta\tSWORDFISH\n"),
+    ("semicolons", "SWORDFISH;alpha\nbeta;SWORDFISH\n"),
+    ("JSON in a line", "{\"SWORDFISH\": \"SWORDFISH\", \"n\": [1, 2, 3]}\n"),
+    ("JSON", "{\n  \"SWORDFISH\": \"SWORDFISH\",\n  \"n\": [\n    1,\n    2\n  ]\n}\n"),
+    ("lists of JSON", "[\"SWORDFISH\", 2, 3]\n[\"SWORDFISH\", 5, 6]\n"),
+    (
+        "prose",
+        "Dear SWORDFISH, dear all,\nwe met at five, again, and SWORDFISH\nwas not there, as you know.\n",
+    ),
+    ("markup", "<a href=\"SWORDFISH\">SWORDFISH</a>\n<b>SWORDFISH</b>\n"),
+];
+
+/// For each file that settings can name: what it is, the command, and settings in which it is called `FILE`. All other files are
+/// those of the examples.
+fn settings_with_a_file() -> Vec<(&'static str, Vec<&'static str>, String)> {
+    let examples = root().join("examples");
+    let of = |example: &str, file: &str| {
+        let folder = examples.join(example);
+        let text = std::fs::read_to_string(folder.join(file)).unwrap();
+        text.replace("file = \"", &format!("file = \"{}/", folder.display()))
+    };
+    let with = |text: &str, example: &str, file: &str| {
+        let path = format!("\"{}\"", examples.join(example).join(file).display());
+        assert!(text.contains(&path), "{path}");
+        text.replace(&path, "\"FILE\"")
+    };
+    let scanner = |settings: &str, file: &str| with(&of("shared_scanner", settings), "shared_scanner", file);
+    let gyroscope = |file: &str| with(&of("gyroscope", "calibration.toml"), "gyroscope", file);
+    let simulation = of("shared_scanner", "simulation.toml");
+    let drive = simulation.find("[simulate.drive").unwrap()..simulation.find("# For `kalmems").unwrap();
+    let mut recorded = simulation.clone();
+    let table = "[simulate.drive.recorded]\nfile = \"FILE\"\nclock = { column = \"time_s\" }\ncolumn = \"drive_V\"\n\n";
+    recorded.replace_range(drive, table);
+    let interferogram = "name = \"s\"\n[interferogram]\nfile = \"known.csv\"\ncolumns = [\"detector_1\"]\nclock = { rate = \"1 kHz\" }\n\
+                         [path.trajectory]\nfile = \"known.csv\"\nclock = { column = \"time_s\" }\ncolumn = \"position_m\"\n\
+                         [transform]\napodisation = \"boxcar\"\nphase = \"power\"\n[reference]\n\
+                         band = { from = \"1500 1/cm\", to = \"2500 1/cm\" }\n[reference.spectrum]\nfile = \"known.csv\"\n\
+                         wavenumber = \"wavenumber_per_cm\"\ncolumn = \"height\"\n";
+    let spectrum = |number: usize| {
+        let mut parts: Vec<String> = interferogram.split("known.csv").map(str::to_owned).collect();
+        let behind = parts.split_off(number + 1);
+        format!("{}FILE{}", parts.join("known.csv"), behind.join("known.csv"))
+    };
+    let calibrate = vec!["calibrate", "gyro"];
+    vec![
+        ("a recording", vec!["estimate"], scanner("experiment.toml", "recording.csv")),
+        ("a reference", vec!["estimate"], scanner("experiment.toml", "reference.csv")),
+        (
+            "a recording to identify from",
+            vec!["identify"],
+            scanner("ring_down.toml", "ring_down_recording.csv"),
+        ),
+        ("a recorded drive", vec!["simulate"], recorded),
+        ("records of a gyroscope", calibrate.clone(), gyroscope("gyro.csv")),
+        ("records of a vibrometer", calibrate.clone(), gyroscope("vibrometer.csv")),
+        ("a record at rest", calibrate, gyroscope("rest.csv")),
+        ("intensities", vec!["image"], scanner("image.toml", "image_intensity.csv")),
+        ("a trajectory of an image", vec!["image"], scanner("image.toml", "image_trajectory.csv")),
+        ("an interferogram", vec!["spectrum"], spectrum(0)),
+        ("a trajectory of a spectrum", vec!["spectrum"], spectrum(1)),
+        ("a known spectrum", vec!["spectrum"], spectrum(2)),
+    ]
+}
+
+/// A folder with those settings, each in a file of its own, and what else they name.
+fn folder_of_settings(settings: &[(&str, Vec<&str>, String)]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, (_, _, text)) in settings.iter().enumerate() {
+        std::fs::write(folder.path().join(format!("{number}.toml")), text).unwrap();
+    }
+    let rows: String =
+        (0..200).fold("time_s,position_m,detector_1,wavenumber_per_cm,height\n".to_owned(), |text, k| {
+            let time_s = 1e-3 * f64::from(k);
+            let position = 1e-3 * (std::f64::consts::TAU * 20.0 * time_s).cos();
+            format!("{text}{time_s},{position},{},{},1\n", (0.6 * f64::from(k)).cos(), 1000 + 10 * k)
+        });
+    std::fs::write(folder.path().join("known.csv"), rows).unwrap();
+    folder
+}
+
+/// A file that was not meant shows nothing of itself, whatever named it.
 #[test]
 fn a_file_of_another_kind_is_not_quoted() {
+    let settings = settings_with_a_file();
+    let folder = folder_of_settings(&settings);
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let quotes = |output: &Output| {
+        let all = format!("{}{}", String::from_utf8_lossy(&output.stdout), said(output));
+        all.to_lowercase().contains("swordfish").then_some(all)
+    };
+    for (name, text) in CANARIES {
+        std::fs::write(path("FILE"), text).unwrap();
+        for (number, (kind, command, _)) in settings.iter().enumerate() {
+            let file = path(&format!("{number}.toml"));
+            let output = run(&[command.as_slice(), &[&file, "--out", &path("out")]].concat());
+            assert_eq!(quotes(&output), None, "{name} as {kind}");
+            assert_eq!(output.status.code(), Some(1), "{name} as {kind}: {}", said(&output));
+            assert!(said(&output).contains("expected"), "{name} as {kind}: {}", said(&output));
+        }
+        let output = run(&["inspect", &path("FILE")]);
+        assert_eq!((output.status.code(), quotes(&output)), (Some(1), None), "{name}");
+        // The settings themselves, and samples that arrive.
+        for command in ["estimate", "identify", "simulate", "image", "spectrum", "study"] {
+            let output = run(&[command, &path("FILE"), "--out", &path("out")]);
+            assert_ne!(output.status.code(), Some(0), "{command} {name}");
+            assert_eq!(quotes(&output), None, "{command} {name}");
+        }
+        let stream = run(&["stream", "examples/shared_scanner/stream.toml", "--from", &path("FILE")]);
+        assert_eq!(quotes(&stream), None, "stream {name}");
+    }
+    // As arrays, which it is not.
+    std::fs::write(path("other.npz"), CANARIES[2].1).unwrap();
+    let output = run(&["inspect", &path("other.npz")]);
+    assert_eq!((output.status.code(), quotes(&output)), (Some(1), None));
+}
+
+/// What a table of numbers is called, and what is wrong in it, is told all the same.
+#[test]
+fn a_table_of_numbers_is_quoted_where_that_helps() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let secret = "root:$6$swordfish$abcdef:19000:0:99999:7:::\ndaemon:*:19000:0:99999:7:::\n";
-    std::fs::write(path("shadow"), secret).unwrap();
-    std::fs::write(path("secret.env"), "# keys\nTOKEN=swordfish\n").unwrap();
-    std::fs::write(path("other.npz"), secret).unwrap();
-    let (text, _) = example();
-    for file in ["shadow", "secret.env", "other.npz"] {
-        std::fs::write(path("experiment.toml"), text.replace("recording.csv", file)).unwrap();
-        for command in ["estimate", "identify", "simulate", "image", "spectrum", "study"] {
-            let why = run(&[command, &path(file), "--out", &path("out")]);
-            assert_ne!(why.status.code(), Some(0), "{command} {file}");
-            assert!(!said(&why).contains("swordfish"), "{command} {file}: {}", said(&why));
+    let (text, rows) = example();
+    std::fs::write(path("experiment.toml"), text).unwrap();
+    let estimate = ["estimate", &path("experiment.toml"), "--out", &path("out")];
+    std::fs::write(path("recording.csv"), rows.replace("cap_V", "capacitance")).unwrap();
+    let why = refused(&estimate, folder.path());
+    assert!(why.contains("there are `time_s`, `drive_V`, `capacitance`"), "{why}");
+    std::fs::write(path("recording.csv"), rows.replacen("\n0.0005,", "\nlate,", 1)).unwrap();
+    let why = refused(&estimate, folder.path());
+    assert!(why.contains("`late` is no time"), "{why}");
+}
+
+/// The table that names a file has another name in each kind of settings.
+#[test]
+fn advice_on_a_text_without_names_fits_the_settings_that_name_it() {
+    let settings = settings_with_a_file();
+    let folder = folder_of_settings(&settings);
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    for (text, expected) in [
+        ("0,1\n1,2\n2,3\n", "columns = [\"time_s\", \"cap_V\"] }` in the table that names the file"),
+        ("a,b;c\n1,2;3\n", "separator = \",\" }` in the table that names the file"),
+    ] {
+        std::fs::write(path("FILE"), text).unwrap();
+        for (number, (kind, command, _)) in settings.iter().enumerate() {
+            let file = path(&format!("{number}.toml"));
+            let why = refused(&[command.as_slice(), &[&file, "--out", &path("out")]].concat(), folder.path());
+            assert!(why.contains(expected) && !why.contains("[[recording]]"), "{kind}: {why}");
         }
-        let why = refused(&["estimate", &path("experiment.toml"), "--out", &path("out")], folder.path());
-        assert!(!why.contains("swordfish"), "{file}: {why}");
     }
+}
+
+/// Columns that the reader leaves out are in the file all the same: what `inspect` says of them, `estimate` says where one of
+/// them is asked for.
+#[test]
+fn a_column_that_is_left_out_is_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let file = root().join("crates/kalmems-formats/tests/fixtures/refused.h5");
+    std::fs::copy(file, path("refused.h5")).unwrap();
+    let (text, _) = example();
+    let mut all = String::new();
+    for [drive, signal] in [["complex", "virtual"], ["raw", "gone"], ["far", "cube"], ["image", "rate"]] {
+        let channels = format!(
+            "clock = {{ column = \"time_s\" }}\nchannels = {{ drive = {{ column = \"{drive}\", unit = \"V\" }}, \
+             signal = \"{signal}_V\" }}"
+        );
+        let text = text.replace("recording.csv", "refused.h5").replace(PLAIN, &channels);
+        std::fs::write(path("experiment.toml"), text).unwrap();
+        all += &refused(&["estimate", &path("experiment.toml"), "--out", &path("out")], folder.path());
+    }
+    insta::assert_snapshot!(all);
 }
 
 #[test]
@@ -266,6 +429,12 @@ fn calibrate_takes_formats_and_columns_as_estimate_does() {
         serde_json::from_str(&done(&["calibrate", "gyro", &file, "--out", &path(name), "--json"])).unwrap()
     });
     assert!(plain["results"].is_array() && plain["rest"].is_array(), "{plain}");
+    // With blanks between the cells.
+    std::fs::write(path("blanks.txt"), vibrometer.replace(',', " ")).unwrap();
+    std::fs::write(path("blanks.toml"), text.replace("\"vibrometer.csv\"", "\"blanks.txt\"")).unwrap();
+    let blanks = done(&["calibrate", "gyro", &path("blanks.toml"), "--out", &path("blanks"), "--json"]);
+    let blanks: serde_json::Value = serde_json::from_str(&blanks).unwrap();
+    assert_eq!((&plain["results"], &plain["rest"]), (&blanks["results"], &blanks["rest"]));
     assert_eq!((&plain["results"], &plain["rest"]), (&own["results"], &own["rest"]));
     assert!(own["findings"].to_string().contains("its numbers are in `mV`, times `1000`"), "{own}");
 }
@@ -294,13 +463,17 @@ fn image_takes_formats_and_columns_as_estimate_does() {
         .replace("{ column = \"time_us\" }", "{ column = \"t\", unit = \"us\" }")
         .replace("\"x_mrad\"", "{ column = \"x\", unit = \"mrad\" }")
         .replace("\"y_mrad\"", "{ column = \"y\", unit = \"rad\", scale = 0.001 }");
-    for (name, text) in [("image", &text), ("own", &own)] {
+    // With blanks between the cells.
+    std::fs::write(path("blanks.txt"), trajectory.replace(',', "  ")).unwrap();
+    let blanks = text.replace("image_trajectory.csv", "blanks.txt");
+    let names = ["image", "own", "blanks"];
+    for (name, text) in names.into_iter().zip([&text, &own, &blanks]) {
         std::fs::write(path(&format!("{name}.toml")), text).unwrap();
         done(&["image", &path(&format!("{name}.toml")), "--out", &path(name)]);
     }
-    let [plain, own] =
-        ["image", "own"].map(|name| std::fs::read(Path::new(&path(name)).join("image.png")).unwrap());
-    assert!(plain == own && !plain.is_empty());
+    let [plain, own, blanks] =
+        names.map(|name| std::fs::read(Path::new(&path(name)).join("image.png")).unwrap());
+    assert!(plain == own && plain == blanks && !plain.is_empty());
 }
 
 #[test]
@@ -320,6 +493,8 @@ fn spectrum_takes_formats_and_columns_as_estimate_does() {
         (1000..3000).map(|nu| format!("{nu},{}\n", f64::from((nu - 2000_i32).pow(2)))).collect();
     std::fs::write(path("known.csv"), format!("wavenumber_per_cm,height\n{}", known.concat())).unwrap();
     std::fs::write(path("nu.csv"), format!("nu,height\n{}", known.concat())).unwrap();
+    let blanks = format!("wavenumber_per_cm height\n{}", known.concat().replace(',', "\t"));
+    std::fs::write(path("blanks.txt"), blanks).unwrap();
     let text = "name = \"s\"\n[interferogram]\nfile = \"i.csv\"\ncolumns = [\"detector_1\"]\n[path]\nstep = \"0.5 um\"\n[transform]\n\
                 apodisation = \"boxcar\"\nphase = \"power\"\n[reference]\nband = { from = \"1500 1/cm\", to = \"2500 1/cm\" }\n\
                 [reference.spectrum]\nfile = \"known.csv\"\nwavenumber = \"wavenumber_per_cm\"\ncolumn = \"height\"\n";
@@ -328,13 +503,16 @@ fn spectrum_takes_formats_and_columns_as_estimate_does() {
         .replace("[\"detector_1\"]", "[{ column = \"d\", unit = \"1\" }]")
         .replace("known.csv", "nu.csv")
         .replace("\"wavenumber_per_cm\"", "{ column = \"nu\", unit = \"1/cm\" }");
-    let [plain, own] = [("s", text), ("own", &own)].map(|(name, text)| -> serde_json::Value {
-        std::fs::write(path(&format!("{name}.toml")), text).unwrap();
-        let file = path(&format!("{name}.toml"));
-        serde_json::from_str(&done(&["spectrum", &file, "--out", &path(name), "--json"])).unwrap()
-    });
+    let blanks = text.replace("known.csv", "blanks.txt");
+    let [plain, own, blanks] =
+        [("s", text), ("own", &own), ("blanks", &blanks)].map(|(name, text)| -> serde_json::Value {
+            std::fs::write(path(&format!("{name}.toml")), text).unwrap();
+            let file = path(&format!("{name}.toml"));
+            serde_json::from_str(&done(&["spectrum", &file, "--out", &path(name), "--json"])).unwrap()
+        });
     assert!(plain["reference"]["rms_over_peak"].is_number(), "{plain}");
     assert_eq!(plain["reference"], own["reference"]);
+    assert_eq!(plain["reference"], blanks["reference"]);
     // The schema asks for this name, so that nothing is found about its unit.
     assert!(!plain["findings"].to_string().contains("wavenumber_per_cm"), "{plain}");
 }

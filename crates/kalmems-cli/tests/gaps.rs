@@ -288,7 +288,12 @@ fn inspect_and_estimate_agree_on_a_gap_in_a_free_decay() {
     };
     let inspected = text(&run(&["inspect", "recording.csv"]).stdout);
     assert!(inspected.contains("200 samples are missing"), "{inspected}");
-    assert!(inspected.contains("an estimate predicts over the gap"), "{inspected}");
+    assert!(inspected.contains("an estimate predicts over the gap where it knows the drive"), "{inspected}");
+    assert!(inspected.contains("`identify` takes records without a gap"), "{inspected}");
+    let identified = run(&["identify", "experiment.toml", "--out", "identified"]);
+    let said = text(&identified.stderr);
+    assert_eq!(identified.status.code(), Some(1), "{said}");
+    assert!(said.contains("expected a record without gaps"), "{said}");
     let estimated = run(&["estimate", "experiment.toml", "--out", "out", "--json"]);
     assert_eq!(estimated.status.code(), Some(0), "{}", text(&estimated.stderr));
     let metrics: Value = serde_json::from_slice(&estimated.stdout).unwrap();

@@ -79,6 +79,44 @@ fn times_of_a_host_in_bursts_show_the_rate_all_the_same() {
     assert!(!told.contains("nominal rate"), "{told}");
 }
 
+/// Bursts of one to eight samples that are 2 µs apart, of which the middle ones may be late by 100 s.
+#[test]
+fn missing_samples_are_counted_by_the_rate_and_not_by_the_intervals_within_bursts() {
+    let mut sizes = Noise(8);
+    let mut arrival = Vec::new();
+    while arrival.len() < ROWS {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 1 to 8
+        let size = (4.5 + 2.0 * sizes.next()).clamp(1.0, 8.0) as usize;
+        let end = (arrival.len() + size) as f64 / 99.3;
+        arrival.extend((0..size).map(|k| end + 2e-6 * k as f64));
+    }
+    for gap_s in [0.0, 100.0] {
+        let time = |k: usize| arrival[k] + if k < 8000 { 0.0 } else { gap_s };
+        let rows = white(9).into_iter().enumerate().map(|(k, rate)| (time(k), Some(rate)));
+        let (found, told) = rest(rows, COLUMN);
+        close(&found, "duration_s", ROWS as f64 / 99.3, 1e-2);
+        let counted: Vec<f64> = told
+            .split("column `time_s`: ")
+            .filter_map(|finding| finding.split_once(" samples are missing")?.0.parse().ok())
+            .collect();
+        match counted.as_slice() {
+            [] => assert!(gap_s < 1.0, "{told}"),
+            [count] => assert!(gap_s > 1.0 && (count / (99.3 * gap_s) - 1.0).abs() < 0.02, "{told}"),
+            _ => panic!("{told}"),
+        }
+        assert!(!told.contains("estimate") && !told.contains("recording.gaps"), "{told}");
+        assert!(gap_s < 1.0 || told.contains("no difference across the gap"), "{told}");
+    }
+}
+
+#[test]
+fn what_is_missing_at_rest_is_told_for_the_calibration() {
+    let rows = white(1).into_iter().enumerate();
+    let rows = rows.map(|(k, rate)| (k as f64 * 0.01, (k != 1000).then_some(rate)));
+    let (_, told) = rest(rows, COLUMN);
+    assert!(told.contains("the calibration leaves the sample out") && !told.contains("estimate"), "{told}");
+}
+
 #[test]
 fn a_gap_is_not_closed_up() {
     let time = |k: usize| k as f64 * 0.01 + if k < 8000 { 0.0 } else { 100.0 };

@@ -7,6 +7,7 @@ mod recorded;
 pub use recorded::Recorded;
 
 use crate::simulate::{StabilityMap, SteadyMotion, Sweeps};
+use kalmems_figures::with_short_numbers;
 use serde::{Serialize, Serializer};
 use std::fmt::Write as _;
 
@@ -115,10 +116,11 @@ impl Topic {
         Self { title, facts: Vec::new() }
     }
 
-    /// Adds a fact.
+    /// Adds a fact. Numbers of too many digits to count get an exponent in its sentence.
     #[must_use]
     pub fn with(mut self, name: &'static str, values: impl Into<Vec<f64>>, text: impl Into<String>) -> Self {
-        self.facts.push(Fact { name, values: values.into(), text: text.into() });
+        let text = with_short_numbers(&text.into());
+        self.facts.push(Fact { name, values: values.into(), text });
         self
     }
 }

@@ -45,6 +45,6 @@ pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples}
 pub use error::ReportError;
 pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
 pub use page::{Block, Page, Section, Severity};
-pub use significant::significant;
+pub use significant::{number, significant, with_short_numbers};
 pub use table::{Column, Table};
 pub use text::unit_sign;

@@ -1,5 +1,6 @@
 //! Tables, for the page and for the terminal.
 
+use crate::significant::with_short_numbers;
 use crate::text::{printable, with_unit};
 
 /// The head of a column.
@@ -47,9 +48,14 @@ impl Table {
         Self { caption: caption.into(), columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
-    /// Adds a row.
+    /// Adds a row. Numbers of too many digits to count get an exponent.
     pub fn push<C: Into<String>>(&mut self, cells: impl IntoIterator<Item = C>) {
-        self.rows.push(cells.into_iter().map(Into::into).collect());
+        let cell = |(column, cell): (usize, C)| {
+            let cell: String = cell.into();
+            if self.is_numeric(column) { with_short_numbers(&cell) } else { cell }
+        };
+        let row = cells.into_iter().enumerate().map(cell).collect();
+        self.rows.push(row);
     }
 
     /// Adds a row.

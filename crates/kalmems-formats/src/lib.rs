@@ -57,6 +57,6 @@ pub use length::has_more_rows;
 pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;
-pub use table::{Column, Description, Digest, Table, Wanted};
+pub use table::{Column, Description, Digest, Evidence, LeftOut, Table, Wanted};
 pub use time::{Instant, LABVIEW_ZERO_S, NoInstant, SPREADSHEET_ZERO_S, TimeKind, TimeReader, TimeUnit};
 pub use unit_words::unit_ending;

@@ -1,6 +1,7 @@
 //! How much of a file is believed before it is read.
 
 use crate::FormatError;
+use std::fmt::Display;
 
 /// Bytes of a header, of the metadata of one object, or of the values of labels that are kept in memory.
 pub(crate) const HEADER_BYTES: u64 = 16 << 20;
@@ -43,9 +44,9 @@ pub(crate) fn plausible_unpacked(
 }
 
 /// A few of many things, for messages.
-pub(crate) fn list(things: &[String]) -> String {
+pub(crate) fn list(things: &[impl Display]) -> String {
     const SHOWN: usize = 8;
-    let mut text = things.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let mut text = things.iter().take(SHOWN).map(ToString::to_string).collect::<Vec<_>>().join(", ");
     if things.len() > SHOWN {
         text.push_str(&format!(" and {} more", things.len() - SHOWN));
     }

@@ -6,8 +6,8 @@ use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::time::TimeCode;
 use crate::{
-    Block, CellFault, Column, Description, Fault, FormatError, Instant, Labels, Table, TimeKind, TimeReader,
-    TimeUnit, Wanted,
+    Block, CellFault, Column, Description, Evidence, Fault, FormatError, Instant, Labels, LeftOut, Table,
+    TimeKind, TimeReader, TimeUnit, Wanted,
 };
 use std::collections::BTreeMap;
 
@@ -126,7 +126,8 @@ impl RecordTable {
     /// Puts a table together. Columns may be of different lengths as long as those that are wanted are not.
     pub(crate) fn new(
         format: &'static str,
-        recognised: String,
+        mut recognised: String,
+        left_out: Vec<LeftOut>,
         fields: Vec<Field>,
         lanes: Vec<Box<dyn Lane>>,
         file_bytes: u64,
@@ -137,7 +138,9 @@ impl RecordTable {
         let own = |field: &Field| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
         let columns =
             fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
-        let mut recognised = recognised;
+        if !left_out.is_empty() {
+            recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
+        }
         if lengths.len() > 1 {
             let groups = lengths.iter().map(|(rows, names)| format!("{rows} rows: {}", limits::list(names)));
             let groups: Vec<String> = groups.take(8).collect();
@@ -147,7 +150,8 @@ impl RecordTable {
                 groups.join("; ")
             ));
         }
-        let description = Description { format, recognised, columns, rows };
+        let evidence = Evidence::Format;
+        let description = Description { format, recognised, columns, rows, evidence, left_out };
         let count = lanes.len();
         Self {
             description,

@@ -1,6 +1,7 @@
 //! What every format gives.
 
 use crate::{Block, FormatError, Instant, TimeKind, TimeUnit};
+use std::fmt;
 
 /// What is known of a table before its first row is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +15,43 @@ pub struct Description {
     pub columns: Vec<Column>,
     /// How many rows there are, where the format says so.
     pub rows: Option<u64>,
+    /// By what the file is known to be a table of numbers.
+    pub evidence: Evidence,
+    /// What is no column of it, where the format has names for that.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// By what a file is known to be a table of numbers, so that messages may show what its names and cells are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evidence {
+    /// Its format, which holds tables and nothing else.
+    Format,
+    /// Rows of a text: among its first lines there are rows of as many cells as there are names, with a number below a name.
+    Rows,
+    /// Nothing: a text of another kind, or one whose first rows are empty. It may be a file that was not meant, and what it
+    /// holds belongs in no message.
+    Nothing,
+}
+
+/// A part of a file that is no column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Its name or its place in the file.
+    pub name: String,
+    /// Why it is left out, in words that can follow its name.
+    pub why: String,
+}
+
+impl LeftOut {
+    pub(crate) fn new(name: impl Into<String>, why: impl Into<String>) -> Self {
+        Self { name: name.into(), why: why.into() }
+    }
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` ({})", self.name, self.why)
+    }
 }
 
 /// A column of a file.

@@ -45,7 +45,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     );
     let file_bytes = source.length();
     let lane = Stretch { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
-    Ok(Box::new(RecordTable::new(FORMAT, recognised, fields, vec![Box::new(lane)], file_bytes)))
+    Ok(Box::new(RecordTable::new(FORMAT, recognised, Vec::new(), fields, vec![Box::new(lane)], file_bytes)))
 }
 
 /// What is known of the samples.

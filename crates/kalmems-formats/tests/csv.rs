@@ -1,6 +1,8 @@
 //! Texts in the dialects that instruments write.
 
-use kalmems_formats::{Block, CsvHints, Fault, FormatError, Hints, Table, Wanted, open_csv, read_csv};
+use kalmems_formats::{
+    Block, CsvHints, Evidence, Fault, FormatError, Hints, Table, Wanted, open_csv, read_csv,
+};
 use std::fmt::Write as _;
 use std::io::Cursor;
 use std::path::Path;
@@ -330,16 +332,16 @@ fn what_has_two_readings_is_refused_with_what_to_write() {
         writeln!(report, "{name}: {error}").unwrap();
     }
     let expected = "\
-two separators: the names in line 1 could be separated by commas or semicolons; expected the experiment file to say \
-which: `format = { kind = \"csv\", separator = \",\" }` in its [[recording]]
-two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the experiment file can say: \
-`format = { kind = \"csv\", decimal = \",\" }` in its [[recording]]
-a preamble: line 1 holds no names of columns, and line 4 looks as if it did; expected the experiment file to say so: \
-`format = { kind = \"csv\", header_line = 4 }` in its [[recording]]
+two separators: the names in line 1 could be separated by commas or semicolons; expected the settings to say \
+which: `format = { kind = \"csv\", separator = \",\" }` in the table that names the file
+two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the settings can say: \
+`format = { kind = \"csv\", decimal = \",\" }` in the table that names the file
+a preamble: line 1 holds no names of columns, and line 4 looks as if it did; expected the settings to say so: \
+`format = { kind = \"csv\", header_line = 4 }` in the table that names the file
 LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are saved in, is not read; save samples \
 (`chunk;timestamp;x;y;…`), or as HDF5
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \
-file or in the experiment file: `format = { kind = \"csv\", columns = [\"time_s\", …] }` in its [[recording]]
+file or in the settings: `format = { kind = \"csv\", columns = [\"time_s\", …] }` in the table that names the file
 Yokogawa without its lines: damaged Yokogawa at header: x; expected the number of its lines
 NUL: a byte that is no text, 17 bytes from line 1 on; expected text
 LabVIEW without end: damaged LabVIEW measurement at header: no end; expected `***End_of_Header***` twice, once for the \
@@ -385,7 +387,7 @@ fn hints_decide() {
     let error = open("a,b\n1,2.5\n", &["time_s"]).err().unwrap().to_string();
     assert_eq!(
         error,
-        "2 columns: `a`, `b`; expected as many as `columns` in the experiment file names, which are 1"
+        "2 columns: `a`, `b`; expected as many as `columns` in the settings names, which are 1"
     );
 }
 
@@ -585,4 +587,39 @@ fn whole_faults(mut table: Box<dyn Table>) -> Result<(usize, usize), FormatError
         rows += block.rows;
         faults += block.faults.iter().filter(|fault| fault.column.is_none()).count();
     }
+}
+
+/// What a reader may be shown of a text depends on whether it is a table of numbers.
+#[test]
+fn a_text_is_known_as_a_table_by_a_number_below_a_name() {
+    for (text, expected) in [
+        ("time_s,cap_V\n0,1\n", Evidence::Rows),
+        ("a;b\nx;1,5\n", Evidence::Rows),
+        // Numbers from the first line on are no names, but where they count the columns.
+        ("label,0,1\na,5,6\n", Evidence::Rows),
+        (",0,1\n0,5,6\n", Evidence::Rows),
+        ("a=1,2,3\nb=4,5,6\n", Evidence::Nothing),
+        ("[\"a\", 2, 3]\n[\"b\", 5, 6]\n", Evidence::Nothing),
+        ("time_s,cap_V\n", Evidence::Nothing),
+        ("time_s,cap_V\n0\n1\n", Evidence::Nothing),
+        ("a,b\nc,d\n", Evidence::Nothing),
+        ("detector_1\n0\n1\nlate\n", Evidence::Rows),
+        ("dear all,\nwe are\n5\nand no\nmore\n", Evidence::Nothing),
+        ("", Evidence::Nothing),
+    ] {
+        let table = read_csv(Cursor::new(text.as_bytes().to_vec()), &Hints::default()).unwrap();
+        assert_eq!(table.description().evidence, expected, "{text:?}");
+    }
+    // Names of the settings are names.
+    let columns = Some(vec!["time_s".to_owned(), "cap_V".to_owned()]);
+    let hints = Hints { columns, ..Hints::default() };
+    let table = read_csv(Cursor::new(b"0,1\n2,3\n".to_vec()), &hints).unwrap();
+    assert_eq!(table.description().evidence, Evidence::Rows);
+    // Names that nobody may be shown are counted.
+    let named = |text: &'static str| {
+        let one = Hints { columns: Some(vec!["x".to_owned()]), ..Hints::default() };
+        read_csv(Cursor::new(text.as_bytes()), &one).err().unwrap().to_string()
+    };
+    assert!(named("a,b\nc,d\n").starts_with("2 columns; expected"), "{}", named("a,b\nc,d\n"));
+    assert!(named("a,b\nc,1\n").starts_with("2 columns: `a`, `b`; expected"), "{}", named("a,b\nc,1\n"));
 }

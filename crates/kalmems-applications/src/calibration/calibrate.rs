@@ -14,6 +14,7 @@ use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference}
 use crate::config::Key;
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
+use crate::recording::Purpose;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -24,7 +25,7 @@ pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
-    let named = NamedFiles::new("calibration file", progress);
+    let named = NamedFiles::new("calibration file", Purpose::Calibration, progress);
     let mut files = Files { file, named, origins: BTreeMap::new() };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {

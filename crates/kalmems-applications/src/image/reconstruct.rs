@@ -9,7 +9,7 @@ use crate::config::{ConfigError, Fault, Key, Quantity};
 use crate::image::file::Image;
 use crate::named_files::{NamedFileError, NamedFiles};
 use crate::progress::Progress;
-use crate::recording::{Finding, Instant, Layout, ReadError, Source};
+use crate::recording::{Finding, Instant, Layout, Purpose, ReadError, Source};
 use crate::units::{Kind, kind};
 use std::path::Path;
 
@@ -93,7 +93,8 @@ impl ImageError {
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files = Files { image, origin: None, named: NamedFiles::new("image file", progress) };
+    let mut files =
+        Files { image, origin: None, named: NamedFiles::new("image file", Purpose::Evaluation, progress) };
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;

@@ -15,7 +15,7 @@ use super::transform::TransformError;
 use crate::config::{ConfigError, Fault, Quantity};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
-use crate::recording::{Finding, ReadError, Source};
+use crate::recording::{Finding, Purpose, ReadError, Source};
 use crate::signal::cubic_between;
 use crate::spectrum::file::{Band, PathDifference, SpectrumFile, SpectrumLine, SpectrumReference};
 use kalmems_engines::rig::{LengthScale, Workbench};
@@ -174,7 +174,8 @@ pub fn measure(
     file: &SpectrumFile,
     progress: &dyn Progress,
 ) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input = Input { file, origin: None, files: NamedFiles::new("spectrum file", progress) };
+    let mut input =
+        Input { file, origin: None, files: NamedFiles::new("spectrum file", Purpose::Evaluation, progress) };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,

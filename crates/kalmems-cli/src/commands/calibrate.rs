@@ -2,6 +2,7 @@
 
 use crate::args::{CalibrateArguments, Calibrated};
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
@@ -30,6 +31,6 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
     } else {
         print(&summary.to_text())?;
     }
-    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())
 }

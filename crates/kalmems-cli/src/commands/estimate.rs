@@ -2,6 +2,7 @@
 
 use crate::args::EstimateArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::config::Experiment;
 use kalmems::results::{
@@ -35,7 +36,7 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
         }
         print(&text)?;
     }
-    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    tell!("results in {}; open {}", out.display(), out.join("report.html").display());
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
         let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";

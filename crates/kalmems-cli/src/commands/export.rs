@@ -1,6 +1,7 @@
 //! `kalmems export`.
 
 use crate::args::{ExportArguments, Language};
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::export::{Request, Target, write_export};
 use kalmems::results::Work;
@@ -30,7 +31,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
     for (name, _) in &exported.files {
         print(&format!("{}\n", out.join(name).display()))?;
     }
-    eprintln!("the filter `{}` at an interval of {:e} s", exported.filter, exported.interval_s);
+    tell!("the filter `{}` at an interval of {:e} s", exported.filter, exported.interval_s);
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use crate::args::IdentifyArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
 use kalmems::rigs::published;
@@ -34,7 +35,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
     } else {
         print(&summary.to_text())?;
     }
-    eprintln!(
+    tell!(
         "results in {}; the experiment with these values: {}",
         out.display(),
         out.join("experiment.toml").display()

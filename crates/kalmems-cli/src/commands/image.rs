@@ -2,6 +2,7 @@
 
 use crate::args::ImageArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::applications::image::Image;
 use kalmems::applications::image::reconstruct;
@@ -40,6 +41,6 @@ pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
     } else {
         print(&metrics.to_text())?;
     }
-    eprintln!("results in {}; look at {}", out.display(), out.join("image.png").display());
+    tell!("results in {}; look at {}", out.display(), out.join("image.png").display());
     Ok(())
 }

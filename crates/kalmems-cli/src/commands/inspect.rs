@@ -2,6 +2,7 @@
 
 use crate::args::InspectArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::inspect::inspect_with;
 use kalmems::progress::Progress;
@@ -38,7 +39,7 @@ fn device(arguments: &InspectArguments) -> Result<(), Ending> {
         let output = target::begin(Some(out), &[], &work)?;
         write_outlook(&outlook, &experiment, &output, info).map_err(|e| wrong(&e))?;
         target::finish(output)?;
-        eprintln!("text, data and pictures in {}", out.display());
+        tell!("text, data and pictures in {}", out.display());
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&outlook).map_err(|e| wrong(&e))?;

@@ -2,6 +2,7 @@
 
 use crate::args::ReproduceArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::results::{RunInfo, Work};
 use kalmems_papers::program::{
@@ -57,6 +58,6 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
         }
         print(&(text + &summary_table(&reproduction, false).to_text()))?;
     }
-    eprintln!("results in {}; open {}", out.display(), out.join("report.html").display());
+    tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())
 }

@@ -2,8 +2,10 @@
 
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::config::Role;
+use kalmems::figures::with_short_numbers;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
 use kalmems::rigs::published;
 use kalmems::simulate::SimulateError;
@@ -35,12 +37,11 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
     } else {
         let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
         let name = simulation.truth().first().map_or("deflection", |channel| channel.column);
-        print(&format!(
-            "{outlook}{} samples, largest {name} {:.4}, seed {}\n",
-            summary.samples, summary.largest, summary.seed
-        ))?;
+        let largest = format!("largest {name} {:.4}", summary.largest);
+        let text = format!("{outlook}{} samples, {largest}, seed {}\n", summary.samples, summary.seed);
+        print(&with_short_numbers(&text))?;
         for line in &summary.told {
-            print(&format!("{line}\n"))?;
+            print(&with_short_numbers(&format!("{line}\n")))?;
         }
     }
     let experiment = out.join("experiment.toml");
@@ -48,6 +49,6 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
         Role::RingDown => ("identify from it", "identify"),
         _ => ("estimate it", "estimate"),
     };
-    eprintln!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
+    tell!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
     Ok(())
 }

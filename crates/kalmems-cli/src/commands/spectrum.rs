@@ -2,6 +2,7 @@
 
 use crate::args::SpectrumArguments;
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
@@ -31,6 +32,6 @@ pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
         print(&metrics.to_text())?;
     }
     let picture = out.join("figures").join("spectrum.png");
-    eprintln!("results in {}; look at {}", out.display(), picture.display());
+    tell!("results in {}; look at {}", out.display(), picture.display());
     Ok(())
 }

@@ -3,6 +3,7 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use crate::interrupt;
+use crate::tell::{StandardError, tell};
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::published;
@@ -36,14 +37,14 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
     let outputs = Outputs {
         lines: lines.map(|to| output(to, is_lines, arguments.force)).transpose()?,
         frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
-        notices: Some(Box::new(io::stderr())),
+        notices: Some(Box::new(StandardError)),
     };
     let state = arguments.state.as_deref();
     let unreadable =
         |e: &io::Error| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from));
     let source = Source::of(&arguments.from, arguments.baud).map_err(|e| unreadable(&e))?;
     if experiment.stream.as_ref().is_some_and(|stream| stream.reconnect.is_some()) && !source.reopens() {
-        eprintln!(
+        tell!(
             "note: `{}` is read once: `reconnect` is for `tcp://`, `listen://` and serial devices",
             arguments.from
         );
@@ -57,13 +58,13 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
         };
     if let Some(Break { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
-        eprintln!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);
+        tell!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        eprintln!("{json}");
+        tell!("{json}");
     } else {
-        eprint!("{}", text(&summary));
+        tell!("{}", text(&summary).trim_end());
     }
     match (summary.interrupted, summary.broken) {
         (true, _) => Err(Ending::Told(INTERRUPTED)),
@@ -111,7 +112,7 @@ impl Source {
         if let Some(address) = from.strip_prefix("listen://") {
             let listener = TcpListener::bind(address)?;
             listener.set_nonblocking(true)?;
-            eprintln!("waiting for samples at {}", listener.local_addr()?);
+            tell!("waiting for samples at {}", listener.local_addr()?);
             return Ok(Self::Listen(listener));
         }
         Ok(Self::File(from.to_owned()))

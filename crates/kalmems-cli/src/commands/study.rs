@@ -2,6 +2,7 @@
 
 use crate::args::{MergeArguments, StudyArguments};
 use crate::progress::Bar;
+use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::results::Output;
 use kalmems::rigs::published;
@@ -21,13 +22,13 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Ending> {
     drop(bar);
     let journal = progressed.journal.display();
     if progressed.torn {
-        eprintln!("note: the last line of {journal} was half written; its run was made again");
+        tell!("note: the last line of {journal} was half written; its run was made again");
     }
     if progressed.before > 0 {
-        eprintln!("note: {} of {} runs were in {journal} already", progressed.before, progressed.runs);
+        tell!("note: {} of {} runs were in {journal} already", progressed.before, progressed.runs);
     }
     let Some(output) = output else {
-        eprintln!("shard {} is in {journal}; join all with: kalmems merge", arguments.shard);
+        tell!("shard {} is in {journal}; join all with: kalmems merge", arguments.shard);
         return Ok(());
     };
     report(&plan, &[progressed.journal], output, arguments.json)
@@ -66,6 +67,6 @@ fn report(plan: &Plan, journals: &[PathBuf], output: Output, json: bool) -> Resu
         }
         print(&text)?;
     }
-    eprintln!("results in {}", out.display());
+    tell!("results in {}", out.display());
     Ok(())
 }

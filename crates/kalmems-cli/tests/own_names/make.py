@@ -38,6 +38,9 @@ def main():
     # Beside the numbers a text in each row, as programs write the operator's name.
     text = {**columns, "operator": ["somebody"] * ROWS}
     pq.write_table(pa.table(text), HERE / "text.parquet")
+    # Columns that a program has and that nobody, or somebody once, filled in.
+    nulls = {**columns, "remark": pa.nulls(ROWS, pa.string()), "note": ["begun"] * 3 + [None] * (ROWS - 3)}
+    pq.write_table(pa.table(nulls), HERE / "nulls.parquet")
     with h5py.File(HERE / "text.h5", "w") as file:
         for name, values in columns.items():
             file.create_dataset(name, data=values, compression="gzip")

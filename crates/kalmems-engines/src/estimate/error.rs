@@ -2,6 +2,7 @@
 
 use crate::config::ConfigError;
 use crate::recording::ReadError;
+use kalmems_figures::number;
 
 /// What keeps an estimate from being made.
 #[derive(Debug, thiserror::Error)]
@@ -14,8 +15,9 @@ pub enum EstimateError {
     Read(#[from] ReadError),
     /// There is not enough of a segment.
     #[error(
-        "{place}: {found_s} s of samples; expected more than the settling time of {skip_s} s (`estimate.skip`) and \
-         ten cycles of the motion; shorten it or record for longer"
+        "{place}: {} s of samples; expected more than the settling time of {} s (`estimate.skip`) and \
+         ten cycles of the motion; shorten it or record for longer",
+        number(*found_s), number(*skip_s)
     )]
     TooShort {
         /// The recording and its segment.
@@ -54,8 +56,9 @@ pub enum EstimateError {
     },
     /// The drive is missing in places, and does not follow a sine that would say what it was there.
     #[error(
-        "{place}: the drive `{column}` is not known at {count} samples, the first at {first_s} s, and it is not a \
-         steady sine that would tell; split the recording there with a segment column"
+        "{place}: the drive `{column}` is not known at {count} samples, the first at {} s, and it is not a \
+         steady sine that would tell; split the recording there with a segment column",
+        number(*first_s)
     )]
     DriveUnknown {
         /// The recording and its segment.
@@ -195,9 +198,10 @@ pub enum EstimateError {
     },
     /// The mass lay on a plate.
     #[error(
-        "{place}: the mass was pulled in to a plate at {time_s} s: the signal `{column}` is {volts:.3} V there, and so in \
+        "{place}: the mass was pulled in to a plate at {} s: the signal `{column}` is {volts:.3} V there, and so in \
          {count} samples, where a mass at its stops gives ±{stopped_v:.3} V; it measures nothing from there on: shorten the \
-         recording, or lower acceleration, carrier or bias"
+         recording, or lower acceleration, carrier or bias",
+        number(*time_s)
     )]
     PulledIn {
         /// The recording and its segment.

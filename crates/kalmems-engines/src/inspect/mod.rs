@@ -154,7 +154,12 @@ pub fn inspect_with(
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
     let around = Around { rows, first: rows, before: 1, after: 0 };
+    let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
     let mut stretches = Stretches::of_table(table, path, &request, around)?;
+    // It may be a file that was not meant: what it holds is not shown.
+    if !survey.holds_numbers {
+        return Err(ReadError::without_numbers(path, line));
+    }
     let mut draft = Draft { timed: survey.time.is_some(), rows, ..Draft::default() };
     while let Some(stretch) = stretches.next_of_any(false, &mut |done, total| {
         progress(total.saturating_add(done), total.saturating_mul(2))

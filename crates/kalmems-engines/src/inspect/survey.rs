@@ -7,7 +7,7 @@ use crate::recording::label::Label;
 use crate::recording::read::Progress;
 use crate::recording::scale::Scale;
 use crate::units::Header;
-use kalmems_formats::{Block, Column, Fault, Table, TimeKind, Wanted};
+use kalmems_formats::{Block, Column, Evidence, Fault, Table, TimeKind, Wanted};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -25,6 +25,8 @@ pub(super) struct Survey {
     /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
     pub(super) text: Vec<String>,
     pub(super) sentences: Vec<String>,
+    /// Whether a column holds numbers, as every file does that is known by its format to be a table.
+    pub(super) holds_numbers: bool,
 }
 
 /// Reads a table once and keeps nothing but counts.
@@ -33,7 +35,7 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
     if names.is_empty() {
         return Ok(Survey::default());
     }
-    let columns = &table.description().columns;
+    let (columns, evidence) = (&table.description().columns, table.description().evidence);
     let main = main_length(columns);
     let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
@@ -59,7 +61,8 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
         blocks.reuse(block);
         blocks.report(progress)?;
     }
-    let mut survey = scan.conclude();
+    let holds_numbers = evidence == Evidence::Format || scan.has_numbers_below(evidence);
+    let mut survey = Survey { holds_numbers, ..scan.conclude() };
     for (name, rows) in others {
         let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
         survey
@@ -86,6 +89,8 @@ struct Counts {
     has_unit: bool,
     numbers: usize,
     texts: usize,
+    /// Rows without anything that could be a label.
+    empty: usize,
     previous: Option<Label>,
     changes: usize,
     /// Changes where the time goes on, and new starts of the time where nothing changes.
@@ -154,6 +159,13 @@ impl Scan {
         self.rows += block.rows;
     }
 
+    /// Whether a text has a column of numbers below a name. A number is no name, but where rows of the text show that a program
+    /// has numbered its columns.
+    fn has_numbers_below(&self, evidence: Evidence) -> bool {
+        let is_name = |name: &str| evidence == Evidence::Rows || fast_float2::parse::<f64, _>(name).is_err();
+        self.columns.iter().any(|column| column.numbers > 0 && !column.is_text() && is_name(&column.name))
+    }
+
     fn conclude(self) -> Survey {
         let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
@@ -182,7 +194,12 @@ impl Scan {
         });
         for (index, column) in self.columns.iter().enumerate() {
             if column.is_text() && Some(index) != time && Some(&column.name) != survey.segment.as_ref() {
-                survey.sentences.push(format!("`{}` is text and is left out.", column.name));
+                let cells = match column.empty {
+                    0 => String::new(),
+                    empty if empty == self.rows => " with nothing in any row".to_owned(),
+                    empty => format!(" with nothing in {empty} of {} rows", self.rows),
+                };
+                survey.sentences.push(format!("`{}` is text{cells} and is left out.", column.name));
                 survey.text.push(column.name.clone());
             }
         }
@@ -194,7 +211,9 @@ impl Scan {
         let candidates = || {
             let all = self.columns.iter().enumerate();
             all.filter(|(index, column)| {
-                Some(*index) != time && !column.returns && column.changes <= MOST_RECORDS
+                // A record without a label is none: such a column would make the file unusable.
+                let labelled = column.empty == 0;
+                Some(*index) != time && labelled && !column.returns && column.changes <= MOST_RECORDS
             })
         };
         let long = |column: &Counts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
@@ -238,6 +257,7 @@ impl Counts {
     }
 
     fn take(&mut self, label: &Label, restarted: bool) {
+        self.empty += usize::from(matches!(label, Label::Text(text) if text.trim_ascii().is_empty()));
         let first = self.previous.is_none();
         let other = self.previous.as_ref() != Some(label);
         let changed = !first && other;

@@ -1,6 +1,8 @@
 //! What can go wrong when a recording is read.
 
-use super::{Finding, Severity};
+use super::plan::unreadable;
+use super::{Finding, FindingKind, Purpose, Severity};
+use kalmems_figures::number;
 use kalmems_formats::FormatError;
 use std::fmt::Write as _;
 use std::io;
@@ -30,8 +32,9 @@ pub enum ReadError {
     },
     /// The rate of a clock without a time column is no rate.
     #[error(
-        "`{file}`: a clock with a rate of {rate_hz} Hz that starts at {start_s} s is none; \
-         expected a finite rate above 0 and a finite start"
+        "`{file}`: a clock with a rate of {} Hz that starts at {} s is none; \
+         expected a finite rate above 0 and a finite start",
+        number(*rate_hz), number(*start_s)
     )]
     Clock {
         /// The path as given.
@@ -90,6 +93,27 @@ impl ReadError {
             source => Self::Format { file, source: Box::new(source) },
         }
     }
+
+    /// The same with what follows from its findings for another purpose than an estimate.
+    #[must_use]
+    pub fn read_for(self, purpose: Purpose) -> Self {
+        match self {
+            Self::Unusable { file, findings } => {
+                let findings = findings.into_iter().map(|finding| finding.read_for(purpose)).collect();
+                Self::Unusable { file, findings }
+            }
+            other => other,
+        }
+    }
+
+    /// A text below whose line of names no column holds numbers.
+    pub(crate) fn without_numbers(path: &Path, line: usize) -> Self {
+        let detail = "there is no column of numbers below its first line".to_owned();
+        Self::Unusable {
+            file: path.display().to_string(),
+            findings: unreadable(FindingKind::HeaderOnly, line, detail),
+        }
+    }
 }
 
 fn list(findings: &[Finding]) -> String {
@@ -118,16 +142,6 @@ pub(super) fn hint<'a>(wanted: &str, names: impl Iterator<Item = &'a str> + Clon
     if let Some((_, name)) = best {
         return format!("did you mean `{name}`?");
     }
-    if names.clone().nth(1).is_none() && names.clone().any(|name| !is_a_word(name)) {
-        return "its first line is no line of names".to_owned();
-    }
     let all: Vec<String> = names.map(|name| format!("`{name}`")).collect();
     if all.is_empty() { "there are no columns".to_owned() } else { format!("there are {}", all.join(", ")) }
-}
-
-/// Whether the only name of a file can be that of a column. What else the first line of some file holds is not shown: it may
-/// be one that was not meant, with what is nobody's business.
-fn is_a_word(name: &str) -> bool {
-    let of_a_name = |c: char| c.is_alphanumeric() || " _-()[]/%°²^.".contains(c);
-    name.chars().count() <= 40 && name.chars().all(of_a_name)
 }

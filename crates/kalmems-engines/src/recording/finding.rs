@@ -87,6 +87,18 @@ pub enum FindingKind {
     Constant,
 }
 
+/// What a recording is read for: what follows from a finding depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// An estimate or an identification, or an inspection before them.
+    #[default]
+    Estimate,
+    /// A calibration.
+    Calibration,
+    /// An image or a spectrum.
+    Evaluation,
+}
+
 impl FindingKind {
     /// Whether a recording with such a finding can be used.
     pub const fn severity(self) -> Severity {
@@ -144,14 +156,28 @@ impl FindingKind {
     }
 
     /// What was expected, and what happens or what to do.
-    const fn consequence(self) -> &'static str {
+    const fn consequence(self, purpose: Purpose) -> &'static str {
+        match (self, purpose) {
+            (Self::Missing | Self::Nan | Self::Infinite, Purpose::Calibration) => {
+                return "no value is made up: the calibration leaves the sample out";
+            }
+            (Self::Missing | Self::Nan | Self::Infinite, Purpose::Evaluation) => return "no value is made up",
+            (Self::Gap, Purpose::Calibration) => {
+                return "nothing is put in: the calibration takes the samples at their times, and no difference across the gap";
+            }
+            (Self::Gap, Purpose::Evaluation) => return "nothing is put in",
+            (Self::IrregularTime, Purpose::Calibration | Purpose::Evaluation) => {
+                return "the times are kept as they stand";
+            }
+            _ => {}
+        }
         match self {
             Self::Empty | Self::HeaderOnly => {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
             }
             Self::NoHeader => {
                 "expected the names of the columns: put a line such as `time_s,cap_V` before it, or write \
-                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in its [[recording]]"
+                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in the table that names the file"
             }
             Self::Separator => "expected commas between cells and a point in numbers",
             Self::NoSuchColumn => "name a column that the file has",
@@ -192,8 +218,9 @@ impl FindingKind {
                  `[recording.gaps]`, or sample faster"
             }
             Self::Gap => {
-                "nothing is put in: an estimate predicts over the gap, or begins anew behind it where it is longer than \
-                 `longest` in `[recording.gaps]`"
+                "nothing is put in: an estimate predicts over the gap where it knows the drive and the feedback there (a device \
+                 without them, or a steady drive), or begins anew behind it where it is longer than `longest` in \
+                 `[recording.gaps]`; `identify` takes records without a gap"
             }
             Self::LongGap => {
                 "nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in \
@@ -238,12 +265,21 @@ pub struct Finding {
     pub count: usize,
     /// What was found, in words.
     pub detail: String,
+    /// What the recording is read for.
+    #[serde(skip)]
+    pub purpose: Purpose,
 }
 
 impl Finding {
     /// Whether the recording can be used in spite of it.
     pub const fn severity(&self) -> Severity {
         self.kind.severity()
+    }
+
+    /// The same with what follows from it for another purpose.
+    #[must_use]
+    pub fn read_for(self, purpose: Purpose) -> Self {
+        Self { purpose, ..self }
     }
 }
 
@@ -263,6 +299,6 @@ impl fmt::Display for Finding {
             1 => write!(f, " (1 {one})")?,
             count => write!(f, " (the first of {count} {several})")?,
         }
-        write!(f, "; {}", self.kind.consequence())
+        write!(f, "; {}", self.kind.consequence(self.purpose))
     }
 }

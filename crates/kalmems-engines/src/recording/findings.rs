@@ -1,6 +1,6 @@
 //! Collects findings in bounded memory: one entry per kind, column and segment.
 
-use super::{Finding, FindingKind, Severity};
+use super::{Finding, FindingKind, Purpose, Severity};
 use std::collections::BTreeMap;
 
 /// Kind, the column's position in the header, the segment's position.
@@ -69,6 +69,7 @@ impl Findings {
             first_row: line,
             count: 1,
             detail,
+            purpose: Purpose::default(),
         });
     }
 
@@ -90,6 +91,7 @@ impl Findings {
             first_row: entry.first_line,
             count: entry.count,
             detail: entry.detail.clone(),
+            purpose: Purpose::default(),
         }));
         list.sort_by_key(|finding| (finding.severity(), finding.first_row));
         list

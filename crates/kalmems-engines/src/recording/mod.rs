@@ -51,7 +51,7 @@ mod unwritten;
 mod window;
 
 pub use error::ReadError;
-pub use finding::{Finding, FindingKind, Severity};
+pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use reading::{DeclaredColumn, Reading};

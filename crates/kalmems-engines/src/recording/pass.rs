@@ -8,8 +8,9 @@ use super::request::Request;
 use super::restart::{RestartCounts, Restarts, StretchPlace, TOO_SLOW, UNSORTED};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
-use super::time::{Tally, TimeCheck, written};
+use super::time::{Tally, TimeCheck};
 use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
+use kalmems_figures::number;
 use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -168,19 +169,24 @@ impl Pass {
                 self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned());
             }
             cell => {
+                let quoted = |text: &str| {
+                    if self.plan.shows_cells { format!("`{text}`") } else { "the cell".to_owned() }
+                };
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
                     self.findings.add(Kind::NoTime, place, || match cell {
                         Fault::Nan(text) | Fault::Infinite(text) | Fault::Text(text) => {
-                            format!("`{text}` is no time")
+                            format!("{} is no time", quoted(text))
                         }
                         _ => "the cell is empty".to_owned(),
                     });
                 }
                 if self.plan.targets.iter().any(|target| Some(target.index) == fault.column) {
                     let (kind, detail) = match cell {
-                        Fault::Nan(text) => (Kind::Nan, format!("`{text}` is no number by its own word")),
-                        Fault::Infinite(text) => (Kind::Infinite, format!("`{text}` is not finite")),
-                        Fault::Text(text) => (Kind::NonNumeric, format!("`{text}` is no number")),
+                        Fault::Nan(text) => {
+                            (Kind::Nan, format!("{} is no number by its own word", quoted(text)))
+                        }
+                        Fault::Infinite(text) => (Kind::Infinite, format!("{} is not finite", quoted(text))),
+                        Fault::Text(text) => (Kind::NonNumeric, format!("{} is no number", quoted(text))),
                         _ => (Kind::Missing, "the cell is empty".to_owned()),
                     };
                     self.findings.add(kind, place, || detail);
@@ -271,7 +277,7 @@ impl Pass {
             self.findings.add(why, place, || {
                 format!(
                     "the rows do not go on after {} s, where {missing} or more are missing",
-                    written(before_s)
+                    number(before_s)
                 )
             });
             self.end_segment(row, false);
@@ -287,10 +293,10 @@ impl Pass {
             Kind::LongGap => format!(
                 "nothing for {} s after {} s, longer than the {} s that are predicted over",
                 short(after_s - before_s),
-                written(before_s),
+                number(before_s),
                 short(longest_s)
             ),
-            _ => format!("{} s after {} s", written(after_s), written(before_s)),
+            _ => format!("{} s after {} s", number(after_s), number(before_s)),
         });
         self.cuts.add(why);
         self.refuse_many(row, false);
@@ -497,13 +503,14 @@ impl Pass {
 
     /// All that was found, the fatal first.
     pub(super) fn findings(&self) -> Vec<Finding> {
-        self.findings.list(&self.plan.names, &self.labels)
+        let labels = if self.plan.shows_cells { self.labels.as_slice() } else { &[] };
+        self.findings.list(&self.plan.names, labels)
     }
 
     /// The whole recording, of which no row was let go of.
     pub(super) fn finish(mut self, source: Source) -> Recording {
         self.end();
-        let rows = self.rows();
+        let (rows, diagnosis) = (self.rows(), self.findings());
         let mut segments = Vec::with_capacity(self.drafts.len());
         let mut times = self.times;
         for draft in self.drafts.into_iter().rev() {
@@ -529,7 +536,7 @@ impl Pass {
         Recording {
             source,
             columns: columns.map(|t| Column { header: t.header, values: t.values }).collect(),
-            diagnosis: self.findings.list(&self.plan.names, &self.labels),
+            diagnosis,
             segments,
             rows,
             origin: self.origin,

@@ -7,7 +7,7 @@ use super::request::{Request, Wanted};
 use super::scale::Scale;
 use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind};
 use crate::units::{Header, Unit, UnitError};
-use kalmems_formats::{self as formats, Instant, TimeKind, TimeUnit};
+use kalmems_formats::{self as formats, Description, Evidence, Instant, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
 
 /// A column that is being read.
@@ -61,6 +61,8 @@ pub(super) struct Plan {
     /// The line of the header.
     pub(super) line: usize,
     pub(super) names: Vec<String>,
+    /// Whether messages may show cells: not those of a text that may have been meant for something else.
+    pub(super) shows_cells: bool,
     pub(super) clock: Option<Target>,
     /// What the clock counts, and where its times are to count from, where that is not for the file to say.
     pub(super) clock_unit: ClockUnit,
@@ -73,13 +75,13 @@ impl Plan {
     /// Finds the columns in the header. What cannot be found is a finding, and the rest is read all the same;
     /// an error is a header whose columns cannot even be told.
     pub(super) fn of(
-        names: &[String],
+        file: &Description,
         time_kind: &dyn Fn(usize) -> Option<TimeKind>,
         line: usize,
         request: &Request,
         findings: &mut Findings,
     ) -> Result<Self, Vec<Finding>> {
-        let names: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
+        let names: Vec<String> = file.columns.iter().map(|column| column.name.trim().to_owned()).collect();
         if names.is_empty() {
             return Err(unreadable(Kind::Empty, line, "the file is empty".to_owned()));
         }
@@ -95,19 +97,34 @@ impl Plan {
         let declared = |name: &str, is_clock: bool| {
             request.declared.iter().find(|known| known.column == name && known.is_clock() == is_clock)
         };
+        let find = |name: &str, by_name: bool, findings: &mut Findings| {
+            let found = find(name, by_name, &names);
+            let place = |column| Place { column, segment: None, line };
+            match found.as_slice() {
+                [] => findings.add_absent(
+                    name,
+                    line,
+                    format!("there is no such column{}", why_absent(name, &names, file)),
+                ),
+                [_] => {}
+                [first, ..] => findings.add(Kind::DuplicateColumn, place(Some(*first)), || {
+                    format!("{} columns have this name", found.len())
+                }),
+            }
+            found.first().copied()
+        };
         let target = |name: &str, is_clock: bool, findings: &mut Findings| match declared(name, is_clock) {
             Some(known) => {
-                let index = find(name, known.reading.is_some(), &names, line, findings)?;
+                let index = find(name, known.reading.is_some(), findings)?;
                 Some(Target::declared(index, names.get(index)?, known, line, findings))
             }
-            None => Some(Target::new(find(name, false, &names, line, findings)?, name)),
+            None => Some(Target::new(find(name, false, findings)?, name)),
         };
         let clock = match request.clock {
             Clock::Column(name) => target(name, true, findings),
             Clock::Rate { .. } => None,
         };
-        let find = |name: &str, findings: &mut Findings| find(name, false, &names, line, findings);
-        let segment_column = request.segment_column.and_then(|name| find(name, findings));
+        let segment_column = request.segment_column.and_then(|name| find(name, false, findings));
         let targets: Vec<Target> = match request.columns {
             Wanted::Named(wanted) => wanted.iter().filter_map(|name| target(name, false, findings)).collect(),
             Wanted::AllBut(unwanted) => {
@@ -119,7 +136,7 @@ impl Plan {
                 rest.map(|(i, name)| {
                     // Looked up as well, once for each name, to find those that come twice.
                     if first(i, name) {
-                        find(name, findings);
+                        find(name, false, findings);
                     }
                     Target::new(i, name)
                 })
@@ -146,7 +163,8 @@ impl Plan {
             }
         }
         let origin = request.origin;
-        let mut plan = Self { line, names, clock, clock_unit, origin, segment_column, targets };
+        let shows_cells = file.evidence != Evidence::Nothing;
+        let mut plan = Self { line, names, shows_cells, clock, clock_unit, origin, segment_column, targets };
         plan.number();
         Ok(plan)
     }
@@ -178,35 +196,42 @@ impl Plan {
     }
 }
 
-/// The position of a name, the first where it comes twice. Where `by_name` it may stand there with a unit that the format
-/// keeps apart: `cap_V` is `cap`.
-fn find(
-    wanted: &str,
-    by_name: bool,
-    names: &[String],
-    line: usize,
-    findings: &mut Findings,
-) -> Option<usize> {
-    let without_unit = |name: &String| {
-        let Header { unit_text, .. } = Header::parse(name);
-        let name = name.strip_suffix(unit_text.as_str()).and_then(|name| name.strip_suffix('_'));
-        !unit_text.is_empty() && name == Some(wanted)
-    };
+/// The positions of a name. Where `by_name` it may stand there with a unit that the format keeps apart: `cap_V` is `cap`.
+fn find(wanted: &str, by_name: bool, names: &[String]) -> Vec<usize> {
     let by_name = by_name && !names.iter().any(|name| name == wanted);
-    let is_it = |name: &String| if by_name { without_unit(name) } else { name == wanted };
-    let mut places = names.iter().enumerate().filter(|(_, name)| is_it(name)).map(|(i, _)| i);
-    let Some(index) = places.next() else {
-        let near = hint(wanted, names.iter().map(String::as_str));
-        findings.add_absent(wanted, line, format!("there is no such column ({near})"));
-        return None;
+    let is_it = |name: &str| if by_name { without_unit(name) == Some(wanted) } else { name == wanted };
+    names.iter().enumerate().filter(|(_, name)| is_it(name)).map(|(index, _)| index).collect()
+}
+
+/// A name without the unit that it ends with, where it does.
+fn without_unit(name: &str) -> Option<&str> {
+    let Header { unit_text, .. } = Header::parse(name);
+    let ending = Some(unit_text.as_str()).filter(|unit| !unit.is_empty())?;
+    name.strip_suffix(ending)?.strip_suffix('_')
+}
+
+/// Why a file does not have a column, and what there is instead.
+fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
+    // Formats that keep units apart leave them out of the name here.
+    let is_it = |name: &str| {
+        let name = name.rsplit('/').next().unwrap_or(name);
+        name == wanted || without_unit(wanted) == Some(name)
     };
-    let others = places.count();
-    if others > 0 {
-        findings.add(Kind::DuplicateColumn, Place { column: Some(index), segment: None, line }, || {
-            format!("{} columns have this name", others + 1)
-        });
+    if let Some(left_out) = file.left_out.iter().find(|left_out| is_it(&left_out.name)) {
+        return format!(": `{}` of the file is left out ({})", left_out.name, left_out.why);
     }
-    Some(index)
+    let tells_names = match file.evidence {
+        Evidence::Format => true,
+        Evidence::Rows => names.len() > 1,
+        Evidence::Nothing => false,
+    };
+    if tells_names {
+        return format!(" ({})", hint(wanted, names.iter().map(String::as_str)));
+    }
+    // It may be a file that was not meant, with what is nobody's business.
+    " (its first line is no line of names of several columns with numbers below; expected a line such as `time_s,cap_V` and rows of \
+     numbers)"
+        .to_owned()
 }
 
 /// The findings of a file whose columns cannot even be told.

@@ -46,12 +46,11 @@ impl Reading {
     ) -> Result<Self, ReadError> {
         let file = || path.display().to_string();
         let description = table.description();
-        let names: Vec<String> = description.columns.iter().map(|column| column.name.clone()).collect();
         let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
         let mut findings = Findings::default();
         let kind = |column: usize| table.time_kind(column);
-        let plan = Plan::of(&names, &kind, line, request, &mut findings)
+        let plan = Plan::of(description, &kind, line, request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: file(), findings })?;
         let blocks = Blocks::start(table, path, &plan.wanted())?;
         let name =

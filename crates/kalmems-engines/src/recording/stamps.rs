@@ -1,12 +1,16 @@
 //! What stamps of time say of how they were made: rounded far from zero, or taken by a host that gets its samples in bursts.
 
 use super::findings::short;
-use super::time::TIME_TOLERANCE;
+use super::time::{TIME_TOLERANCE, median as middle};
 
 /// Fewer steps show no habit.
 const FEWEST_STEPS: usize = 64;
 /// Fewer long steps show none either.
 const FEWEST_BURSTS: usize = 4;
+
+/// Rows over which the rate of bursts is looked for, the fewest first, and how many such windows have to be there.
+const WINDOWS: [usize; 3] = [64, 512, 4096];
+const FEWEST_WINDOWS: usize = 8;
 
 /// The mean of the intervals that are the usual one but for rounding, where that is so coarse that the usual one is a
 /// multiple of it and nothing else.
@@ -14,6 +18,53 @@ pub(super) fn mean_of_rounded(intervals: &[f64], median: f64, resolution_s: f64)
     let near = intervals.iter().filter(|interval| (**interval - median).abs() <= 2.0 * resolution_s);
     let (count, sum) = near.fold((0_usize, 0.0), |(count, sum), interval| (count + 1, sum + interval));
     if count > 0 { sum / count as f64 } else { median }
+}
+
+/// How rows arrive that come in bursts, however long each is: most of them right behind the one before, so that the usual interval
+/// says nothing of their rate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrivals {
+    /// The mean interval.
+    pub(super) mean_s: f64,
+    /// What is usually waited for the next burst.
+    pub(super) wait_s: f64,
+}
+
+impl Arrivals {
+    /// From one row to the next so much has to pass, by the usual wait, until samples count as missing: bursts are as late as the
+    /// way of the samples makes them.
+    const FAR: f64 = 10.0;
+
+    /// Finds them where the median interval is less than half of the mean one over windows of many rows, of which a gap is in few.
+    pub(super) fn of(times: &[f64], median: f64) -> Option<Self> {
+        let usual_s = WINDOWS.into_iter().find_map(|window| {
+            let starts = (0..times.len().checked_sub(window + 1)?).step_by(window / 2);
+            let slope = |start: usize| Some((times.get(start + window)? - times.get(start)?) / window as f64);
+            let mut slopes: Vec<f64> = starts.filter_map(slope).filter(|slope| *slope > 0.0).collect();
+            let enough = slopes.len() >= FEWEST_WINDOWS;
+            let usual_s = middle(&mut slopes).filter(|slope| enough && slope.is_finite())?;
+            (median < 0.5 * usual_s).then_some(usual_s)
+        })?;
+        let steps = || times.iter().zip(times.iter().skip(1)).map(|(before, after)| after - before);
+        let wait_s = middle(&mut steps().filter(|step| *step > usual_s).collect::<Vec<_>>())?;
+        // From the beginning of one burst to that of another, as what is cut at both ends does not count; a gap as a usual wait.
+        let begin = steps().position(|step| step > usual_s)?;
+        let end = steps().enumerate().filter(|(_, step)| *step > usual_s).last()?.0;
+        let passed = steps().take(end + 1).skip(begin + 1).filter(|step| *step >= 0.0);
+        let passed_s: f64 = passed.map(|step| if step > Self::FAR * wait_s { wait_s } else { step }).sum();
+        let mean_s = passed_s / (end - begin) as f64;
+        (mean_s > 0.0).then_some(Self { mean_s, wait_s })
+    }
+
+    /// How many samples are missing within an interval, of which one is expected every `expected_s`; 0 where that cannot be told
+    /// from a burst that is late.
+    pub(super) fn missing(&self, interval_s: f64, expected_s: f64) -> f64 {
+        if interval_s > Self::FAR * self.wait_s {
+            ((interval_s - self.wait_s) / expected_s).round()
+        } else {
+            0.0
+        }
+    }
 }
 
 /// What to say of times that are rounded to more than a small part of their interval.

@@ -820,3 +820,42 @@ fn intervals_are_judged_by_the_nominal_rate_unless_all_contradict_it() {
     Note OtherRate: line 2, column `time_s`: the median interval is that of a rate of 1000 Hz, and the settings say 2000 Hz; the times are kept as they stand: correct `rate` of the `clock`, or the unit or `scale` of its `column`
     ");
 }
+
+/// Bursts of so many rows, 2 µs apart, of a clock of 1 kHz.
+fn in_bursts(rows: u32, size: u32) -> impl Iterator<Item = f64> {
+    (0..rows).map(move |k| f64::from(k / size * size + size) * 1e-3 + 2e-6 * f64::from(k % size))
+}
+
+#[test]
+fn in_bursts_samples_are_missing_by_the_mean_interval_or_the_nominal_one() {
+    let layout = layout("time_s", "", &["x_V"]);
+    let nominal = Layout { nominal_rate_hz: Some(1000.0), ..layout.clone() };
+    for size in [4, 30, 300] {
+        let whole = at_times(in_bursts(9000, size));
+        let late = at_times(in_bursts(9000, size).map(|time| if time > 4.0 { time + 60.0 } else { time }));
+        for layout in [&layout, &nominal] {
+            let found = diagnosis(&whole, layout);
+            assert!(found.contains("IrregularTime") && !found.contains("missing"), "{size}: {found}");
+            let found = diagnosis(&late, layout);
+            let count = found.split_once(" samples are missing").unwrap().0.rsplit(' ').next().unwrap();
+            let count: f64 = count.parse().unwrap();
+            assert!((count - 60_000.0).abs() < 900.0 && found.contains("(1 gap)"), "{size}: {found}");
+        }
+    }
+    // Declared as what is sampled within a burst: the rest is missing.
+    let fast = Layout { nominal_rate_hz: Some(5e5), ..layout };
+    let found = diagnosis(&at_times(in_bursts(9000, 30)), &fast);
+    assert!(found.contains("are missing where one is expected every 2e-6 s"), "{found}");
+}
+
+/// A text of another kind is refused without a word of it, whatever its columns are called.
+#[test]
+fn cells_of_a_text_without_numbers_are_not_quoted() {
+    let columns = Some(vec!["time_s".to_owned(), "cap_V".to_owned()]);
+    let hints = Hints { columns, ..Hints::default() };
+    for text in ["swordfish,b\nc,swordfish\n", "time_s,cap_V\nswordfish,b\nc,swordfish\n"] {
+        let found =
+            diagnosis(text, &Layout { hints: hints.clone(), ..layout("time_s", "cap_V", &["cap_V"]) });
+        assert!(found.contains("the cell is no number") && !found.contains("swordfish"), "{found}");
+    }
+}

@@ -2,7 +2,8 @@
 
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
-use super::stamps;
+use super::stamps::{self, Arrivals};
+use kalmems_figures::number;
 use std::cmp::Ordering;
 
 /// How far an interval may be from the expected one, that of the nominal rate or the segment's median, as a part of it.
@@ -23,6 +24,8 @@ pub(super) struct TimeCheck {
     /// The interval of the rate that the settings say, where they do; what is irregular is told by it, unless the times
     /// contradict it.
     nominal: Option<f64>,
+    /// How the rows arrive, where they come in bursts and not by the nominal rate.
+    arrivals: Option<Arrivals>,
     /// To how many s the file rounds the times.
     resolution_s: f64,
     ordered: bool,
@@ -58,6 +61,7 @@ impl TimeCheck {
             settled: false,
             median: None,
             nominal,
+            arrivals: None,
             resolution_s: 0.0,
             ordered: true,
             regular: true,
@@ -110,7 +114,7 @@ impl TimeCheck {
             };
             self.ordered = false;
             findings
-                .add(kind, place(base + i), || format!("{} s {word} {} s", written(after), written(before)));
+                .add(kind, place(base + i), || format!("{} s {word} {} s", number(after), number(before)));
         }
         self.rows += fresh;
         if !self.is_waiting() {
@@ -135,6 +139,7 @@ impl TimeCheck {
         if let Some(bursts) = stamps::bursts(head) {
             findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
         }
+        self.arrivals = self.median.and_then(|median| Arrivals::of(head, median));
         self.compare_with_nominal(&positive, &place, findings);
         self.judge(times, 0, 0, place);
     }
@@ -150,20 +155,36 @@ impl TimeCheck {
         let (Some(nominal), Some(median)) = (self.nominal, self.median) else { return };
         let mean = intervals.iter().sum::<f64>() / intervals.len() as f64;
         let rounding = self.resolution_s;
-        if [median, mean].iter().any(|found| (found - nominal).abs() <= TIME_TOLERANCE * nominal + rounding) {
+        let agrees = |found: f64| (found - nominal).abs() <= TIME_TOLERANCE * nominal + rounding;
+        if agrees(median) {
+            // Sampled in bursts: what is between them is missing.
+            self.arrivals = None;
+            return;
+        }
+        if agrees(mean) || self.arrivals.is_some_and(|arrivals| agrees(arrivals.mean_s)) {
             return;
         }
         self.nominal = None;
         findings.add(Kind::OtherRate, place(0), || {
-            let [median, nominal] = [median, nominal].map(|interval| short(interval.recip()));
-            format!("the median interval is that of a rate of {median} Hz, and the settings say {nominal} Hz")
+            let (found, what) =
+                self.arrivals.map_or((median, "median"), |arrivals| (arrivals.mean_s, "mean"));
+            let [found, nominal] = [found, nominal].map(|interval| short(interval.recip()));
+            format!("the {what} interval is that of a rate of {found} Hz, and the settings say {nominal} Hz")
         });
+    }
+
+    /// The interval that is expected, and what it is; none where no row follows another in time.
+    fn expected(&self) -> Option<(f64, &'static str)> {
+        let median = self.median.map(|median| (median, "median"));
+        let mean = self.arrivals.map(|arrivals| (arrivals.mean_s, "mean"));
+        let nominal = self.nominal.map(|nominal| (nominal, "interval of the nominal rate"));
+        median.and(nominal.or(mean).or(median))
     }
 
     /// Judges the intervals from that after `times[first]` on.
     fn judge(&mut self, times: &[f64], first: usize, base: usize, place: impl Fn(usize) -> Place) {
         let Some(median) = self.interval_s() else { return };
-        let expected = self.nominal.unwrap_or(median);
+        let expected = self.expected().map_or(median, |(expected, _)| expected);
         for (i, (before, after)) in steps(times, first) {
             let interval = after - before;
             self.regular &= !is_off(before, after, median, 0.0);
@@ -172,9 +193,14 @@ impl TimeCheck {
             }
             let tally = &mut self.tally;
             let whole = (interval / expected).round();
-            if whole >= 2.0 && (interval / expected - whole).abs() <= GAP_TOLERANCE {
+            let missing = match &self.arrivals {
+                Some(arrivals) => arrivals.missing(interval, expected),
+                None if (interval / expected - whole).abs() <= GAP_TOLERANCE => whole - 1.0,
+                None => 0.0,
+            };
+            if missing >= 1.0 {
                 tally.gaps.add(|| place(base + i));
-                tally.missing += whole - 1.0;
+                tally.missing += missing;
             } else {
                 tally.irregular.add(|| place(base + i));
                 tally.shortest = tally.shortest.min(interval);
@@ -196,9 +222,7 @@ impl TimeCheck {
         if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
             findings.add(Kind::RoundedTime, place(0), || detail);
         }
-        let nominal = self.nominal.map(|nominal| (nominal, "interval of the nominal rate"));
-        let expected = self.median.and(nominal.or(self.median.map(|median| (median, "median"))));
-        self.tally.expected = expected.or(self.tally.expected);
+        self.tally.expected = self.expected().or(self.tally.expected);
         (self.median, self.median.is_some() && self.rows > 1 && self.ordered && self.regular)
     }
 }
@@ -211,7 +235,7 @@ impl Tally {
             findings.add_many(Kind::Gap, place, self.gaps.count, || {
                 let missing = self.missing;
                 let (samples, are) = if missing > 1.0 { ("samples", "are") } else { ("sample", "is") };
-                let missing = written(missing);
+                let missing = number(missing);
                 format!("{missing} {samples} {are} missing where one is expected every {} s", short(expected))
             });
         }
@@ -251,15 +275,6 @@ fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64)
     times.iter().zip(times.iter().skip(1)).enumerate().map(move |(i, (a, b))| (first + i + 1, (*a, *b)))
 }
 
-/// A time or a count in a message: all its digits, and an exponent where zeros would be hard to count.
-pub(super) fn written(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e15).contains(&value.abs()) {
-        format!("{value}")
-    } else {
-        format!("{value:e}")
-    }
-}
-
 #[derive(Default)]
 struct Found {
     first: Option<Place>,
@@ -276,7 +291,7 @@ impl Found {
 }
 
 /// The median, the upper one of an even number; `None` of nothing.
-fn median(values: &mut [f64]) -> Option<f64> {
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;
     }

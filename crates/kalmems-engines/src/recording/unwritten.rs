@@ -5,7 +5,9 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::{Request, Wanted};
 use super::{Layout, ReadError, Recording, Source};
-use kalmems_formats::{Block, CellFault, Fault, Shift, TimeReader, Wanted as Read};
+use kalmems_formats::{
+    Block, CellFault, Column, Description, Evidence, Fault, Shift, TimeReader, Wanted as Read,
+};
 
 /// Rows that would be a file's: what comes of them is what [`Recording::read`] would make of that file, diagnosis and
 /// rounding included, but for the file's digest and length.
@@ -63,8 +65,15 @@ impl UnwrittenRecording {
             restarts: layout.restarts,
         };
         let mut findings = Findings::default();
-        let header: Vec<String> = header.iter().map(|&name| name.to_owned()).collect();
-        let plan = Plan::of(&header, &|_| None, 1, &request, &mut findings)
+        let file = Description {
+            format: "computed",
+            recognised: String::new(),
+            columns: header.iter().map(|name| Column::new(name)).collect(),
+            rows: None,
+            evidence: Evidence::Format,
+            left_out: Vec::new(),
+        };
+        let plan = Plan::of(&file, &|_| None, 1, &request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: name.to_owned(), findings })?;
         let number = |wanted: Read| match wanted {
             Read::Number { column, power } => Some((column, Reader::Number(Shift::new(power)))),

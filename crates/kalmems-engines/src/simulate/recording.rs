@@ -2,6 +2,7 @@
 
 use crate::config::{ConfigError, Role};
 use crate::recording::{ReadError, Source};
+use kalmems_figures::number;
 use std::ops::ControlFlow;
 
 /// A column of a simulated recording: what it means to the rig, and its name in the file.
@@ -84,7 +85,8 @@ pub enum SimulateError {
     Read(#[from] ReadError),
     /// The motion left all bounds.
     #[error(
-        "the motion is not finite any more at {time_s} s; raise `simulate.integration_rate`, or check the device"
+        "the motion is not finite any more at {} s; raise `simulate.integration_rate`, or check the device",
+        number(*time_s)
     )]
     NotFinite {
         /// When.

@@ -136,6 +136,8 @@ impl CsvTable {
             recognised: dialect.recognised.clone(),
             columns: dialect.columns.iter().map(|column| column.column.clone()).collect(),
             rows: None,
+            evidence: dialect.evidence,
+            left_out: Vec::new(),
         };
         Self {
             input,

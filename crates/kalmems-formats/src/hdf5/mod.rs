@@ -24,7 +24,7 @@ use crate::records::{Cells, Code, Field, Lane, RecordTable};
 use crate::scaling::{self, Scaling, Step};
 use crate::source::Source;
 use crate::time::{TimeCode, TimeKind};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
 use attributes::{Attributes, Space};
 use datatype::Kind;
 use header::{Header, Kind as Message};
@@ -73,7 +73,7 @@ struct Parts {
     file_bytes: u64,
     matlab: bool,
     recognised: String,
-    left_out: Vec<String>,
+    left_out: Vec<LeftOut>,
     fields: Vec<Field>,
     lanes: Vec<Box<dyn Lane>>,
 }
@@ -201,7 +201,7 @@ impl Parts {
             let added = self.files.follow(group, &target).and_then(|reached| match reached {
                 Reached::Object(object) => self.add_object(object, &name, &place),
                 Reached::Nowhere(why) => {
-                    self.left_out.push(format!("`{name}` ({why})"));
+                    self.leave_out(&name, &why);
                     Ok(())
                 }
             });
@@ -210,7 +210,7 @@ impl Parts {
                 Err(FormatError::Io(error)) => return Err(error.into()),
                 Err(error) => {
                     self.fields.truncate(columns);
-                    self.left_out.push(format!("`{name}` ({})", reason(&error)));
+                    self.leave_out(&name, &reason(&error));
                 }
             }
         }
@@ -226,7 +226,7 @@ impl Parts {
     }
 
     fn leave_out(&mut self, name: &str, why: &str) {
-        self.left_out.push(format!("`{name}` ({why})"));
+        self.left_out.push(LeftOut::new(name, why));
     }
 
     fn add_column(&mut self, found: Found, name: &str) -> Result<(), FormatError> {
@@ -424,7 +424,7 @@ impl Parts {
                         Cells::Text { lane, offset: *offset, bytes: *bytes, code: Code::Bytes }
                     }
                     other => {
-                        self.left_out.push(format!("`{name}` ({})", other.what()));
+                        self.left_out.push(LeftOut::new(name, other.what()));
                         continue;
                     }
                 };
@@ -457,18 +457,16 @@ impl Parts {
         self.add_columns(found, rows, &names, hints.columns.is_none())
     }
 
-    fn finish(mut self) -> Result<Box<dyn Table>, FormatError> {
+    fn finish(self) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
             return Err(unsupported(
                 format!("a place without a column of numbers or labels ({})", limits::list(&self.left_out)),
                 "write the path of another in `group`",
             ));
         }
-        if !self.left_out.is_empty() {
-            self.recognised.push_str(&format!("; left out: {}", limits::list(&self.left_out)));
-        }
         let format = if self.matlab { MAT } else { FORMAT };
-        Ok(Box::new(RecordTable::new(format, self.recognised, self.fields, self.lanes, self.file_bytes)))
+        let Self { recognised, left_out, fields, lanes, file_bytes, .. } = self;
+        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }
 

@@ -5,7 +5,7 @@ use super::header::Kind as Message;
 use super::links::{Target, is_group, links};
 use super::objects::{Object, Reached};
 use super::{Found, OBJECTS, Parts, unsupported};
-use crate::{FormatError, Hints, limits};
+use crate::{FormatError, Hints, LeftOut, limits};
 use std::collections::VecDeque;
 
 /// Where a table is.
@@ -23,8 +23,10 @@ impl Parts {
         let mut others = Vec::new();
         if let Some(root) = places.iter().position(|place| place.path == "/") {
             places.swap(0, root);
-            let own =
-                |place: Place| format!("`{0}` (a table of its own: write `group = \"{0}\"`)", place.path);
+            let own = |Place { path, .. }: Place| {
+                let why = format!("a table of its own: write `group = \"{path}\"`");
+                LeftOut::new(path, why)
+            };
             // Datasets beside the columns are columns or left out themselves.
             others.extend(
                 places.drain(1..).filter(|place| place.is_group || place.path[1..].contains('/')).map(own),
@@ -104,7 +106,7 @@ impl Parts {
                 let Ok(found) = Found::look(object.clone(), header, &place) else { continue };
                 match (&found.kind, &found.space.shape[..]) {
                     _ if found.of_matlab().is_some() => {
-                        self.left_out.extend(found.of_matlab().map(|what| format!("`{place}` ({what})")));
+                        self.left_out.extend(found.of_matlab().map(|what| LeftOut::new(place, what)));
                     }
                     _ if found.is_class("char") || found.space.count() == 1 => {}
                     (Kind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,

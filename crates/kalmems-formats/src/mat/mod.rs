@@ -8,7 +8,7 @@ use crate::lanes::Texts;
 use crate::records::{Cells, Field, Lane, RecordTable};
 use crate::source::Source;
 use crate::stream::{Packing, StreamLane, Stretch};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
 use array::{Budget, COMPRESSED, Elements, FORMAT, MATRIX, Value, Variable};
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     }
     table.recognised.push_str("the variables, a column each");
     if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
-        table.left_out.extend(structs.iter().map(|(_, variable)| format!("`{}` (a struct)", variable.name)));
+        table.left_out.extend(structs.iter().map(|(_, variable)| LeftOut::new(&variable.name, "a struct")));
         for (stretch, variable) in columns {
             table.add(&stretch, variable);
         }
@@ -201,7 +201,7 @@ fn is_column(value: &Value) -> bool {
 struct Parts {
     format: &'static str,
     recognised: String,
-    left_out: Vec<String>,
+    left_out: Vec<LeftOut>,
     fields: Vec<Field>,
     lanes: Vec<Box<dyn Lane>>,
 }
@@ -225,9 +225,8 @@ impl Parts {
         let Variable { name, value } = matrix;
         let Value::Numbers { place, element, rows, columns } = value else { return };
         if columns > BESIDE || columns > rows {
-            self.left_out.push(format!(
-                "`{name}` ({rows} × {columns}: name it by `group`, and its columns by `columns`)"
-            ));
+            let why = format!("{rows} × {columns}: name it by `group`, and its columns by `columns`");
+            self.left_out.push(LeftOut::new(name, why));
             return;
         }
         let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
@@ -267,17 +266,17 @@ impl Parts {
                 self.fields.push(Field::new(column, Cells::Texts { lane }, rows));
             }
             Value::Numbers { rows, columns, .. } => {
-                self.left_out.push(format!("`{name}` ({rows} × {columns})"));
+                self.left_out.push(LeftOut::new(name, format!("{rows} × {columns}")));
             }
-            Value::Texts(_) => self.left_out.push(format!("`{name}` (a single text)")),
-            Value::Fields(_) => self.left_out.push(format!("`{name}` (a struct)")),
-            Value::Other(what) => self.left_out.push(format!("`{name}` ({what})")),
+            Value::Texts(_) => self.left_out.push(LeftOut::new(name, "a single text")),
+            Value::Fields(_) => self.left_out.push(LeftOut::new(name, "a struct")),
+            Value::Other(what) => self.left_out.push(LeftOut::new(name, what)),
             Value::Object(class) => {
                 let remedy = match class.as_str() {
                     "table" | "timetable" => TABLE_REMEDY,
                     _ => "save its numbers as vectors",
                 };
-                self.left_out.push(format!("`{name}` (a {class} of MATLAB: {remedy})"));
+                self.left_out.push(LeftOut::new(name, format!("a {class} of MATLAB: {remedy}")));
             }
         }
     }
@@ -307,7 +306,7 @@ impl Parts {
         Ok(())
     }
 
-    fn finish(mut self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
+    fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
             return Err(FormatError::Unsupported {
                 format: self.format,
@@ -317,9 +316,7 @@ impl Parts {
                     .to_owned(),
             });
         }
-        if !self.left_out.is_empty() {
-            self.recognised.push_str(&format!("; left out: {}", limits::list(&self.left_out)));
-        }
-        Ok(Box::new(RecordTable::new(self.format, self.recognised, self.fields, self.lanes, file_bytes)))
+        let Self { format, recognised, left_out, fields, lanes } = self;
+        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }

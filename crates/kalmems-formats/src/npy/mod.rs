@@ -7,7 +7,7 @@ mod zip;
 use crate::records::{Cells, Field, Lane, RecordTable};
 use crate::source::Source;
 use crate::stream::{Packing, StreamLane, Stretch};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
 use header::{Cell, Descr, Header};
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
     let mut arrays = Vec::new();
     for member in zip::members(&source)? {
         let Some(name) = member.name.strip_suffix(".npy") else {
-            table.left_out.push(format!("`{}` (no array)", member.name));
+            table.left_out.push(LeftOut::new(member.name, "no array"));
             continue;
         };
         if hints.group.as_deref().is_some_and(|wanted| wanted != name) {
@@ -77,7 +77,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
         for array in others {
             match array.names_beside().filter(|_| any) {
                 Some(names) => array.add_columns(&names, &mut table)?,
-                None => table.left_out.push(format!("`{}` ({})", array.name, array.shape())),
+                None => table.left_out.push(LeftOut::new(&array.name, array.shape())),
             }
         }
     }
@@ -88,7 +88,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
 #[derive(Default)]
 struct Parts {
     recognised: String,
-    left_out: Vec<String>,
+    left_out: Vec<LeftOut>,
     fields: Vec<Field>,
     lanes: Vec<Box<dyn Lane>>,
 }
@@ -106,10 +106,8 @@ impl Parts {
         if self.recognised.is_empty() {
             self.recognised = format!("{} arrays, a column each", self.fields.len());
         }
-        if !self.left_out.is_empty() {
-            self.recognised.push_str(&format!("; left out: {}", limits::list(&self.left_out)));
-        }
-        Ok(Box::new(RecordTable::new(format, self.recognised, self.fields, self.lanes, file_bytes)))
+        let Self { recognised, left_out, fields, lanes } = self;
+        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }
 
@@ -213,7 +211,7 @@ impl Array {
                         }
                         // Padding has no name.
                         None if name.is_empty() => {}
-                        None => table.left_out.push(format!("`{name}` ({})", what(cell))),
+                        None => table.left_out.push(LeftOut::new(name, what(cell))),
                     }
                     offset += cell.bytes();
                 }

@@ -12,8 +12,8 @@ use crate::panics;
 use crate::records::{push_label, refuse_infinities};
 use crate::source::Source;
 use crate::{
-    Block, CellFault, Column, Description, Fault, FormatError, Hints, Instant, Labels, Table, TimeKind,
-    TimeReader, TimeUnit, Wanted, element,
+    Block, CellFault, Column, Description, Evidence, Fault, FormatError, Hints, Instant, Labels, LeftOut,
+    Table, TimeKind, TimeReader, TimeUnit, Wanted, element,
 };
 use pages::{ColumnPages, PAGE_BYTES};
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -102,7 +102,7 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
                 columns.push(Column { text, ..Column::new(&name) });
                 kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
-            Err(what) => left_out.push(format!("`{name}` ({what})")),
+            Err(what) => left_out.push(LeftOut::new(name, what)),
         }
     }
     let mut recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
@@ -116,7 +116,14 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
             remedy: "write columns of numbers".to_owned(),
         });
     }
-    let description = Description { format: FORMAT, recognised, columns, rows: Some(rows) };
+    let description = Description {
+        format: FORMAT,
+        recognised,
+        columns,
+        rows: Some(rows),
+        evidence: Evidence::Format,
+        left_out,
+    };
     Ok(Box::new(ParquetTable {
         description,
         source,

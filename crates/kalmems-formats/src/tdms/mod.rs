@@ -8,7 +8,7 @@ use crate::records::{Cells, Clock, Field, Lane, RecordTable};
 use crate::scaling::{self, Scaling};
 use crate::source::Source;
 use crate::time::TimeCode;
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
 use metadata::{FORMAT, File, Part, Value, damaged, unsupported};
 use std::sync::Arc;
 
@@ -29,11 +29,11 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             }
             Some(Value::Text { .. }) => (Cells::Texts { lane }, 0),
             Some(Value::Other { what, .. }) => {
-                left_out.push(format!("`{}` ({what})", channel.name));
+                left_out.push(LeftOut::new(&channel.name, what));
                 continue;
             }
             None => {
-                left_out.push(format!("`{}` (without values)", channel.name));
+                left_out.push(LeftOut::new(&channel.name, "without values"));
                 continue;
             }
         };
@@ -41,7 +41,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
         let steps = match scales::steps(objects) {
             Ok(steps) => steps,
             Err(what) => {
-                left_out.push(format!("`{}` ({what}: write its scaled values)", channel.name));
+                let why = format!("{what}: write its scaled values");
+                left_out.push(LeftOut::new(&channel.name, why));
                 continue;
             }
         };
@@ -88,10 +89,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             file.left_over
         ));
     }
-    if !left_out.is_empty() {
-        recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
-    }
-    Ok(Box::new(RecordTable::new(FORMAT, recognised, fields, lanes, file_bytes)))
+    Ok(Box::new(RecordTable::new(FORMAT, recognised, left_out, fields, lanes, file_bytes)))
 }
 
 /// Puts the time first, where the channels agree on a clock; says what it did.

@@ -10,8 +10,8 @@ use super::state::State;
 use crate::config::StreamFormat;
 use crate::recording::names_a_time;
 use kalmems_formats::{
-    Block, CellFault, Column, Description, Digest, Fault, FormatError, Instant, Table, TimeKind, TimeReader,
-    Wanted,
+    Block, CellFault, Column, Description, Digest, Evidence, Fault, FormatError, Instant, Table, TimeKind,
+    TimeReader, Wanted,
 };
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -140,6 +140,8 @@ impl LiveTable {
                 recognised: format!("{what}, as the experiment says"),
                 columns: names.iter().map(|name| Column::new(name)).collect(),
                 rows: None,
+                evidence: Evidence::Format,
+                left_out: Vec::new(),
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),
             format: format.clone(),

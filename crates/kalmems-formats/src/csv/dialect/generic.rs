@@ -119,9 +119,10 @@ fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usiz
                     words.len(),
                     head.number(header)
                 ),
-                expected: "a name for each column, in the file or in the experiment file: `format = { kind = \"csv\", \
-                           columns = [\"time_s\", …] }` in its [[recording]]"
-                    .to_owned(),
+                expected:
+                    "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
+                           columns = [\"time_s\", …] }` in the table that names the file"
+                        .to_owned(),
             }),
         };
     }
@@ -141,7 +142,7 @@ fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usiz
 
 fn line_index(head: &Head, line: u64, key: &str) -> Result<usize, FormatError> {
     (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| FormatError::NotRecognised {
-        found: format!("`{key} = {line}` in the experiment file"),
+        found: format!("`{key} = {line}` in the settings"),
         expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
     })
 }
@@ -205,8 +206,8 @@ fn refuse_preamble(
                         head.number(header)
                     ),
                     expected: format!(
-                        "the experiment file to say so: `format = {{ kind = \"csv\", header_line = {line} }}` in its \
-                         [[recording]]"
+                        "the settings to say so: `format = {{ kind = \"csv\", header_line = {line} }}` in the table \
+                         that names the file"
                     ),
                 });
             }

@@ -82,7 +82,7 @@ pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<
             .ok()
             .filter(|byte| SEPARATORS.iter().any(|(known, _)| known == byte))
             .ok_or_else(|| FormatError::NotRecognised {
-                found: format!("`separator = {hint:?}` in the experiment file"),
+                found: format!("`separator = {hint:?}` in the settings"),
                 expected: "\",\", \";\", \"|\", \"\\t\" or \" \"".to_owned(),
             });
     }
@@ -115,8 +115,8 @@ pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<
             others.join(" or ")
         ),
         expected:
-            "the experiment file to say which: `format = { kind = \"csv\", separator = \",\" }` in its \
-                   [[recording]]"
+            "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
+                   names the file"
                 .to_owned(),
     })
 }
@@ -152,7 +152,7 @@ pub(super) fn point(
     match (hints.decimal, separator) {
         (Some(','), b',') => {
             return Err(FormatError::NotRecognised {
-                found: "`decimal = \",\"` in the experiment file, and commas between the cells".to_owned(),
+                found: "`decimal = \",\"` in the settings, and commas between the cells".to_owned(),
                 expected: "another separator, or `decimal = \".\"`".to_owned(),
             });
         }
@@ -160,7 +160,7 @@ pub(super) fn point(
         (Some('.'), _) | (None, b',') => return Ok(b'.'),
         (Some(other), _) => {
             return Err(FormatError::NotRecognised {
-                found: format!("`decimal = {other:?}` in the experiment file"),
+                found: format!("`decimal = {other:?}` in the settings"),
                 expected: "\".\" or \",\"".to_owned(),
             });
         }
@@ -181,10 +181,9 @@ pub(super) fn point(
     match found {
         [Some((point, line)), Some((comma, other))] => Err(FormatError::NotRecognised {
             found: format!("`{point}` in line {line} and `{comma}` in line {other}"),
-            expected:
-                "one decimal mark, which the experiment file can say: `format = { kind = \"csv\", decimal = \
-                       \",\" }` in its [[recording]]"
-                    .to_owned(),
+            expected: "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
+                       \",\" }` in the table that names the file"
+                .to_owned(),
         }),
         [None, Some(_)] => Ok(b','),
         _ => Ok(b'.'),

@@ -10,7 +10,7 @@ mod units;
 use super::input::Input;
 use super::split::Split;
 use crate::time::{IsoTime, TimeKind, parse_iso};
-use crate::{Column, FormatError, Hints};
+use crate::{Column, Evidence, FormatError, Hints};
 use comments::Comments;
 use head::Head;
 pub(super) use instruments::Heading;
@@ -39,6 +39,8 @@ pub(super) struct Dialect {
     pub(super) remarks: bool,
     pub(super) columns: Vec<DialectColumn>,
     pub(super) records: Records,
+    /// By what it is known to be a table of numbers.
+    pub(super) evidence: Evidence,
     /// All of this for people.
     pub(super) recognised: String,
 }
@@ -181,7 +183,7 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
             let index = index.ok_or_else(|| FormatError::NotRecognised {
-                found: format!("`header_line = {header}` in the experiment file and {} lines", head.len()),
+                found: format!("`header_line = {header}` in the settings and {} lines", head.len()),
                 expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
             })?;
             generic::find(&head, index, &comments, hints)?
@@ -207,14 +209,18 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     }
     if let Some(names) = &hints.columns {
         if names.len() != found.columns.len() {
-            let present: Vec<String> =
-                found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
+            let mut present = match found.columns.len() {
+                1 => "1 column".to_owned(),
+                count => format!("{count} columns"),
+            };
+            if found.columns.len() > 1 && evidence(head, &found) == Evidence::Rows {
+                let names: Vec<String> =
+                    found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
+                present += &format!(": {}", names.join(", "));
+            }
             return Err(FormatError::NotRecognised {
-                found: format!("{} columns: {}", found.columns.len(), present.join(", ")),
-                expected: format!(
-                    "as many as `columns` in the experiment file names, which are {}",
-                    names.len()
-                ),
+                found: present,
+                expected: format!("as many as `columns` in the settings names, which are {}", names.len()),
             });
         }
         for ((name, _), given) in found.columns.iter_mut().zip(names) {
@@ -236,7 +242,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
         words.push(format!("names in line {}", found.header_line));
     }
     if hints.columns.is_some() {
-        words.push("names from the experiment file".to_owned());
+        words.push("names from the settings".to_owned());
     } else if !found.units.is_empty() {
         words.push(found.units.clone());
     }
@@ -248,7 +254,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
             }
         }
     }
-    let times = times(head, &found);
+    let (times, evidence) = (times(head, &found), evidence(head, &found));
     let column = |((name, origin), time): ((String, Origin), Option<TimeKind>)| DialectColumn {
         column: Column::new(&name),
         origin,
@@ -263,10 +269,37 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
         trailing: found.trailing,
         remarks: found.remarks,
         records: found.records,
+        evidence,
         columns: found.columns.into_iter().zip(times).map(column).collect(),
         recognised: words.join(", "),
     };
     Ok((dialect, head.bytes_before(found.first_row)))
+}
+
+/// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a
+/// number below a name. One column is believed where at least half of the rows hold one, as any text has a line with a number.
+fn evidence(head: &Head, found: &Found) -> Evidence {
+    let numbered = found.columns.iter().filter(|(name, _)| marks::is_number(name));
+    // As a program does that has no names.
+    let counted = numbered.enumerate().all(|(number, (name, _))| *name == number.to_string());
+    let named: Vec<usize> = found
+        .columns
+        .iter()
+        .filter(|(name, _)| counted || !marks::is_number(name))
+        .filter_map(|(_, origin)| origin.cell())
+        .collect();
+    let rows = || head.rows(found.first_row).map(|row| head.cells(row, found.separator));
+    let fits = |row: &Vec<String>| row.len() == found.cells || found.trailing && row.len() == found.cells + 1;
+    let holds_number = |row: &Vec<String>| {
+        fits(row) && named.iter().any(|cell| row.get(*cell).is_some_and(|cell| marks::is_number(cell)))
+    };
+    let is_table = if found.cells > 1 {
+        rows().any(|row| holds_number(&row))
+    } else {
+        let with_number = rows().filter(holds_number).count();
+        with_number > 0 && 2 * with_number >= rows().count()
+    };
+    if is_table { Evidence::Rows } else { Evidence::Nothing }
 }
 
 /// Which columns hold dates and times of a day as text, by the first cell of each that is not empty.
@@ -297,6 +330,7 @@ fn nothing() -> Dialect {
         trailing: false,
         remarks: false,
         records: Records::One,
+        evidence: Evidence::Nothing,
         columns: Vec::new(),
         recognised: "nothing".to_owned(),
     }
