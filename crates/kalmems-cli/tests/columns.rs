@@ -224,7 +224,7 @@ fn settings_with_a_file() -> Vec<(&'static str, Vec<&'static str>, String)> {
     recorded.replace_range(drive, table);
     let interferogram = "name = \"s\"\n[interferogram]\nfile = \"known.csv\"\ncolumns = [\"detector_1\"]\nclock = { rate = \"1 kHz\" }\n\
                          [path.trajectory]\nfile = \"known.csv\"\nclock = { column = \"time_s\" }\ncolumn = \"position_m\"\n\
-                         [transform]\napodisation = \"boxcar\"\nphase = \"power\"\n[reference]\n\
+                         [transform]\nlargest_path_difference = \"0.95 mm\"\napodisation = \"boxcar\"\nphase = \"power\"\nband = { from = \"1500 1/cm\", to = \"2500 1/cm\" }\n[reference]\n\
                          band = { from = \"1500 1/cm\", to = \"2500 1/cm\" }\n[reference.spectrum]\nfile = \"known.csv\"\n\
                          wavenumber = \"wavenumber_per_cm\"\ncolumn = \"height\"\n";
     let spectrum = |number: usize| {
@@ -316,7 +316,7 @@ fn a_table_of_numbers_is_quoted_where_that_helps() {
     std::fs::write(path("recording.csv"), rows.replace("cap_V", "capacitance")).unwrap();
     let why = refused(&estimate, folder.path());
     assert!(why.contains("there are `time_s`, `drive_V`, `capacitance`"), "{why}");
-    std::fs::write(path("recording.csv"), rows.replacen("\n0.0005,", "\nlate,", 1)).unwrap();
+    std::fs::write(path("recording.csv"), rows.replacen("\n0.000500,", "\nlate,", 1)).unwrap();
     let why = refused(&estimate, folder.path());
     assert!(why.contains("`late` is no time"), "{why}");
 }

@@ -271,7 +271,7 @@ fn a_drive_that_is_unknown_is_refused() {
         Some(cells)
     });
     let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
-    assert!(error.contains("`drive_V`") && error.contains("0.0007 s") && error.contains("split"), "{error}");
+    assert!(error.contains("`drive_V`") && error.contains("7e-4 s") && error.contains("split"), "{error}");
     let (_folder, experiment) = edited(|row, cells| (row < 8000).then_some(cells));
     let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("settling time"), "{error}");

@@ -9,20 +9,20 @@ use kalmems::results::{
     LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, summary_table,
     write_estimate,
 };
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
-    let metrics = if workflow::is_long(published(), &experiment).map_err(|e| wrong(&e))? {
-        in_parts(&experiment, arguments, &output, (started, clock))?
+    let metrics = if workflow::is_long(workbench, &experiment).map_err(|e| wrong(&e))? {
+        in_parts((workbench, &experiment), arguments, &output, (started, clock))?
     } else {
-        at_once(&experiment, arguments, &output, (started, clock))?
+        at_once((workbench, &experiment), arguments, &output, (started, clock))?
     };
     let out = target::finish(output)?;
 
@@ -53,13 +53,13 @@ pub fn run(arguments: &EstimateArguments) -> Result<(), Ending> {
 
 /// Of recordings that are held in memory.
 fn at_once(
-    experiment: &Experiment,
+    (workbench, experiment): (&Workbench, &Experiment),
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
-    let outcome = workflow::estimate(published(), experiment, &bar).map_err(|e| of_work(&e))?;
+    let outcome = workflow::estimate(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
     let metrics = Metrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };
@@ -71,16 +71,16 @@ fn at_once(
 
 /// Of recordings of any length.
 fn in_parts(
-    experiment: &Experiment,
+    (workbench, experiment): (&Workbench, &Experiment),
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
-    let rig = published().rig(experiment).map_err(|e| Ending::Wrong(e.to_string()))?;
+    let rig = workbench.rig(experiment).map_err(|e| Ending::Wrong(e.to_string()))?;
     let mut results = LongEstimate::begin(rig, experiment, output, wanted, &crate::interrupt::requested);
     let bar = Bar::default();
-    let whole = workflow::estimate_in_parts(published(), experiment, &bar, &mut |part| results.part(&part));
+    let whole = workflow::estimate_in_parts(workbench, experiment, &bar, &mut |part| results.part(&part));
     let whole = whole.map_err(|e| match e {
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),

@@ -5,12 +5,12 @@ use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::export::{Request, Target, write_export};
 use kalmems::results::Work;
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use kalmems::units::{Value, kind};
 
-pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let first = || experiment.estimate.as_ref().and_then(|e| e.filters.first()).map(|f| f.name.to_string());
     let request = Request {
         target: match arguments.target {
@@ -22,7 +22,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Ending> {
         update_every: arguments.update_every,
         samples: arguments.samples,
     };
-    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
+    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;
     let work = Work::of_file("export", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["exported", &experiment.name.to_string()], &work)?;

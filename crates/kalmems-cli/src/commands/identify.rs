@@ -5,14 +5,14 @@ use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &IdentifyArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
-    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
+    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
     let bar = Bar::default();

@@ -8,13 +8,13 @@ use kalmems::inspect::inspect_with;
 use kalmems::progress::Progress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &InspectArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
     if arguments.input.extension().is_some_and(|ending| ending == "toml") {
-        device(arguments)
+        device(workbench, arguments)
     } else {
         recording(arguments)
     }
@@ -25,10 +25,10 @@ fn wrong(e: &dyn Display) -> Ending {
 }
 
 /// What an experiment's device will do under its drive.
-fn device(arguments: &InspectArguments) -> Result<(), Ending> {
+fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let experiment = published().load(&arguments.input).map_err(|e| wrong(&e))?;
-    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
+    let experiment = workbench.load(&arguments.input).map_err(|e| wrong(&e))?;
+    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
     if let Some(path) = &arguments.png {
         draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;

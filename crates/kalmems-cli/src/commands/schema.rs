@@ -5,11 +5,11 @@ use crate::{Ending, print};
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::image::Image;
 use kalmems::applications::spectrum::SpectrumFile;
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 
-pub fn run(arguments: &SchemaArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &SchemaArguments) -> Result<(), Ending> {
     let schema = match arguments.of {
-        Described::Experiment => published().schema(),
+        Described::Experiment => workbench.schema(),
         Described::Gyro => GyroscopeCalibration::schema(),
         Described::Image => Image::schema(),
         Described::Spectrum => SpectrumFile::schema(),

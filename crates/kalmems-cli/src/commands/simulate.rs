@@ -7,18 +7,18 @@ use crate::{Ending, print, target};
 use kalmems::config::Role;
 use kalmems::figures::with_short_numbers;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use kalmems::simulate::SimulateError;
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &SimulateArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let mut experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let mut experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     if let (Some(simulate), Some(seed)) = (&mut experiment.simulate, arguments.seed) {
         simulate.seed = seed.into();
     }
-    let rig = published().rig(&experiment).map_err(|e| wrong(&e))?;
+    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let simulation = rig.simulate(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("simulate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["simulated", &experiment.name.to_string()], &work)?;

@@ -8,17 +8,17 @@ use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
 use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
 use kalmems::results::{RunInfo, Work};
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &SpectrumArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let file = SpectrumFile::load(&arguments.spectrum).map_err(|e| wrong(&e))?;
     let work = Work::of_file("spectrum", &arguments.spectrum, file.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["spectrum", &file.name.to_string()], &work)?;
     let bar = Bar::default();
-    let outcome = measure(published(), &file, &bar)
+    let outcome = measure(workbench, &file, &bar)
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let metrics = SpectrumMetrics::of(&outcome);

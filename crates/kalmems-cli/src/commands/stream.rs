@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::tell::{StandardError, tell};
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use kalmems::stream::{
     AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
 };
@@ -24,9 +24,9 @@ const BROKEN: u8 = 4;
 /// The exit code where the user stopped it.
 const INTERRUPTED: u8 = 130;
 
-pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = published().load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let (lines, frames) = (arguments.lines.as_deref(), arguments.frames.as_deref());
     let standard = Path::new("-");
     let lines = lines.or(if frames.is_none() { Some(standard) } else { None });
@@ -50,7 +50,7 @@ pub fn run(arguments: &StreamArguments) -> Result<(), Ending> {
         );
     }
     let summary =
-        match stream(published(), &experiment, Box::new(source), outputs, state, &interrupt::requested) {
+        match stream(workbench, &experiment, Box::new(source), outputs, state, &interrupt::requested) {
             // A reader that closes the pipe has what it wanted.
             Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
             Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),

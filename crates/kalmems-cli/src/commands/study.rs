@@ -5,12 +5,12 @@ use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::results::Output;
-use kalmems::rigs::published;
+use kalmems::rigs::Workbench;
 use kalmems::study::{Options, Plan, StudyError};
 use std::path::PathBuf;
 
-pub fn run(arguments: &StudyArguments) -> Result<(), Ending> {
-    let plan = Plan::load(published(), &arguments.study).map_err(ending)?;
+pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Ending> {
+    let plan = Plan::load(workbench, &arguments.study).map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     // The journal of a shard stands beside the folder, which no shard writes.
@@ -34,9 +34,9 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Ending> {
     report(&plan, &[progressed.journal], output, arguments.json)
 }
 
-pub fn merge(arguments: &MergeArguments) -> Result<(), Ending> {
+pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), Ending> {
     let Some(first) = arguments.journals.first() else { return Ok(()) };
-    let plan = Plan::from_journal(published(), first).map_err(ending)?;
+    let plan = Plan::from_journal(workbench, first).map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     report(&plan, &arguments.journals, target::begin(Some(&out), &[], &work)?, arguments.json)

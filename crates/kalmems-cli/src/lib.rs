@@ -1,0 +1,98 @@
+//! The `kalmems` command as a library: arguments, progress and exit codes, for a program that knows other devices beside the
+//! published ones. What it does is in the library `kalmems`.
+//!
+//! ```no_run
+//! // With a rig of one's own: `published().clone().with(MyRig)`.
+//! kalmems_cli::run(kalmems::rigs::published());
+//! ```
+//!
+//! Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under
+//! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
+
+// Both panic where nobody reads: `print` and `tell!` are for that.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod args;
+mod commands;
+mod interrupt;
+mod progress;
+mod target;
+mod tell;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use kalmems::recording::panic_is_caught;
+use kalmems::rigs::Workbench;
+use std::process::ExitCode;
+use tell::tell;
+
+/// How a command ended, other than well.
+enum Ending {
+    /// Something is wrong; in words.
+    Wrong(String),
+    /// Stopped by the user.
+    Interrupted,
+    /// Stopped by the user, who can go on from there; in words.
+    Paused(String),
+    /// An estimate failed its consistency test, and the user wanted to know.
+    NotConsistent(String),
+    /// With this exit code, for a reason that was told.
+    Told(u8),
+}
+
+/// Does what the arguments of the program say with the devices of this workbench, and gives the program's exit code.
+///
+/// A usage error and a call for help end the program here.
+pub fn run(workbench: &Workbench) -> ExitCode {
+    tell_of_unexpected_panics_alone();
+    let arguments = Arguments::parse();
+    interrupt::listen();
+    let ending = match &arguments.command {
+        Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
+        Command::Export(arguments) => commands::export::run(workbench, arguments),
+        Command::Image(arguments) => commands::image::run(arguments),
+        Command::Identify(arguments) => commands::identify::run(workbench, arguments),
+        Command::Inspect(arguments) => commands::inspect::run(workbench, arguments),
+        #[cfg(feature = "papers")]
+        Command::Reproduce(arguments) => commands::reproduce::run(arguments),
+        Command::Simulate(arguments) => commands::simulate::run(workbench, arguments),
+        Command::Merge(arguments) => commands::study::merge(workbench, arguments),
+        Command::Schema(arguments) => commands::schema::run(workbench, arguments),
+        Command::Spectrum(arguments) => commands::spectrum::run(workbench, arguments),
+        Command::Stream(arguments) => commands::stream::run(workbench, arguments),
+        Command::Study(arguments) => commands::study::run(workbench, arguments),
+    };
+    let (message, code) = match ending {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Ending::Told(code)) => return ExitCode::from(code),
+        Err(Ending::Wrong(message)) => (message, 1),
+        Err(Ending::NotConsistent(message)) => (message, 3),
+        Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
+        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
+    };
+    tell!("error: {message}");
+    ExitCode::from(code)
+}
+
+/// A panic that a damaged file causes in a reader's library is told as the error that it becomes.
+fn tell_of_unexpected_panics_alone() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic_is_caught() {
+            tell(panic);
+        }
+    }));
+}
+
+/// Prints to standard output. A reader that closes the pipe early has what it wanted.
+fn print(text: &str) -> Result<(), Ending> {
+    use std::io::{ErrorKind, Write};
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(Ending::Wrong(format!("cannot write to standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
+}
