@@ -1210,9 +1210,9 @@ fn a_silent_stream_tells_its_health_and_ends_at_once_with_130() {
 fn a_command_whose_outputs_are_closed_ends_as_with_open_ones() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let rows: String =
-        (-512..512).map(|k| format!("{:.6}\n", (0.6 * f64::from(k)).cos() / f64::from(1 + k * k))).collect();
-    std::fs::write(path("i.csv"), format!("detector_1\n{rows}")).unwrap();
+    let row = |k: i32| format!("{:.6}", (0.6 * f64::from(k)).cos() / f64::from(1 + k * k));
+    let rows: Vec<String> = (-512..512).map(row).collect();
+    std::fs::write(path("i.csv"), format!("detector_1\n{}\n", rows.join("\n"))).unwrap();
     let spectrum = "name = \"s\"\n[interferogram]\nfile = \"i.csv\"\ncolumns = [\"detector_1\"]\n[path]\nstep = \"0.5 um\"\n\
                     [transform]\napodisation = \"boxcar\"\nphase = \"power\"\n";
     std::fs::write(path("s.toml"), spectrum).unwrap();

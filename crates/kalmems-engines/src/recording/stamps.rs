@@ -49,7 +49,7 @@ impl Arrivals {
         let wait_s = middle(&mut steps().filter(|step| *step > usual_s).collect::<Vec<_>>())?;
         // From the beginning of one burst to that of another, as what is cut at both ends does not count; a gap as a usual wait.
         let begin = steps().position(|step| step > usual_s)?;
-        let end = steps().enumerate().filter(|(_, step)| *step > usual_s).last()?.0;
+        let end = steps().enumerate().rfind(|(_, step)| *step > usual_s)?.0;
         let passed = steps().take(end + 1).skip(begin + 1).filter(|step| *step >= 0.0);
         let passed_s: f64 = passed.map(|step| if step > Self::FAR * wait_s { wait_s } else { step }).sum();
         let mean_s = passed_s / (end - begin) as f64;
