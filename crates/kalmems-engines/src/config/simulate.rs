@@ -425,8 +425,9 @@ impl Simulate {
         let steps = self.integration_rate.si() / self.sampling_rate.si();
         if !(steps > 0.5 && steps < 1e6 && (steps - steps.round()).abs() < 1e-6 * steps) {
             let why = format!(
-                "`{}` is {steps} times `sampling_rate`; expected a whole multiple, such as 10 times `{}`",
+                "`{}` is {} times `sampling_rate`; expected a whole multiple, such as 10 times `{}`",
                 self.integration_rate.text(),
+                kalmems_figures::number(steps),
                 self.sampling_rate.text()
             );
             return at("integration_rate", why);
