@@ -1,7 +1,7 @@
 //! The papers of the published systems: their tables and figures, computed again and set beside the papers' own.
 //!
 //! [`program`] is what all of them share: the items of a paper, the checks that compare it with what was computed, the verdict
-//! that follows from them, and the files that are written. Each device has a module with its [`Program`](program::Program);
+//! that follows from them, and the files that are written. Each device has a module with its [`Program`];
 //! [`ALL`] lists them. The devices, their filters and their simulations are those of [`kalmems_rigs`], which knows nothing of
 //! this crate.
 //!
