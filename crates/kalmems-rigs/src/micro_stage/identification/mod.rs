@@ -58,7 +58,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those";
         return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
     }
-    let mut device = device_of(experiment)?.clone();
+    let mut device = (*experiment.device::<MicroStage>()?).clone();
     if let Some(index) = still {
         noise::identify(experiment, &mut hardware, &mut device, index, &mut found, progress)?;
         stop(progress)?;
@@ -197,10 +197,6 @@ fn fit_error(recording: &str, source: FitError) -> IdentifyError {
 
 fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
-}
-
-fn device_of(experiment: &Experiment) -> Result<MicroStage, IdentifyError> {
-    Ok((*experiment.device::<MicroStage>()?).clone())
 }
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {

@@ -64,7 +64,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                    from those";
         return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
     }
-    let mut device = device_of(experiment)?.clone();
+    let mut device = (*experiment.device::<SharedScanner>()?).clone();
 
     let mut comb = (hardware.scanner.comb, Covariance::zero());
     match decay {
@@ -138,10 +138,6 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
 
 fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
-}
-
-fn device_of(experiment: &Experiment) -> Result<SharedScanner, IdentifyError> {
-    Ok((*experiment.device::<SharedScanner>()?).clone())
 }
 
 /// Puts an identified value into the experiment.

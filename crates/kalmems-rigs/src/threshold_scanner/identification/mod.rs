@@ -75,7 +75,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     if progress.reached(0).is_break() {
         return Err(IdentifyError::Interrupted);
     }
-    let mut device = device_of(experiment)?.clone();
+    let mut device = (*experiment.device::<ThresholdScanner>()?).clone();
     let transimpedance = device.readout.feedback_resistance.si() * device.readout.bias.si();
     let threshold = decay.fit.parameters[unknown::THRESHOLD];
     let curve = fit_curve(&material.signal, &decay.motion, threshold, transimpedance)
@@ -148,10 +148,6 @@ fn drive_is_off(
         }
     }
     Ok(())
-}
-
-fn device_of(experiment: &Experiment) -> Result<ThresholdScanner, IdentifyError> {
-    Ok((*experiment.device::<ThresholdScanner>()?).clone())
 }
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
