@@ -218,9 +218,8 @@ impl FindingKind {
                  `[recording.gaps]`, or sample faster"
             }
             Self::Gap => {
-                "nothing is put in: an estimate predicts over the gap where it knows the drive and the feedback there (a device \
-                 without them, or a steady drive), or begins anew behind it where it is longer than `longest` in \
-                 `[recording.gaps]`; `identify` takes records without a gap"
+                "nothing is put in: an estimate predicts over the gap where it knows the drive, or begins anew if it is beyond \
+                 `longest` in `[recording.gaps]`; `identify` takes records without a gap"
             }
             Self::LongGap => {
                 "nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in \
