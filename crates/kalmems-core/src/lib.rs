@@ -76,13 +76,13 @@ pub use filter::{
     OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
 pub use linalg::{Cholesky, Ldl, Lu, Mat, Svd};
-pub use measurement::{Delayed, LinearMeasurement, Measurement};
+pub use measurement::{Delayed, LinearMeasurement, Measurement, NumericMeasurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Direction, Observability};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
     ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, Exponential, IntervalError, LinearProcess, Nodes,
-    Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
+    NumericProcess, Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

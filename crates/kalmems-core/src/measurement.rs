@@ -43,6 +43,42 @@ pub trait Measurement<T: Scalar, const N: usize, const M: usize> {
     }
 }
 
+/// A measurement as a filter meets it: by its numbers alone.
+///
+/// Every [`Measurement`] is one. A sensor that is made when the program runs implements this; see
+/// [`NumericProcess`](crate::NumericProcess).
+pub trait NumericMeasurement<T: Scalar, const N: usize, const M: usize> {
+    /// h(x).
+    fn expected(&self, x: &[T; N]) -> [T; M];
+
+    /// h(x) and ∂h/∂x.
+    fn linearized(&self, x: &[T; N]) -> ([T; M], Mat<T, M, N>);
+
+    /// Whether component `i` may depend on state `j`; see [`Measurement::depends`].
+    #[inline(always)]
+    fn sees(i: usize, j: usize) -> bool {
+        let _ = (i, j);
+        true
+    }
+}
+
+impl<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize> NumericMeasurement<T, N, M> for H {
+    #[inline(always)]
+    fn expected(&self, x: &[T; N]) -> [T; M] {
+        self.predict(x)
+    }
+
+    #[inline(always)]
+    fn linearized(&self, x: &[T; N]) -> ([T; M], Mat<T, M, N>) {
+        self.linearize(x)
+    }
+
+    #[inline(always)]
+    fn sees(i: usize, j: usize) -> bool {
+        H::depends(i, j)
+    }
+}
+
 /// y = H·x + v.
 #[derive(Clone, Copy, Debug)]
 pub struct LinearMeasurement<T, const N: usize, const M: usize> {

@@ -52,6 +52,12 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
         matrix!(|i, j| self.get(i, j))
     }
 
+    /// The matrix that holds the lower triangle; what stands above the diagonal means nothing.
+    #[inline(always)]
+    pub const fn lower_triangle(&self) -> &Mat<T, N, N> {
+        &self.0
+    }
+
     /// P + Q.
     #[inline(always)]
     #[must_use]

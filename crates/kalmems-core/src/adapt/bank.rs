@@ -1,7 +1,7 @@
 //! Several models, weighed by what they predicted.
 
 use crate::notation::{lower, sum, vector};
-use crate::{Covariance, Filter, FilterError, Gaussian, Mask, Measurement, Process, Scalar};
+use crate::{Covariance, Filter, FilterError, Gaussian, Mask, NumericMeasurement, NumericProcess, Scalar};
 
 /// `K` filters of one kind with models that differ, weighted by their likelihood: one of them is right, all
 /// the time.
@@ -61,7 +61,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
 
     /// Moves all models by one step, each with its own process. An error leaves all of them as they were.
     #[inline(always)]
-    pub fn predict<P: Process<T, N>>(
+    pub fn predict<P: NumericProcess<T, N>>(
         &mut self,
         processes: &[P; K],
         u: &P::Input,
@@ -78,7 +78,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
     /// Corrects all models, each with its own sensor and noise, and weighs them. An error leaves all as it
     /// was.
     #[inline(always)]
-    pub fn update<H: Measurement<T, N, M>, const M: usize>(
+    pub fn update<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurements: &[H; K],
         y: &[T; M],

@@ -46,7 +46,7 @@ pub enum Drift<T> {
 
 impl<T: Scalar<Mask = bool>> AddedState<T> {
     /// Whether every number is in its range; `state` is its index among the added states.
-    pub(super) fn check(&self, state: usize) -> Result<(), AugmentationError> {
+    pub fn check(&self, state: usize) -> Result<(), AugmentationError> {
         let zero = T::of(0.0);
         let positive = |x: T| zero.lt(x) && x.is_finite();
         let not_negative = |x: T| !x.lt(zero) && x.is_finite();
@@ -68,7 +68,7 @@ impl<T: Scalar<Mask = bool>> Drift<T> {
     ///
     /// a = 1 with the variance density·h, or a = e^{−h/τ} with σ²·(1 − e^{−2h/τ}), which is left to the
     /// discretisation because the difference loses its digits where h is short against τ.
-    pub(super) fn over(&self, interval: T) -> (T, T) {
+    pub fn over(&self, interval: T) -> (T, T) {
         let (rate, density) = match *self {
             Self::RandomWalk { density } => (T::of(0.0), density),
             Self::GaussMarkov { correlation_time, deviation } => {

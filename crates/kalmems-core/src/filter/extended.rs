@@ -3,7 +3,7 @@
 use super::gaussian::{Refusal, Weighed};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter: models linearised at the current mean, the covariance in Joseph's form.
 ///
@@ -27,14 +27,14 @@ impl<T: Scalar<Mask = bool>, const N: usize> Ekf<T, N> {
     /// Whether the numbers are finite is looked at once, at the end: what is finite after an update was so before. Where
     /// the update is refused the prediction remains.
     #[inline(always)]
-    pub fn step<P: Process<T, N>, H: Measurement<T, N, M>, const M: usize>(
+    pub fn step<P: NumericProcess<T, N>, H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         (process, u): (&P, &P::Input),
         (measurement, y, r): (&H, &[T; M], &Covariance<T, M>),
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (mean, f) = process.linearize(&self.state.mean, u);
-        let predicted = self.state.propagated::<P>(mean, &f, process.noise());
-        let (expected, h) = measurement.linearize(&predicted.mean);
+        let (mean, f) = process.linearized(&self.state.mean, u);
+        let predicted = self.state.propagated(mean, &f, process);
+        let (expected, h) = measurement.linearized(&predicted.mean);
         let Weighed { mut innovation, gain, recip } = predicted.weigh::<H, M>((y, &expected), &h, r);
         let next = predicted.corrected::<H, M>(&innovation.residual, &gain, &h, r);
         // Where a pivot is +0 its reciprocal is positive, but no gain is finite.
@@ -67,24 +67,23 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ekf<T, N> {
 
     /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let (mean, f) = process.linearize(&self.state.mean, u);
-        self.state.propagate::<P>(mean, &f, process.noise())
+        self.state.propagate(process, u)
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (predicted, h) = measurement.linearize(&self.state.mean);
+        let (predicted, h) = measurement.linearized(&self.state.mean);
         self.state.correct::<H, M>((y, &predicted), &h, r, policy)
     }
 }

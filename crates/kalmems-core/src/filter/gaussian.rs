@@ -1,10 +1,9 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
-use super::{Innovation, Link};
+use super::{Filter, Innovation, Link};
 use crate::notation::{Zeros, dot, finite, lower, matrix, nothing, plus, vector};
-use crate::process::ProcessNoise;
 use crate::update::{Correction, Policy};
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// A Gaussian over the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +12,14 @@ pub struct Gaussian<T, const N: usize> {
     pub mean: [T; N],
     /// Its covariance.
     pub covariance: Covariance<T, N>,
+}
+
+/// What a filter knows of the state.
+impl<T: Scalar, F: Filter<T, N>, const N: usize> From<&F> for Gaussian<T, N> {
+    #[inline(always)]
+    fn from(filter: &F) -> Self {
+        Self { mean: *filter.mean(), covariance: filter.covariance() }
+    }
 }
 
 /// What a measurement says, and how much of it is taken.
@@ -104,27 +111,27 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
 
     /// The prediction with a linear or linearised step: mean f(x), covariance F·P·Fᵀ + Q.
     #[inline(always)]
-    pub(super) fn propagate<P: Process<T, N>>(
+    pub(super) fn propagate<P: NumericProcess<T, N>>(
         &mut self,
-        mean: [T; N],
-        f: &Mat<T, N, N>,
-        q: &ProcessNoise<T, N>,
+        process: &P,
+        u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let next = self.propagated::<P>(mean, f, q);
+        let (mean, f) = process.linearized(&self.mean, u);
+        let next = self.propagated(mean, &f, process);
         let taken = self.accept(&next, &Refusal::none())?;
-        Ok(Link { transition: *f, noise: *q.covariance(), taken })
+        Ok(Link { transition: f, noise: *process.noise_added().covariance(), taken })
     }
 
     /// What the prediction gives.
     #[inline(always)]
-    pub(super) fn propagated<P: Process<T, N>>(
+    pub(super) fn propagated<P: NumericProcess<T, N>>(
         &self,
         mean: [T; N],
         f: &Mat<T, N, N>,
-        q: &ProcessNoise<T, N>,
+        process: &P,
     ) -> Self {
-        let moved = self.covariance.transformed_where(f, P::depends);
-        Self { mean, covariance: moved.plus(q.covariance()) }
+        let moved = process.spread(f, &self.covariance);
+        Self { mean, covariance: moved.plus(process.noise_added().covariance()) }
     }
 
     /// Takes a prediction where it is finite and not refused already; which lanes took it.
@@ -135,7 +142,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
 
     /// The correction with a linear or linearised measurement.
     #[inline(always)]
-    pub(super) fn correct<H: Measurement<T, N, M>, const M: usize>(
+    pub(super) fn correct<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         (y, predicted): (&[T; M], &[T; M]),
         h: &Mat<T, M, N>,
@@ -165,7 +172,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
 
     /// What a gain makes of a residual.
     #[inline(always)]
-    pub(super) fn corrected<H: Measurement<T, N, M>, const M: usize>(
+    pub(super) fn corrected<H: NumericMeasurement<T, N, M>, const M: usize>(
         &self,
         residual: &[T; M],
         gain: &Mat<T, N, M>,
@@ -184,14 +191,14 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// The innovation, and the gain K = P·Hᵀ·S⁻¹ with S = H·P·Hᵀ + R. The innovation's `taken` is where S was positive
     /// definite.
     #[inline(always)]
-    pub(super) fn weigh<H: Measurement<T, N, M>, const M: usize>(
+    pub(super) fn weigh<H: NumericMeasurement<T, N, M>, const M: usize>(
         &self,
         (y, predicted): (&[T; M], &[T; M]),
         h: &Mat<T, M, N>,
         r: &Covariance<T, M>,
     ) -> Weighed<T, N, M> {
         let p = &self.covariance;
-        let seen = |i: usize, k: usize| H::depends(i, k);
+        let seen = |i: usize, k: usize| H::sees(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
         let hp: Mat<T, M, N> = matrix!(|i, j| dot!(N, |k| seen(i, k), |k| h.0[i][k], p.get(k, j)));
         let s = lower!(|i, j| r.get(i, j) + dot!(N, |k| seen(j, k), |k| hp.0[i][k], h.0[j][k]));
@@ -216,7 +223,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// P⁺ = (I − K·H)·P·(I − K·H)ᵀ + K·R·Kᵀ: Joseph's form, right for any gain and positive semi-definite whatever the
     /// rounding of K.
     #[inline(always)]
-    pub(super) fn joseph<H: Measurement<T, N, M>, const M: usize>(
+    pub(super) fn joseph<H: NumericMeasurement<T, N, M>, const M: usize>(
         &self,
         gain: &Mat<T, N, M>,
         h: &Mat<T, M, N>,
@@ -224,7 +231,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     ) -> Covariance<T, N> {
         let p = &self.covariance;
         // A = I − K·H, the columns that no component sees being those of I.
-        let bare = |j: usize| !(0..M).any(|m| H::depends(m, j));
+        let bare = |j: usize| !(0..M).any(|m| H::sees(m, j));
         let a: Mat<T, N, N> = matrix!(|i, j| {
             let kh = dot!(M, |m| gain.0[i][m], h.0[m][j]);
             if i != j {

@@ -4,7 +4,7 @@ use super::gaussian::{Refusal, Weighed};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter that linearises a measurement again where it leads: `STEPS` Gauss–Newton steps
 /// towards the most probable state given the prediction and the measurement.
@@ -68,17 +68,16 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
 
     /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let (mean, f) = process.linearize(&self.state.mean, u);
-        self.state.propagate::<P>(mean, &f, process.noise())
+        self.state.propagate(process, u)
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
@@ -86,7 +85,7 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let prior = self.state;
-        let (predicted, mut h) = measurement.linearize(&prior.mean);
+        let (predicted, mut h) = measurement.linearized(&prior.mean);
         let Weighed { mut innovation, mut gain, .. } = prior.weigh::<H, M>((y, &predicted), &h, r);
         let correction = prior.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
@@ -102,7 +101,7 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
             if !still.any() {
                 break;
             }
-            let (at, jacobian) = measurement.linearize(&mean);
+            let (at, jacobian) = measurement.linearized(&mean);
             // What the linearisation at this point says of the prediction.
             let offset: [T; N] = vector!(|i| prior.mean[i] - mean[i]);
             let moved = jacobian.times_vector(&offset);

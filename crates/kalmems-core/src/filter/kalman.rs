@@ -2,7 +2,7 @@
 
 use super::{Gaussian, Innovation};
 use crate::update::Always;
-use crate::{Covariance, FilterError, LinearMeasurement, LinearProcess, Process, Scalar};
+use crate::{Covariance, FilterError, LinearMeasurement, LinearProcess, Scalar};
 
 /// The Kalman filter of a linear process and linear measurements.
 ///
@@ -52,10 +52,7 @@ impl<T: Scalar, const N: usize> Kalman<T, N> {
         process: &LinearProcess<T, N, U>,
         u: &[T; U],
     ) -> Result<T::Mask, FilterError> {
-        let mean = process.step(&self.state.mean, u);
-        self.state
-            .propagate::<LinearProcess<T, N, U>>(mean, &process.transition, &process.noise)
-            .map(|link| link.taken)
+        self.state.propagate(process, u).map(|link| link.taken)
     }
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.

@@ -4,7 +4,7 @@
 //! one [`Measurement`]. A step that cannot be taken is refused with a
 //! [`FilterError`] and leaves the state as it was.
 
-use crate::{Covariance, FilterError, Mat, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 mod extended;
 mod factored;
@@ -65,7 +65,7 @@ pub trait Filter<T: Scalar, const N: usize> {
     fn covariance(&self) -> Covariance<T, N>;
 
     /// Moves the state by one step, and says how the new state hangs on the old one: what a smoother needs.
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
@@ -73,7 +73,11 @@ pub trait Filter<T: Scalar, const N: usize> {
 
     /// Moves the state by one step. Which lanes took it.
     #[inline(always)]
-    fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<T::Mask, FilterError> {
+    fn predict<P: NumericProcess<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<T::Mask, FilterError> {
         self.predict_linked(process, u).map(|link| link.taken)
     }
 
@@ -81,7 +85,7 @@ pub trait Filter<T: Scalar, const N: usize> {
     ///
     /// Where it does not, the innovation is there all the same and says so in
     /// [`taken`](Innovation::taken).
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
@@ -91,7 +95,7 @@ pub trait Filter<T: Scalar, const N: usize> {
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.
     #[inline(always)]
-    fn update<H: Measurement<T, N, M>, const M: usize>(
+    fn update<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],

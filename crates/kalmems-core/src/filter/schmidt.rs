@@ -4,7 +4,7 @@ use super::gaussian::{Refusal, Weighed};
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter with consider states: uncertain parameters that no measurement corrects.
 ///
@@ -60,24 +60,23 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
 
     /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let (mean, f) = process.linearize(&self.state.mean, u);
-        self.state.propagate::<P>(mean, &f, process.noise())
+        self.state.propagate(process, u)
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (predicted, h) = measurement.linearize(&self.state.mean);
+        let (predicted, h) = measurement.linearized(&self.state.mean);
         let Weighed { mut innovation, gain: full, .. } = self.state.weigh::<H, M>((y, &predicted), &h, r);
         let gain = matrix!(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
         let correction = self.state.correction(&gain, &innovation.residual);

@@ -2,7 +2,7 @@
 
 use crate::linalg::unrolled;
 use crate::notation::{sum, vector};
-use crate::{Mat, Measurement, Process, Scalar};
+use crate::{Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// How the sigma points of an unscented filter are spread (van der Merwe's scaled form).
 ///
@@ -69,29 +69,29 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
 
     /// Where each point goes in one step.
     #[inline(always)]
-    pub fn step<P: Process<T, N>>(&self, x: &[T; N], process: &P, u: &P::Input) -> Points<T, N, N> {
-        let centre = process.step(x, u);
+    pub fn step<P: NumericProcess<T, N>>(&self, x: &[T; N], process: &P, u: &P::Input) -> Points<T, N, N> {
+        let centre = process.moved(x, u);
         let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
         unrolled!(j < N {
-            points.plus[j] = process.step(&self.above(x, j), u);
-            points.minus[j] = process.step(&self.below(x, j), u);
+            points.plus[j] = process.moved(&self.above(x, j), u);
+            points.minus[j] = process.moved(&self.below(x, j), u);
         });
         points
     }
 
     /// What a sensor reads at each point. A pair that moves no state the sensor sees reads what the centre reads.
     #[inline(always)]
-    pub fn read<H: Measurement<T, N, M>, const M: usize>(
+    pub fn read<H: NumericMeasurement<T, N, M>, const M: usize>(
         &self,
         x: &[T; N],
         measurement: &H,
     ) -> Points<T, N, M> {
-        let centre = measurement.predict(x);
+        let centre = measurement.expected(x);
         let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
         unrolled!(j < N {
             if sees::<T, H, N, M>(j) {
-                points.plus[j] = measurement.predict(&self.above(x, j));
-                points.minus[j] = measurement.predict(&self.below(x, j));
+                points.plus[j] = measurement.expected(&self.above(x, j));
+                points.minus[j] = measurement.expected(&self.below(x, j));
             }
         });
         points
@@ -139,8 +139,10 @@ fn along<T: Scalar, const N: usize, const M: usize>(gain: &Mat<T, N, M>, i: usiz
 
 /// Whether a measurement sees what column `j` of a lower triangular factor moves.
 #[inline(always)]
-pub(super) fn sees<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize>(j: usize) -> bool {
-    (0..M).any(|m| (j..N).any(|i| H::depends(m, i)))
+pub(super) fn sees<T: Scalar, H: NumericMeasurement<T, N, M>, const N: usize, const M: usize>(
+    j: usize,
+) -> bool {
+    (0..M).any(|m| (j..N).any(|i| H::sees(m, i)))
 }
 
 /// Something of every sigma point: of the centre, and of the pairs around it.

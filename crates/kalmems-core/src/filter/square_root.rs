@@ -6,7 +6,7 @@ use super::{Filter, Innovation, Link};
 use crate::linalg::{Decorrelation, triangularize};
 use crate::notation::{matrix, sum};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter that holds a factor of its covariance instead: P = S·Sᵀ, S lower triangular.
 ///
@@ -69,32 +69,32 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
     }
 
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
-        let (mean, transition) = process.linearize(&self.state.mean, u);
+        let (mean, transition) = process.linearized(&self.state.mean, u);
         let s = &self.state.factor;
         let moved =
-            matrix!(|i, j| { sum!(N, |k| k >= j && P::depends(i, k), |k| transition.0[i][k] * s.0[k][j]) });
-        let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise().root());
+            matrix!(|i, j| { sum!(N, |k| k >= j && P::links(i, k), |k| transition.0[i][k] * s.0[k][j]) });
+        let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise_added().root());
         let every = T::of(0.0).is_finite();
         let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;
-        Ok(Link { transition, noise: *process.noise().covariance(), taken })
+        Ok(Link { transition, noise: *process.noise_added().covariance(), taken })
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (predicted, h) = measurement.linearize(&self.state.mean);
+        let (predicted, h) = measurement.linearized(&self.state.mean);
         let s = &self.state.factor;
-        let f = matrix!(|i, j| sum!(N, |k| k >= j && H::depends(i, k), |k| h.0[i][k] * s.0[k][j]));
+        let f = matrix!(|i, j| sum!(N, |k| k >= j && H::sees(i, k), |k| h.0[i][k] * s.0[k][j]));
         let apart = Decorrelation::of(r);
         let refused = Refusal { innovation: apart.semidefinite.not(), ..Refusal::none() };
         self.state.correct((y, &predicted), &f, sees::<T, H, N, M>, (r, &apart), policy, &refused)
@@ -103,9 +103,9 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
 
 /// Whether component `i` may see column `j` of a lower triangular factor.
 #[inline(always)]
-pub(super) fn sees<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize>(
+pub(super) fn sees<T: Scalar, H: NumericMeasurement<T, N, M>, const N: usize, const M: usize>(
     i: usize,
     j: usize,
 ) -> bool {
-    (j..N).any(|k| H::depends(i, k))
+    (j..N).any(|k| H::sees(i, k))
 }

@@ -8,7 +8,7 @@ use super::{Filter, Innovation, Link};
 use crate::linalg::{Contraction, Decorrelation, inverse_times, times_inverse, triangularize};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The unscented Kalman filter that holds a factor of its covariance instead: P = S·Sᵀ, S lower triangular.
 ///
@@ -130,14 +130,14 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
     }
 
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<T, N>, FilterError> {
         let offsets = self.weights.offsets(&self.state.factor);
         let next = self.spread(&offsets.step(&self.state.mean, process, u));
-        let noise = process.noise();
+        let noise = process.noise_added();
         let mut factor = triangularize(next.differences, next.bends, *noise.root());
         let mut refused = Refusal::none();
         if self.removes() {
@@ -160,7 +160,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],

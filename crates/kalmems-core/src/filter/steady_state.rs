@@ -6,7 +6,7 @@ use super::{Gaussian, Innovation};
 use crate::linalg::Lu;
 use crate::notation::{finite, matrix, sum, vector};
 use crate::riccati::{RiccatiError, discrete_lyapunov, discrete_riccati, kalman_gain};
-use crate::{Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// A linear, or linearised, system: what a constant gain is computed from.
 #[derive(Clone, Copy, Debug)]
@@ -23,15 +23,15 @@ pub struct OperatingPoint<T, const N: usize, const M: usize> {
 
 impl<T: Scalar, const N: usize, const M: usize> OperatingPoint<T, N, M> {
     /// Any process and measurement, linearised at a state and an input.
-    pub fn of<P: Process<T, N>, H: Measurement<T, N, M>>(
+    pub fn of<P: NumericProcess<T, N>, H: NumericMeasurement<T, N, M>>(
         process: &P,
         (measurement, measurement_noise): (&H, Covariance<T, M>),
         (x, u): (&[T; N], &P::Input),
     ) -> Self {
         Self {
-            transition: process.linearize(x, u).1,
-            observation: measurement.linearize(x).1,
-            process_noise: *process.noise().covariance(),
+            transition: process.linearized(x, u).1,
+            observation: measurement.linearized(x).1,
+            process_noise: *process.noise_added().covariance(),
             measurement_noise,
         }
     }
@@ -191,19 +191,23 @@ impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
 
     /// Moves the mean by one step: f(x, u).
     #[inline(always)]
-    pub fn predict<P: Process<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<T::Mask, FilterError> {
-        let next = process.step(&self.mean, u);
+    pub fn predict<P: NumericProcess<T, N>>(
+        &mut self,
+        process: &P,
+        u: &P::Input,
+    ) -> Result<T::Mask, FilterError> {
+        let next = process.moved(&self.mean, u);
         self.take(&next, Refusal::none)
     }
 
     /// Corrects the mean with a measurement `y`.
     #[inline(always)]
-    pub fn update<H: Measurement<T, N, M>>(
+    pub fn update<H: NumericMeasurement<T, N, M>>(
         &mut self,
         measurement: &H,
         y: &[T; M],
     ) -> Result<Innovation<T, M>, FilterError> {
-        let predicted = measurement.predict(&self.mean);
+        let predicted = measurement.expected(&self.mean);
         // The factors, and the NIS, cost nothing where nobody looks at them.
         let (mut innovation, _) = Innovation::new(y, &predicted, self.innovation);
         let next = vector!(|i| self.mean[i] + sum!(M, |k| self.gain.0[i][k] * innovation.residual[k]));

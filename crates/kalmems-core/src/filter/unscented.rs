@@ -6,7 +6,7 @@ use super::{Filter, Gaussian, Innovation, Link};
 use crate::linalg::Ldl;
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
-use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Measurement, Process, Scalar};
+use crate::{Cholesky, Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The unscented Kalman filter with additive noise: sigma points through the models, no Jacobian.
 ///
@@ -61,7 +61,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
     }
 
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
@@ -71,7 +71,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         let points = offsets.step(&self.state.mean, process, u);
         let mean = self.weights.mean(&points, |_| true);
         let deviations = points.deviations(&mean);
-        let q = process.noise().covariance();
+        let q = process.noise_added().covariance();
         let next = Gaussian {
             mean,
             covariance: lower!(|i, k| self.weights.moment(&deviations, (i, k)) + q.get(i, k)),
@@ -93,7 +93,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
     /// The covariance is summed from the corrected points, P⁺ = Σ w·(δx − K·δy)(δx − K·δy)ᵀ + K·R·Kᵀ: the same
     /// as P − K·S·Kᵀ, but positive semi-definite by construction.
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],

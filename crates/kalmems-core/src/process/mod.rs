@@ -4,12 +4,14 @@ mod continuous;
 mod exponential;
 mod linear;
 mod noise;
+mod numeric;
 mod stepper;
 
 pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
 pub use exponential::Exponential;
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
+pub use numeric::NumericProcess;
 pub use stepper::{Euler, Nodes, Rk4};
 
 use crate::notation::vector;

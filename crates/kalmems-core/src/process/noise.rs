@@ -24,6 +24,12 @@ impl<T: Scalar, const N: usize> ProcessNoise<T, N> {
         Self { covariance: Covariance::zero(), root: Mat::zero() }
     }
 
+    /// Q, from its lower triangle, with a root W that was found before: Q = W·Wᵀ, lower triangular.
+    #[inline(always)]
+    pub fn with_root(covariance: Mat<T, N, N>, root: Mat<T, N, N>) -> Self {
+        Self { covariance: Covariance::from_lower(covariance), root }
+    }
+
     /// Q.
     #[inline(always)]
     pub const fn covariance(&self) -> &Covariance<T, N> {

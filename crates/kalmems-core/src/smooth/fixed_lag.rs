@@ -2,7 +2,9 @@
 
 use super::{Backward, Smoothed};
 use crate::update::Policy;
-use crate::{Covariance, Filter, FilterError, Gaussian, Innovation, Link, Measurement, Process, Scalar};
+use crate::{
+    Covariance, Filter, FilterError, Gaussian, Innovation, Link, NumericMeasurement, NumericProcess, Scalar,
+};
 use core::marker::PhantomData;
 
 /// A filter that also says, after each sample, what the state was `LAG` samples ago.
@@ -150,7 +152,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const LAG: usize> Filte
     /// Moves the state by one step, which is one step of the lag. Refused as well where [`Backward::new`]
     /// refuses.
     #[inline(always)]
-    fn predict_linked<P: Process<T, N>>(
+    fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
@@ -165,7 +167,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const LAG: usize> Filte
     }
 
     #[inline(always)]
-    fn update_where<H: Measurement<T, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],

@@ -1,7 +1,7 @@
 //! Smoothing a whole recording, in little memory.
 
 use super::{Backward, Smoothed};
-use crate::{Filter, FilterError, Gaussian, Link, Scalar};
+use crate::{FilterError, Gaussian, Link, Scalar};
 use core::fmt;
 
 /// What happens to a filter at each sample of a recording, as often as it is asked.
@@ -100,7 +100,8 @@ impl<E: core::error::Error> core::error::Error for IntervalError<E> {}
 /// filter in `checkpoints` at the first sample of every block; then each block, the last first, is run
 /// forward once more from its copy, its steps kept in `block`, and swept backward. With C checkpoints and
 /// blocks of B samples, C·B ≥ n samples can be smoothed. The filter takes 2·n − B steps; about √n of each
-/// need the least memory. What the storage held before does not matter.
+/// need the least memory. What the storage held before does not matter. Of the filter nothing is asked but what it knows
+/// of the state; every [`Filter`](crate::Filter) says that.
 ///
 /// A recording that is held in memory is one block: one checkpoint, and a block of n, and the filter runs
 /// once. The results are the same to the bit however the recording is divided.
@@ -141,13 +142,16 @@ impl<E: core::error::Error> core::error::Error for IntervalError<E> {}
 /// assert!((means[1] - 2.0).abs() < 1e-5); // half-way
 /// # Ok::<(), kalmems_core::smooth::IntervalError<FilterError>>(())
 /// ```
-pub fn smooth_interval<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, const N: usize>(
+pub fn smooth_interval<T: Scalar, F: Clone, C: Course<T, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
     checkpoints: &mut [F],
     block: &mut [Backward<T, N>],
     mut each: impl FnMut(usize, &Smoothed<T, N>) -> Result<(), C::Error>,
-) -> Result<(), IntervalError<C::Error>> {
+) -> Result<(), IntervalError<C::Error>>
+where
+    Gaussian<T, N>: for<'a> From<&'a F>,
+{
     let samples = course.samples();
     let room = checkpoints.len().saturating_mul(block.len());
     if room < samples {
@@ -169,9 +173,9 @@ pub fn smooth_interval<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, c
             if next == samples {
                 break;
             }
-            let before = gaussian(&filter);
+            let before = Gaussian::from(&filter);
             let link = course.advance(&mut filter, next).map_err(at(next))?;
-            *step = Backward::new(&before, &link, filter.mean())
+            *step = Backward::new(&before, &link, &Gaussian::from(&filter).mean)
                 .map_err(|cause| IntervalError::Step { sample, cause })?;
             if next < end {
                 course.correct(&mut filter, next).map_err(at(next))?;
@@ -180,7 +184,7 @@ pub fn smooth_interval<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, c
         for (step, sample) in block.iter().zip(first..end).rev() {
             let smoothed = match &later {
                 Some(later) => step.apply(later),
-                None => Smoothed::newest(&gaussian(&filter))
+                None => Smoothed::newest(&Gaussian::from(&filter))
                     .map_err(|cause| IntervalError::Step { sample, cause })?,
             };
             each(sample, &smoothed).map_err(at(sample))?;
@@ -192,7 +196,7 @@ pub fn smooth_interval<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, c
 }
 
 /// The first pass: a copy of the filter as it is after the first sample of each block.
-fn leave_checkpoints<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, const N: usize>(
+fn leave_checkpoints<T: Scalar, F: Clone, C: Course<T, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
     checkpoints: &mut [F],
@@ -216,10 +220,6 @@ fn leave_checkpoints<T: Scalar, F: Filter<T, N> + Clone, C: Course<T, F, N>, con
         *checkpoint = filter.clone();
     }
     Ok(())
-}
-
-fn gaussian<T: Scalar, F: Filter<T, N>, const N: usize>(filter: &F) -> Gaussian<T, N> {
-    Gaussian { mean: *filter.mean(), covariance: filter.covariance() }
 }
 
 fn at<E>(sample: usize) -> impl Fn(E) -> IntervalError<E> {

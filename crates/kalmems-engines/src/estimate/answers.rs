@@ -1,12 +1,12 @@
 //! All that is wanted of one filter over one part of a segment.
 
+use super::any_filter::{AnyFilter, StateFilter};
 use super::engine::Followed;
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
-use super::{Course, EstimateError, FilterBasics, SignalSegment, StateName, Trajectory};
+use super::{Course, EstimateError, FilterBasics, Known, SignalSegment, StateName, Trajectory};
 use crate::progress::Progress;
-use kalmems_core::Filter;
-use std::any::Any;
+use kalmems_core::FilterError;
 use std::ops::Range;
 
 /// Which samples of a course are to be taken.
@@ -34,83 +34,106 @@ impl SignalSegment<'_> {
     }
 }
 
-/// A filter and its smoothers on their way.
-struct Run<F, const N: usize> {
-    followed: Followed<F, N>,
-    smoothers: Vec<(&'static str, Smoother<F, N>)>,
+/// A filter and its smoothers on their way, whatever the number of its states.
+pub(super) trait Run: Send {
+    /// What they say of new samples. `None` where the work was stopped.
+    fn take(
+        &mut self,
+        filter: &FilterBasics,
+        course: &mut dyn Course,
+        samples: &Samples,
+        states: &[StateName],
+        progress: &dyn Progress,
+    ) -> Option<Vec<Trajectory>>;
+
+    /// What the filter knows.
+    fn known(&self) -> Known;
+}
+
+/// Of `N` states.
+struct RunOf<const N: usize> {
+    followed: Followed<N>,
+    smoothers: Vec<(&'static str, Smoother<N>)>,
+}
+
+impl<const N: usize> Run for RunOf<N> {
+    fn take(
+        &mut self,
+        filter: &FilterBasics,
+        course: &mut dyn Course,
+        samples: &Samples,
+        states: &[StateName],
+        progress: &dyn Progress,
+    ) -> Option<Vec<Trajectory>> {
+        let names = (filter.key.as_str(), filter.name.as_str());
+        let mut trajectories = vec![self.followed.follow(names, course, &samples.fresh, states, progress)?];
+        for (word, smoother) in &mut self.smoothers {
+            let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
+            let entry = self.followed.entry();
+            let (fresh, ends) = (&samples.fresh, samples.ends);
+            let part = FilteredPart { entry, fresh, ends, filtered: &trajectories[0] };
+            trajectories.push(smoother.take((&key, &name), course, &part, progress)?);
+        }
+        Some(trajectories)
+    }
+
+    fn known(&self) -> Known {
+        self.followed.known()
+    }
+}
+
+/// A filter at the beginning of its way, or where it was left in another run, with the smoothers that are wanted.
+pub(super) struct Begun<'a> {
+    left: Option<&'a Known>,
+    smooth: bool,
+    lag: Option<usize>,
+}
+
+impl Begun<'_> {
+    /// Of this number of states.
+    pub(super) fn of<const N: usize>(
+        self,
+        filter: Box<dyn StateFilter<N>>,
+    ) -> Result<Box<dyn Run>, FilterError> {
+        let followed = match self.left {
+            Some(left) => Followed::resumed(filter, left)?,
+            None => Followed::new(filter),
+        };
+        let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
+        let lagged = self.lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
+        Ok(Box::new(RunOf { followed, smoothers: whole.into_iter().chain(lagged).collect() }))
+    }
 }
 
 /// Takes a filter through new samples: the filtered trajectory, and the smoothed ones that are wanted, as far as they are known.
 ///
-/// It goes on where the past left it; `start` gives the filter at the first sample of the segment.
-pub fn answers<F, C, const N: usize>(
+/// It goes on where the past left it; `start` says what is known at the first sample of the segment.
+pub fn answers(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    start: impl FnOnce() -> Result<F, EstimateError>,
-    (course, samples): (&mut C, &Samples),
-    states: &[StateName; N],
+    start: impl FnOnce() -> Result<Known, EstimateError>,
+    course: (&mut dyn Course, &Samples),
+    states: &[StateName],
     progress: &dyn Progress,
-) -> Result<Vec<Trajectory>, EstimateError>
-where
-    F: Filter<f64, N> + Clone + Any + Send,
-    C: Course<N>,
-{
-    let mut run = if let Some(run) = past.run.take::<Run<F, N>>() {
+) -> Result<Vec<Trajectory>, EstimateError> {
+    follow((filter, past), |left| filter.begin(left, start), course, states, progress)
+}
+
+/// The same with a filter that `begin` makes, of what was known where another run left it, if one did.
+pub fn follow(
+    (filter, past): (&FilterBasics, &mut FilterPast),
+    begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+    (course, samples): (&mut dyn Course, &Samples),
+    states: &[StateName],
+    progress: &dyn Progress,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    let mut run = if let Some(run) = past.run.take() {
         run
     } else {
-        let whole = filter.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
-        let lag = filter.lag_samples(samples.interval_s);
-        let lagged = lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
-        let smoothers = whole.into_iter().chain(lagged).collect();
-        Box::new(Run { followed: begun(past, start()?)?, smoothers })
+        let (left, lag) = (past.left().cloned(), filter.lag_samples(samples.interval_s));
+        let begun = begin(left)?.run(Begun { left: past.left(), smooth: filter.smooth, lag });
+        begun.map_err(|why| EstimateError::Resumed { why: why.to_string() })?
     };
-    let names = (filter.key.as_str(), filter.name.as_str());
-    let filtered = run.followed.follow(names, course, &samples.fresh, states, progress);
-    let mut trajectories = vec![filtered.ok_or(EstimateError::Interrupted)?];
-    for (word, smoother) in &mut run.smoothers {
-        let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
-        let entry = run.followed.entry();
-        let (fresh, ends) = (&samples.fresh, samples.ends);
-        let part = FilteredPart { entry, fresh, ends, filtered: &trajectories[0] };
-        let answer = smoother.take((&key, &name), course, &part, progress);
-        trajectories.push(answer.ok_or(EstimateError::Interrupted)?);
-    }
-    past.left = Some(run.followed.state());
-    past.run.put(run);
-    Ok(trajectories)
-}
-
-/// A filter at the beginning of its way, or where it was left in another run.
-fn begun<F: Filter<f64, N> + Clone, const N: usize>(
-    past: &mut FilterPast,
-    start: F,
-) -> Result<Followed<F, N>, EstimateError> {
-    match past.left() {
-        Some(left) => {
-            Followed::resumed(start, left).map_err(|why| EstimateError::Resumed { why: why.to_string() })
-        }
-        None => Ok(Followed::new(start)),
-    }
-}
-
-/// Takes a filter through new samples without smoothing, likewise.
-pub fn follow<F, C, const N: usize>(
-    (filter, past): (&FilterBasics, &mut FilterPast),
-    start: impl FnOnce() -> Result<F, EstimateError>,
-    (course, samples): (&mut C, &Samples),
-    states: &[StateName; N],
-    progress: &dyn Progress,
-) -> Result<Trajectory, EstimateError>
-where
-    F: Filter<f64, N> + Clone + Any + Send,
-    C: Course<N>,
-{
-    let mut followed = match past.run.take::<Followed<F, N>>() {
-        Some(followed) => followed,
-        None => Box::new(begun(past, start()?)?),
-    };
-    let names = (filter.key.as_str(), filter.name.as_str());
-    let trajectory = followed.follow(names, course, &samples.fresh, states, progress);
-    past.left = Some(followed.state());
-    past.run.put(followed);
-    trajectory.ok_or(EstimateError::Interrupted)
+    let trajectories = run.take(filter, course, samples, states, progress);
+    past.leave(run);
+    trajectories.ok_or(EstimateError::Interrupted)
 }

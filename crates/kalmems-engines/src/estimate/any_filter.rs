@@ -1,64 +1,156 @@
-//! A filter that is chosen when the program runs.
+//! A filter that is chosen when the program runs, and so is its number of states.
 
 use super::ModelAlone;
+use super::answers::{Begun, Run};
+use super::transition::{Numbers, Seen, Sensor, Transition};
 use crate::config::Method;
-use kalmems_core::update::Policy;
+use kalmems_core::update::Gate;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Innovation, IteratedEkf, Link, Measurement, Process, SigmaPoints,
-    SquareRootEkf, Ukf,
+    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, IteratedEkf, Link, Mat, SchmidtEkf,
+    SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
+
+/// A filter of `N` states, of whatever kind.
+///
+/// A filter of the core dissolves into the loop that it is used in. That is what makes it fast, and what takes long to
+/// compile where every filter meets every model in every loop. Behind this it is compiled once for each number of states;
+/// a step costs a few calls by a table, in all a fiftieth of it.
+pub trait StateFilter<const N: usize>: Send {
+    /// What it knows of the state.
+    fn known(&self) -> Gaussian<f64, N>;
+
+    /// The mean of that.
+    fn mean(&self) -> [f64; N];
+
+    /// Moves the state by one step.
+    fn step(&mut self, transition: &dyn Transition) -> Result<Link<f64, N>, FilterError>;
+
+    /// Corrects the state with a sample `y` of this noise variance, where its NIS is not above the largest that is believed.
+    fn correct(
+        &mut self,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+        largest_nis: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError>;
+
+    /// Another one that is as this one.
+    fn copied(&self) -> Box<dyn StateFilter<N>>;
+}
+
+impl<F: Filter<f64, N> + Clone + Send + 'static, const N: usize> StateFilter<N> for F {
+    fn known(&self) -> Gaussian<f64, N> {
+        Gaussian::from(self)
+    }
+
+    fn mean(&self) -> [f64; N] {
+        *Filter::mean(self)
+    }
+
+    fn step(&mut self, transition: &dyn Transition) -> Result<Link<f64, N>, FilterError> {
+        self.predict_linked(&Numbers::<N>::of(transition), &())
+    }
+
+    fn correct(
+        &mut self,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+        largest_nis: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        let variance = Covariance::from_variances([variance]);
+        self.update_where(&Seen(sensor), &[y], &variance, &Gate { nis: largest_nis })
+    }
+
+    fn copied(&self) -> Box<dyn StateFilter<N>> {
+        Box::new(self.clone())
+    }
+}
+
+/// Mean and covariance of any number of states.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Known {
+    /// The mean.
+    pub mean: Vec<f64>,
+    /// The lower triangle of the covariance, row by row.
+    pub lower: Vec<f64>,
+}
+
+impl Known {
+    /// Uncorrelated states, each with its mean and its standard deviation.
+    pub fn apart(states: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let (mean, sd): (Vec<f64>, Vec<f64>) = states.into_iter().unzip();
+        let lower = (0..mean.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let lower = lower.map(|(i, j)| if i == j { sd[i] * sd[i] } else { 0.0 }).collect();
+        Self { mean, lower }
+    }
+
+    /// The same with states behind them that are uncorrelated with all others.
+    #[must_use]
+    pub fn with(mut self, states: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        for (mean, sd) in states {
+            self.lower.extend(self.mean.iter().map(|_| 0.0));
+            self.lower.push(sd * sd);
+            self.mean.push(mean);
+        }
+        self
+    }
+
+    /// As the core has them; what is missing is not a number.
+    pub fn gaussian<const N: usize>(&self) -> Gaussian<f64, N> {
+        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+        let lower = |i: usize, j: usize| if j <= i { of(&self.lower, i * (i + 1) / 2 + j) } else { 0.0 };
+        Gaussian {
+            mean: std::array::from_fn(|i| of(&self.mean, i)),
+            covariance: Covariance::from_lower(Mat::from_fn(lower)),
+        }
+    }
+}
+
+impl<const N: usize> From<Gaussian<f64, N>> for Known {
+    fn from(Gaussian { mean, covariance }: Gaussian<f64, N>) -> Self {
+        let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        Self { mean: mean.to_vec(), lower: lower.map(|(i, j)| covariance.get(i, j)).collect() }
+    }
+}
+
+impl<const N: usize> From<([f64; N], Covariance<f64, N>)> for Known {
+    fn from((mean, covariance): ([f64; N], Covariance<f64, N>)) -> Self {
+        Gaussian { mean, covariance }.into()
+    }
+}
 
 /// Iterations that the iterated filter takes at most.
 const ITERATIONS: usize = 10;
 
-/// One of the filters, but for the unscented one in square-root form, which takes longer to compile than all the others
-/// together.
-///
-/// A filter dissolves into the loop that it is used in. That is what makes it fast, and what takes long to compile
-/// where every filter meets every model in every loop. Behind this, a loop is compiled once per model; the choice
-/// costs a branch per step that always goes the same way.
-#[derive(Clone, Copy, Debug)]
-#[allow(clippy::large_enum_variant)] // there is one per recording
-pub enum AnyFilter<const N: usize> {
-    /// The model without a sensor.
-    ModelAlone(ModelAlone<N>),
-    /// The extended Kalman filter.
-    Ekf(Ekf<f64, N>),
-    /// The iterated one.
-    IteratedEkf(IteratedEkf<f64, N, ITERATIONS>),
-    /// The extended one in square-root form.
-    SquareRootEkf(SquareRootEkf<f64, N>),
-    /// The unscented Kalman filter.
-    Ukf(Ukf<f64, N>),
-}
-
-/// The same for whichever filter it is.
-macro_rules! each {
-    ($any:expr, $filter:ident => $body:expr) => {
-        match $any {
-            AnyFilter::ModelAlone($filter) => $body,
-            AnyFilter::Ekf($filter) => $body,
-            AnyFilter::IteratedEkf($filter) => $body,
-            AnyFilter::SquareRootEkf($filter) => $body,
-            AnyFilter::Ukf($filter) => $body,
-        }
-    };
-}
-
 /// When the iterated filter has settled, in standard deviations.
 const SETTLED: f64 = 1e-3;
 
-impl<const N: usize> AnyFilter<N> {
-    /// The filter of a method, from this mean and covariance; the extended one for a method that is none of these,
-    /// which a rig refuses or has its own filter for.
-    pub fn of(
-        method: Method,
-        points: SigmaPoints<f64>,
-        mean: [f64; N],
-        covariance: Covariance<f64, N>,
-    ) -> Self {
-        match method {
-            Method::Model => Self::ModelAlone(ModelAlone::new(mean)),
+/// How a filter of the core is made.
+#[derive(Clone, Copy, Debug)]
+pub struct FilterKind {
+    /// Its method.
+    pub method: Method,
+    /// How it spreads sigma points.
+    pub points: SigmaPoints<f64>,
+    /// From which state on, where that is asked for, they are considered and not estimated.
+    pub considered_from: usize,
+}
+
+impl FilterKind {
+    /// From this mean and covariance; the extended filter for a method that is a matter of the process and not of the filter.
+    fn from<const N: usize>(self, known: &Known) -> Box<dyn StateFilter<N>> {
+        let Gaussian { mean, covariance } = known.gaussian::<N>();
+        match self.method {
+            Method::Model => Box::new(ModelAlone::new(mean)),
+            Method::IteratedEkf => Box::new(IteratedEkf::<_, N, ITERATIONS>::new(mean, covariance, SETTLED)),
+            Method::SquareRootEkf => Box::new(SquareRootEkf::new(mean, covariance)),
+            Method::Ukf => Box::new(Ukf::new(mean, covariance, self.points)),
+            Method::SquareRootUkf => Box::new(SquareRootUkf::new(mean, covariance, self.points)),
+            Method::ConsiderEkf => {
+                let considered = std::array::from_fn(|i| i >= self.considered_from);
+                Box::new(SchmidtEkf::new(mean, covariance, considered))
+            }
             Method::Ekf
             | Method::EulerEkf
             | Method::LockIn
@@ -67,42 +159,51 @@ impl<const N: usize> AnyFilter<N> {
             | Method::SteadyState
             | Method::KalmanBucy
             | Method::Luenberger
-            | Method::ConsiderEkf
-            | Method::Bank => Self::Ekf(Ekf::new(mean, covariance)),
-            Method::IteratedEkf => Self::IteratedEkf(IteratedEkf::new(mean, covariance, SETTLED)),
-            Method::SquareRootEkf => Self::SquareRootEkf(SquareRootEkf::new(mean, covariance)),
-            Method::Ukf | Method::SquareRootUkf => Self::Ukf(Ukf::new(mean, covariance, points)),
+            | Method::Bank => Box::new(Ekf::new(mean, covariance)),
         }
     }
 }
 
-impl<const N: usize> Filter<f64, N> for AnyFilter<N> {
-    fn mean(&self) -> &[f64; N] {
-        each!(self, filter => filter.mean())
-    }
+/// Does something with the number of states of a filter known to the compiler: from a motion and its rate on.
+macro_rules! for_each_size {
+    ($($variant:ident $states:literal)*) => {
+        /// The most states that a filter can have.
+        pub const MOST_STATES: usize = { let sizes = [$($states),*]; sizes[sizes.len() - 1] };
 
-    #[inline(never)]
-    fn covariance(&self) -> Covariance<f64, N> {
-        each!(self, filter => filter.covariance())
-    }
+        /// A filter of as many states as there are.
+        pub enum AnyFilter {
+            $(
+                #[doc = concat!("Of ", stringify!($states), ".")]
+                $variant(Box<dyn StateFilter<$states>>),
+            )*
+        }
 
-    #[inline(never)]
-    fn predict_linked<P: Process<f64, N>>(
-        &mut self,
-        process: &P,
-        u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
-        each!(self, filter => filter.predict_linked(process, u))
-    }
+        $(
+            impl From<Box<dyn StateFilter<$states>>> for AnyFilter {
+                fn from(filter: Box<dyn StateFilter<$states>>) -> Self {
+                    Self::$variant(filter)
+                }
+            }
+        )*
 
-    #[inline(never)]
-    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
-        &mut self,
-        measurement: &H,
-        y: &[f64; M],
-        r: &Covariance<f64, M>,
-        policy: &impl Policy<f64, N>,
-    ) -> Result<Innovation<f64, M>, FilterError> {
-        each!(self, filter => filter.update_where(measurement, y, r, policy))
-    }
+        impl AnyFilter {
+            /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
+            /// than two.
+            pub fn of(kind: FilterKind, known: &Known) -> Option<Self> {
+                match known.mean.len() {
+                    $($states => Some(Self::$variant(kind.from::<$states>(known))),)*
+                    _ => None,
+                }
+            }
+
+            /// Takes it on its way.
+            pub(super) fn run(self, begun: Begun) -> Result<Box<dyn Run>, FilterError> {
+                match self {
+                    $(Self::$variant(filter) => begun.of::<$states>(filter),)*
+                }
+            }
+        }
+    };
 }
+
+for_each_size!(Two 2 Three 3 Four 4 Five 5 Six 6 Seven 7 Eight 8 Nine 9 Ten 10 Eleven 11 Twelve 12);

@@ -3,8 +3,8 @@
 use kalmems_core::riccati::{RiccatiError, discrete_lyapunov};
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Mat, Measurement, OperatingPoint,
-    Process,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Mat, NumericMeasurement,
+    NumericProcess, OperatingPoint,
 };
 
 /// A [`FixedGain`] for the loop that serves all filters, on a signal of one number.
@@ -69,27 +69,31 @@ impl<const N: usize> Filter<f64, N> for ConstantGain<N> {
         self.filtered
     }
 
-    fn predict_linked<P: Process<f64, N>>(
+    fn predict_linked<P: NumericProcess<f64, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<f64, N>, FilterError> {
-        self.mean = finite(process.step(&self.mean, u))?;
+        self.mean = finite(process.moved(&self.mean, u))?;
         Ok(Link { transition: self.transition, noise: self.noise, taken: true })
     }
 
-    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[f64; M],
         r: &Covariance<f64, M>,
-        _: &impl Policy<f64, N>,
+        policy: &impl Policy<f64, N>,
     ) -> Result<Innovation<f64, M>, FilterError> {
         const { assert!(M == 1, "the gain is for one number") };
         let mut innovation = Ekf::new(self.mean, self.predicted).update_where(measurement, y, r, &Never)?;
         let [residual, ..] = innovation.residual[..] else { return Err(FilterError::NonFiniteMeasurement) };
-        self.mean = finite(std::array::from_fn(|i| self.mean[i] + self.gain[i] * residual))?;
-        innovation.taken = true;
+        let change = self.gain.map(|gain| gain * residual);
+        let variance = std::array::from_fn(|i| self.predicted.get(i, i));
+        innovation.taken = policy.take(&innovation, &Correction { change, variance });
+        if innovation.taken {
+            self.mean = finite(std::array::from_fn(|i| self.mean[i] + change[i]))?;
+        }
         Ok(innovation)
     }
 }

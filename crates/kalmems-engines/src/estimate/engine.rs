@@ -1,36 +1,33 @@
 //! The one loop that takes a filter through a segment.
 
-use super::smoothing::Linked;
-use super::{Counts, Failure, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind};
+use super::any_filter::StateFilter;
+use super::foretell::{Foreteller, Onwards};
+use super::linked::Linked;
+use super::transition::{Sensor, Transition};
+use super::{Counts, Failure, Known, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind};
 use crate::progress::Pace;
 use crate::progress::Progress;
 use crate::units::Kind;
-use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Measurement};
+use kalmems_core::{FilterError, Innovation};
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 /// What a filter meets on its way through one segment: how to get from one sample to the next, and what was
 /// measured there.
-pub trait Course<const N: usize> {
-    /// How the signal depends on the state.
-    type Measurement: Measurement<f64, N, 1>;
-
+pub trait Course {
     /// Time of each sample in s.
     fn time_s(&self) -> &[f64];
 
     /// The signal; not a number where it is missing.
     fn signal(&self) -> &[f64];
 
-    /// The measurement and its noise variance.
-    fn measurement(&self) -> (&Self::Measurement, f64);
-
     /// What is said of each sample beside the states, where there is something.
-    fn derived(&self) -> Option<Derived<N>> {
+    fn derived(&self) -> Option<Derived> {
         None
     }
 
     /// Foretells what will happen, from a filter that is corrected by sample `k`, where that is asked for.
-    fn foretell<F: Filter<f64, N>>(&mut self, filter: &F, k: usize) {
+    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
         let _ = (filter, k);
     }
 
@@ -40,62 +37,100 @@ pub trait Course<const N: usize> {
     }
 
     /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
-    fn advance<F: Filter<f64, N>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError>;
 
-    /// Corrects a filter by what is known at sample `k`: by the signal, if there is one.
-    #[inline(never)]
-    fn correct<F: Filter<f64, N>>(
+    /// Corrects a filter by what is known at sample `k`; `None` where there is no signal.
+    fn correct(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         counts: &mut Counts,
-    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        let _ = counts;
-        let y = self.signal()[k];
-        if !y.is_finite() {
-            return Ok(None);
-        }
-        let (measurement, variance) = self.measurement();
-        filter.update(measurement, &[y], &Covariance::from_variances([variance])).map(Some)
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError>;
+}
+
+/// A filter of any kind and any number of states, as a course leads it.
+pub trait Filtering {
+    /// The mean of the state.
+    fn mean(&self) -> &[f64];
+
+    /// Moves the state by one step.
+    fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
+
+    /// Corrects the state with a sample `y` of this noise variance, where its NIS is not above the largest that is believed.
+    fn update_within(
+        &mut self,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+        largest_nis: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError>;
+
+    /// Corrects the state with a sample `y` of this noise variance.
+    fn update(
+        &mut self,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        self.update_within(sensor, y, variance, f64::INFINITY)
     }
+
+    /// Lets zero phases be foretold from what it knows at this time in s, and from how its state goes on, where that is known.
+    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>);
+}
+
+/// Corrects a filter by the signal at sample `k`, if there is one.
+pub fn by_signal(
+    filter: &mut dyn Filtering,
+    y: f64,
+    (sensor, variance): (&dyn Sensor, f64),
+) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+    if y.is_finite() { filter.update(sensor, y, variance).map(Some) } else { Ok(None) }
 }
 
 /// Quantities that follow from the states, such as a position from an amplitude and a phase.
 #[derive(Clone, Copy, Debug)]
-pub struct Derived<const N: usize> {
+pub struct Derived {
     /// What they are.
     pub names: [StateName; 2],
     /// What they need to know beside the states.
     pub parameter: f64,
     /// How they follow.
-    pub compute: Compute<N>,
+    pub compute: Compute,
 }
 
-/// Mean and standard deviation of two quantities, from a parameter, the mean of the states and their covariance.
-pub type Compute<const N: usize> = fn(f64, &[f64; N], &Covariance<f64, N>) -> [(f64, f64); 2];
+/// Mean and standard deviation of two quantities, from a parameter, the mean of the states and the entries of their
+/// covariance.
+pub type Compute = fn(f64, &[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2];
 
-impl<const N: usize> Derived<N> {
+impl Derived {
     /// The names of the states, and of what follows from them.
-    pub(super) fn after(derived: Option<&Self>, states: &[StateName; N]) -> Vec<StateName> {
+    pub(super) fn after(derived: Option<&Self>, states: &[StateName]) -> Vec<StateName> {
         states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
     }
+}
 
-    /// Enters what follows from the states of sample `k` behind them.
+impl Trajectory {
+    /// Enters what is known of the states at sample `k`, and what follows from it.
     pub(super) fn keep(
-        derived: Option<&Self>,
-        trajectory: &mut Trajectory,
+        &mut self,
+        derived: Option<&Derived>,
         k: usize,
-        mean: &[f64; N],
-        covariance: &Covariance<f64, N>,
+        mean: &[f64],
+        covariance: &dyn Fn(usize, usize) -> f64,
     ) {
+        for (i, state) in self.states.iter_mut().take(mean.len()).enumerate() {
+            state.mean[k] = mean[i];
+            state.sd[k] = covariance(i, i).sqrt();
+        }
         let Some(derived) = derived else { return };
         let values = (derived.compute)(derived.parameter, mean, covariance);
-        for (state, (mean, sd)) in trajectory.states.iter_mut().skip(N).zip(values) {
+        for (state, (mean, sd)) in self.states.iter_mut().skip(mean.len()).zip(values) {
             state.mean[k] = mean;
             state.sd[k] = sd;
         }
@@ -195,44 +230,37 @@ impl Trajectory {
 }
 
 /// A filter on its way through a segment.
-#[derive(Clone)]
-pub struct Followed<F, const N: usize> {
-    filter: Linked<F, N>,
+pub struct Followed<const N: usize> {
+    filter: Linked<N>,
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
-    entry: Linked<F, N>,
+    entry: Linked<N>,
     begun: bool,
     failure: Option<Failure>,
 }
 
-impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
+impl<const N: usize> Followed<N> {
     /// From the segment's first sample on.
-    pub fn new(filter: F) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = Linked::new(filter);
         Self { entry: filter.clone(), filter, begun: false, failure: None }
     }
 
     /// From a sample on at which a filter was left with this mean and covariance.
-    pub(super) fn resumed(
-        filter: F,
-        (mean, covariance): ([f64; N], Covariance<f64, N>),
-    ) -> Result<Self, FilterError> {
+    pub(super) fn resumed(filter: Box<dyn StateFilter<N>>, left: &Known) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter);
-        let state = Gaussian { mean, covariance };
-        followed.filter.predict(&TakenOver::from(state), &())?;
+        followed.filter.predict(&TakenOver::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
         Ok(followed)
     }
 
-    /// Mean and lower covariance of the filter, row by row.
-    pub(super) fn state(&self) -> (Vec<f64>, Vec<f64>) {
-        let covariance = self.filter.covariance();
-        let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance.get(i, j));
-        (self.filter.mean().to_vec(), lower.collect())
+    /// What the filter knows.
+    pub(super) fn known(&self) -> Known {
+        self.filter.gaussian().into()
     }
 
     /// The filter at the first row of the part that was taken last.
-    pub(super) fn entry(&self) -> &Linked<F, N> {
+    pub(super) fn entry(&self) -> &Linked<N> {
         &self.entry
     }
 
@@ -240,12 +268,12 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
     ///
     /// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
     /// says where and why, and has no numbers from there on.
-    pub fn follow<C: Course<N>>(
+    pub(super) fn follow(
         &mut self,
         names: (&str, &str),
-        course: &mut C,
+        course: &mut dyn Course,
         fresh: &Range<usize>,
-        states: &[StateName; N],
+        states: &[StateName],
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
         let mut trajectory = Trajectory::blank(
@@ -283,9 +311,9 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
     }
 
     /// One sample: prediction from the last one, update if there is a signal.
-    fn step<C: Course<N>>(
+    fn step(
         &mut self,
-        course: &mut C,
+        course: &mut dyn Course,
         (first, k): (usize, usize),
         trajectory: &mut Trajectory,
     ) -> Result<(), FilterError> {
@@ -308,11 +336,8 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Followed<F, N> {
             }
             None => trajectory.counts.without_signal += 1,
         }
-        for (i, state) in trajectory.states.iter_mut().take(N).enumerate() {
-            state.mean[k] = filter.mean()[i];
-            state.sd[k] = filter.covariance().standard_deviation(i);
-        }
-        Derived::keep(course.derived().as_ref(), trajectory, k, filter.mean(), &filter.covariance());
+        let now = filter.gaussian();
+        trajectory.keep(course.derived().as_ref(), k, &now.mean, &|i, j| now.covariance.get(i, j));
         course.foretell(&self.filter, first + k);
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Why a recording cannot be estimated.
 
+use super::MOST_STATES;
 use crate::config::ConfigError;
 use crate::recording::ReadError;
 use kalmems_figures::number;
@@ -106,6 +107,17 @@ pub enum EstimateError {
         filter: String,
         /// Why.
         why: String,
+    },
+    /// There is no filter of so many states.
+    #[error(
+        "the filter `{filter}` would have {states} states, and there are filters of 2 to {MOST_STATES}; leave out some of \
+         those in `states`"
+    )]
+    TooManyStates {
+        /// The filter.
+        filter: String,
+        /// How many.
+        states: usize,
     },
     /// The feedback that was recorded is not the one that moved the mass.
     #[error(

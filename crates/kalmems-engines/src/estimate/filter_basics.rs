@@ -1,9 +1,8 @@
 //! What the table of a filter says, whatever the device.
 
 use super::tracked::{Parameter, Tracked, tracked};
-use super::{EstimateError, StateName};
+use super::{AnyFilter, EstimateError, FilterKind, Known, StateName};
 use crate::config::{ConfigError, Estimate, Experiment, Filter, Key, Method, Quantity, Values};
-use crate::units::kind;
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
 
@@ -49,14 +48,27 @@ impl FilterBasics {
         })
     }
 
-    /// The names of its `N` states, the parameters behind those of the motion.
-    pub fn states<const N: usize>(&self, motion: &[StateName]) -> [StateName; N] {
+    /// The names of its states, the parameters behind those of the motion.
+    pub fn states(&self, motion: &[StateName]) -> Vec<StateName> {
         let parameters = self
             .tracked
             .iter()
             .map(|Tracked { parameter, .. }| (parameter.name, parameter.unit, parameter.kind));
-        let mut all = motion.iter().copied().chain(parameters);
-        std::array::from_fn(|_| all.next().unwrap_or(("", "1", &kind::RATIO)))
+        motion.iter().copied().chain(parameters).collect()
+    }
+
+    /// The filter as it begins: with what it knew where another run left it, or with what `start` says.
+    pub fn begin(
+        &self,
+        left: Option<Known>,
+        start: impl FnOnce() -> Result<Known, EstimateError>,
+    ) -> Result<AnyFilter, EstimateError> {
+        let known = left.map_or_else(start, Ok)?;
+        let states = known.mean.len();
+        let (method, points) = (self.method, self.points);
+        let kind = FilterKind { method, points, considered_from: states.saturating_sub(self.tracked.len()) };
+        AnyFilter::of(kind, &known)
+            .ok_or_else(|| EstimateError::TooManyStates { filter: self.name.clone(), states })
     }
 
     /// How many samples of this interval in s a smoother with a fixed lag looks ahead, where one is wanted.

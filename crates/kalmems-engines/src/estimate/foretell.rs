@@ -1,6 +1,7 @@
 //! Zero phases that are told before they happen.
 
-use kalmems_core::Covariance;
+use super::transition::{Numbers, Transition};
+use kalmems_core::{Covariance, Mat, NumericProcess};
 use kalmems_models::control::{Mark, Onward, Trigger, TriggerSettings, UnusableTrigger};
 use serde::Serialize;
 
@@ -62,6 +63,46 @@ impl ForetoldCounts {
             missed: self.missed + other.missed,
             without_drive: self.without_drive + other.without_drive,
         }
+    }
+}
+
+/// How a state goes on from now, step by step, whatever the number of states.
+pub trait Onwards {
+    /// Hands the step with this number to `with`, 0 for the one that begins now.
+    fn step(&self, number: u32, with: &mut dyn FnMut(&dyn Transition));
+}
+
+/// The same for `N` states; all steps add the same noise.
+pub(super) struct OnwardOf<'a, const N: usize> {
+    onwards: &'a dyn Onwards,
+    noise: Covariance<f64, N>,
+}
+
+impl<'a, const N: usize> OnwardOf<'a, N> {
+    pub(super) fn new(onwards: &'a dyn Onwards) -> Self {
+        let mut noise = Covariance::zero();
+        onwards.step(0, &mut |step| noise = *Numbers::<N>::of(step).noise_added().covariance());
+        Self { onwards, noise }
+    }
+}
+
+impl<const N: usize> Onward<f64, N> for OnwardOf<'_, N> {
+    fn step(&self, x: &[f64; N], step: u32) -> [f64; N] {
+        let mut to = [f64::NAN; N];
+        self.onwards.step(step, &mut |transition| transition.advance(x, &mut to));
+        to
+    }
+
+    fn linearize(&self, x: &[f64; N], step: u32) -> ([f64; N], Mat<f64, N, N>) {
+        let (mut to, mut jacobian) = ([f64::NAN; N], Mat::zero());
+        self.onwards.step(step, &mut |transition| {
+            transition.linearize(x, &mut to, jacobian.0.as_flattened_mut());
+        });
+        (to, jacobian)
+    }
+
+    fn noise(&self) -> &Covariance<f64, N> {
+        &self.noise
     }
 }
 

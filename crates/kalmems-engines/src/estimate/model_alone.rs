@@ -1,7 +1,9 @@
 //! The model without its sensor.
 
 use kalmems_core::update::Policy;
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation, Link, Measurement, Process};
+use kalmems_core::{
+    Covariance, Ekf, Filter, FilterError, Innovation, Link, NumericMeasurement, NumericProcess,
+};
 
 /// The actuator model alone (the published papers' ACM): it predicts, and takes no notice of what is measured.
 ///
@@ -28,12 +30,12 @@ impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
         Covariance::zero()
     }
 
-    fn predict_linked<P: Process<f64, N>>(
+    fn predict_linked<P: NumericProcess<f64, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<f64, N>, FilterError> {
-        let (next, transition) = process.linearize(&self.mean, u);
+        let (next, transition) = process.linearized(&self.mean, u);
         if !next.iter().all(|x| x.is_finite()) {
             return Err(FilterError::NonFiniteState);
         }
@@ -41,7 +43,7 @@ impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
         Ok(Link { transition, noise: Covariance::zero(), taken: true })
     }
 
-    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[f64; M],

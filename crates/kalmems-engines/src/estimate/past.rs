@@ -1,10 +1,10 @@
 //! What is kept of a segment from one part of it to the next.
 
+use super::answers::Run;
 use super::driven::DrivePast;
 use super::lock::LockJudge;
-use super::{Foreteller, Trajectory};
+use super::{Foreteller, Known, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
-use kalmems_core::{Covariance, Mat};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 
@@ -99,7 +99,8 @@ impl Past {
     pub fn state(&self) -> PastState {
         let bits = |values: &[f64]| values.iter().copied().map(Bits::from).collect();
         let filters = self.filters.iter().map(|filter| {
-            let (mean, covariance) = filter.left.as_ref().map_or((&[][..], &[][..]), |(m, c)| (m, c));
+            let known = filter.left.as_ref();
+            let (mean, covariance) = known.map_or((&[][..], &[][..]), |known| (&known.mean, &known.lower));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
             let told = filter.told_s().map(|told_s| told_s.map(Bits::from));
             FilterState {
@@ -126,7 +127,8 @@ impl Past {
     pub fn resumed(state: &PastState) -> Self {
         let numbers = |bits: &[Bits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let filters = state.filters.iter().map(|filter| FilterPast {
-            left: (!filter.mean.is_empty()).then(|| (numbers(&filter.mean), numbers(&filter.covariance))),
+            left: (!filter.mean.is_empty())
+                .then(|| Known { mean: numbers(&filter.mean), lower: numbers(&filter.covariance) }),
             numbers: numbers(&filter.numbers),
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
@@ -169,7 +171,7 @@ impl Slot {
 #[derive(Default)]
 pub struct FilterPast {
     /// The filter on its way.
-    pub run: Slot,
+    pub(super) run: Option<Box<dyn Run>>,
     /// What its way keeps.
     pub course: Slot,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
@@ -178,8 +180,8 @@ pub struct FilterPast {
     pub foreteller: Option<Foreteller>,
     /// The times of the zero phases that another run told last.
     told_s: [Option<f64>; 2],
-    /// Mean and lower covariance where the filter was left.
-    pub(super) left: Option<(Vec<f64>, Vec<f64>)>,
+    /// What the filter knew where it was left.
+    left: Option<Known>,
     /// One per answer.
     answers: Vec<AnswerPast>,
 }
@@ -193,12 +195,15 @@ pub struct AnswerPast {
 }
 
 impl FilterPast {
-    /// Mean and covariance where the filter was left; `None` at the beginning of a segment.
-    pub fn left<const N: usize>(&self) -> Option<([f64; N], Covariance<f64, N>)> {
-        let (mean, lower) = self.left.as_ref()?;
-        let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
-        let covariance = Mat::from_fn(|i, j| if j <= i { of(lower, i * (i + 1) / 2 + j) } else { 0.0 });
-        Some((std::array::from_fn(|i| of(mean, i)), Covariance::from_lower(covariance)))
+    /// What the filter knew where it was left; `None` at the beginning of a segment.
+    pub fn left(&self) -> Option<&Known> {
+        self.left.as_ref()
+    }
+
+    /// Leaves a filter here, to go on later.
+    pub(super) fn leave(&mut self, run: Box<dyn Run>) {
+        self.left = Some(run.known());
+        self.run = Some(run);
     }
 
     /// The times in s of the zero phases that were told last, rising and falling as the filter has them.

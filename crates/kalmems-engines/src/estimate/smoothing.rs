@@ -1,31 +1,31 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
 use super::engine::Derived;
+use super::linked::Linked;
 use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
 use crate::progress::Pace;
 use crate::progress::Progress;
 use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
-use kalmems_core::update::Policy;
-use kalmems_core::{Covariance, Filter, FilterError, Gaussian, Innovation, Link, Measurement, Process};
+use kalmems_core::{FilterError, Link};
 use std::ops::Range;
 
 /// The smoothed answer of a filter on its way.
 ///
 /// Innovations, NIS and counts are taken over from the filter. Where it stopped, or the smoother has to, the answer says so
 /// and has no numbers from there on.
-pub(super) enum Smoother<F, const N: usize> {
+pub(super) enum Smoother<const N: usize> {
     /// Each state given all samples of the segment (fixed interval); in a segment that comes in parts, given those of its own
     /// part and of the next one.
-    Whole(Whole<F, N>),
+    Whole(Whole<N>),
     /// Each state given so many later samples, fewer at the end (fixed lag). It could be had while samples arrive, that
     /// much late.
-    Lagged(Lagged<F, N>),
+    Lagged(Lagged<N>),
 }
 
 /// New samples and what a filter made of them.
-pub(super) struct FilteredPart<'a, F, const N: usize> {
+pub(super) struct FilteredPart<'a, const N: usize> {
     /// The filter at the first of them, not yet corrected by it.
-    pub(super) entry: &'a Linked<F, N>,
+    pub(super) entry: &'a Linked<N>,
     /// Which of the course's samples they are.
     pub(super) fresh: &'a Range<usize>,
     /// Whether the segment ends with them.
@@ -34,13 +34,13 @@ pub(super) struct FilteredPart<'a, F, const N: usize> {
     pub(super) filtered: &'a Trajectory,
 }
 
-impl<F: Filter<f64, N> + Clone, const N: usize> Smoother<F, N> {
+impl<const N: usize> Smoother<N> {
     /// What is known for good of these samples and those before that it did not give yet. `None` where the work was stopped.
-    pub(super) fn take<C: Course<N>>(
+    pub(super) fn take(
         &mut self,
         (key, name): (&str, &str),
-        course: &mut C,
-        part: &FilteredPart<F, N>,
+        course: &mut dyn Course,
+        part: &FilteredPart<N>,
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
         let begun = std::time::Instant::now();
@@ -69,16 +69,12 @@ type Stopped = (usize, Option<FilterError>);
 /// Enters a smoothed state.
 fn keep<const N: usize>(
     answer: &mut Trajectory,
-    derived: Option<&Derived<N>>,
+    derived: Option<&Derived>,
     k: usize,
     smoothed: &Smoothed<f64, N>,
 ) {
     let covariance = smoothed.covariance();
-    for (i, state) in answer.states.iter_mut().take(N).enumerate() {
-        state.mean[k] = smoothed.mean[i];
-        state.sd[k] = covariance.standard_deviation(i);
-    }
-    Derived::keep(derived, answer, k, &smoothed.mean, &covariance);
+    answer.keep(derived, k, &smoothed.mean, &|i, j| covariance.get(i, j));
 }
 
 /// Where an answer stopped.
@@ -87,19 +83,19 @@ fn failed(answer: &Trajectory, (sample, why): Stopped) -> Option<Failure> {
 }
 
 /// The part before the present one, which waits for what comes after it.
-pub(super) struct Whole<F, const N: usize> {
-    waiting: Option<(Linked<F, N>, Trajectory)>,
+pub(super) struct Whole<const N: usize> {
+    waiting: Option<(Linked<N>, Trajectory)>,
 }
 
-impl<F: Filter<f64, N> + Clone, const N: usize> Whole<F, N> {
+impl<const N: usize> Whole<N> {
     pub(super) fn new() -> Self {
         Self { waiting: None }
     }
 
-    fn take<C: Course<N>>(
+    fn take(
         &mut self,
-        course: &mut C,
-        part: &FilteredPart<F, N>,
+        course: &mut dyn Course,
+        part: &FilteredPart<N>,
         filtered: Trajectory,
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
@@ -139,9 +135,9 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Whole<F, N> {
 }
 
 /// Every sample of a window given all of it, in memory that grows with the root of their number.
-fn whole<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
-    start: &Linked<F, N>,
-    (course, progress): (&mut C, &dyn Progress),
+fn whole<const N: usize>(
+    start: &Linked<N>,
+    (course, progress): (&mut dyn Course, &dyn Progress),
     window: &Range<usize>,
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), Stopped> {
@@ -162,22 +158,22 @@ fn whole<F: Filter<f64, N> + Clone, C: Course<N>, const N: usize>(
 }
 
 /// The filter once more, the backward steps of the last samples, and the answers that these wait for.
-pub(super) struct Lagged<F, const N: usize> {
-    filter: Option<Linked<F, N>>,
+pub(super) struct Lagged<const N: usize> {
+    filter: Option<Linked<N>>,
     window: Window<N>,
     waiting: Option<Trajectory>,
 }
 
-impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
+impl<const N: usize> Lagged<N> {
     pub(super) fn new(lag: usize) -> Self {
         let window = Window { lag, older: Vec::new(), newer: Vec::new(), product: None };
         Self { filter: None, window, waiting: None }
     }
 
-    fn take<C: Course<N>>(
+    fn take(
         &mut self,
-        course: &mut C,
-        part: &FilteredPart<F, N>,
+        course: &mut dyn Course,
+        part: &FilteredPart<N>,
         filtered: Trajectory,
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
@@ -207,10 +203,10 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
     }
 
     /// Takes the filter through the new samples; `waited` answers of earlier ones are not given yet.
-    fn pass<C: Course<N>>(
+    fn pass(
         &mut self,
-        (course, progress): (&mut C, &dyn Progress),
-        part: &FilteredPart<F, N>,
+        (course, progress): (&mut dyn Course, &dyn Progress),
+        part: &FilteredPart<N>,
         waited: usize,
         answer: &mut Trajectory,
     ) -> Result<(), Stopped> {
@@ -225,14 +221,14 @@ impl<F: Filter<f64, N> + Clone, const N: usize> Lagged<F, N> {
             let at = |why| (place, why);
             let by_filter = |why| (place, Some(why));
             if begun || k > 0 {
-                let before = gaussian(filter);
+                let before = filter.gaussian();
                 let link = smooth::Course::advance(&mut repeated, filter, k).map_err(at)?;
-                self.window.push(Backward::new(&before, &link, filter.mean()).map_err(by_filter)?);
+                self.window.push(Backward::new(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
             }
             smooth::Course::correct(&mut repeated, filter, k).map_err(at)?;
             let last = part.ends && k + 1 == n;
             if place >= self.window.lag || last {
-                let now = Smoothed::newest(&gaussian(filter)).map_err(by_filter)?;
+                let now = Smoothed::newest(&filter.gaussian()).map_err(by_filter)?;
                 if place >= self.window.lag {
                     keep(place - self.window.lag, &self.window.oldest(&now));
                 }
@@ -310,13 +306,9 @@ fn after<const N: usize>(step: &Backward<f64, N>, later: &Backward<f64, N>) -> B
     step.after(later)
 }
 
-fn gaussian<F: Filter<f64, N>, const N: usize>(filter: &F) -> Gaussian<f64, N> {
-    Gaussian { mean: *filter.mean(), covariance: filter.covariance() }
-}
-
 /// Some samples of a course as the smoothers of the core take them.
-struct Repeated<'a, C> {
-    course: &'a mut C,
+struct Repeated<'a> {
+    course: &'a mut dyn Course,
     window: Range<usize>,
     progress: &'a dyn Progress,
     pace: Pace,
@@ -325,15 +317,13 @@ struct Repeated<'a, C> {
     steps: usize,
 }
 
-impl<'a, C> Repeated<'a, C> {
-    fn new(course: &'a mut C, window: Range<usize>, progress: &'a dyn Progress) -> Self {
+impl<'a> Repeated<'a> {
+    fn new(course: &'a mut dyn Course, window: Range<usize>, progress: &'a dyn Progress) -> Self {
         Self { course, window, progress, pace: Pace::default(), counts: Counts::default(), steps: 0 }
     }
 }
 
-impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked<F, N>, N>
-    for Repeated<'_, C>
-{
+impl<const N: usize> smooth::Course<f64, Linked<N>, N> for Repeated<'_> {
     /// Nothing where the work was stopped from outside.
     type Error = Option<FilterError>;
 
@@ -341,7 +331,7 @@ impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked
         self.window.len()
     }
 
-    fn advance(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<Link<f64, N>, Self::Error> {
+    fn advance(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<Link<f64, N>, Self::Error> {
         self.steps += 1;
         let steps = self.steps.saturating_add(self.counts.bridged);
         if self.pace.stops(steps, self.progress, self.window.len() as u64) {
@@ -349,68 +339,11 @@ impl<F: Filter<f64, N>, C: Course<N>, const N: usize> smooth::Course<f64, Linked
         }
         filter.forget();
         self.course.advance(filter, self.window.start + sample, &mut self.counts)?;
-        filter.link.ok_or(Some(FilterError::NonFiniteState))
+        filter.link().ok_or(Some(FilterError::NonFiniteState))
     }
 
-    fn correct(&mut self, filter: &mut Linked<F, N>, sample: usize) -> Result<(), Self::Error> {
+    fn correct(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<(), Self::Error> {
         self.course.correct(filter, self.window.start + sample, &mut self.counts)?;
         Ok(())
-    }
-}
-
-/// A filter that remembers how its state hangs on the state before a few predictions.
-#[derive(Clone)]
-pub(super) struct Linked<F, const N: usize> {
-    filter: F,
-    link: Option<Link<f64, N>>,
-}
-
-impl<F, const N: usize> Linked<F, N> {
-    /// Without a prediction yet.
-    pub(super) fn new(filter: F) -> Self {
-        Self { filter, link: None }
-    }
-
-    /// Begins to remember anew.
-    pub(super) fn forget(&mut self) {
-        self.link = None;
-    }
-}
-
-impl<F: Filter<f64, N>, const N: usize> Filter<f64, N> for Linked<F, N> {
-    fn mean(&self) -> &[f64; N] {
-        self.filter.mean()
-    }
-
-    fn covariance(&self) -> Covariance<f64, N> {
-        self.filter.covariance()
-    }
-
-    fn predict_linked<P: Process<f64, N>>(
-        &mut self,
-        process: &P,
-        u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
-        let link = self.filter.predict_linked(process, u)?;
-        self.link = Some(match &self.link {
-            None => link,
-            // x″ = F₂·(F₁·x + w₁) + w₂.
-            Some(first) => Link {
-                transition: link.transition.times(&first.transition),
-                noise: first.noise.transformed(&link.transition).plus(&link.noise),
-                taken: first.taken && link.taken,
-            },
-        });
-        Ok(link)
-    }
-
-    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
-        &mut self,
-        measurement: &H,
-        y: &[f64; M],
-        r: &Covariance<f64, M>,
-        policy: &impl Policy<f64, N>,
-    ) -> Result<Innovation<f64, M>, FilterError> {
-        self.filter.update_where(measurement, y, r, policy)
     }
 }

@@ -1,5 +1,6 @@
 //! A filter put into a known state.
 
+use super::Step;
 use kalmems_core::{Gaussian, Over, Process, ProcessNoise};
 
 /// A step to a known state, whatever was before.
@@ -11,6 +12,13 @@ pub struct TakenOver<const N: usize> {
 impl<const N: usize> From<Gaussian<f64, N>> for TakenOver<N> {
     fn from(Gaussian { mean, covariance }: Gaussian<f64, N>) -> Self {
         Self { mean, noise: covariance.into() }
+    }
+}
+
+impl<const N: usize> TakenOver<N> {
+    /// As a filter takes it.
+    pub fn step(&self) -> Step<'_, Self, N> {
+        Step::new(self, &())
     }
 }
 

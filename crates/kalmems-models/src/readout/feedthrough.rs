@@ -35,8 +35,8 @@ pub struct Feedthrough<'a, H, T> {
 impl<H: Measurement<T, N, 1>, T: Scalar, const N: usize> Measurement<T, N, 1> for Feedthrough<'_, H, T> {
     fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
         let [volts] = self.readout.predict(x);
-        let known = volts - self.capacitance * self.current_gain;
-        [match self.deviation::<N>() {
+        let known = volts - self.volts();
+        [match self.deviation(N) {
             Some((state, gain)) => known - x[state] * gain,
             None => known,
         }]
@@ -44,8 +44,8 @@ impl<H: Measurement<T, N, 1>, T: Scalar, const N: usize> Measurement<T, N, 1> fo
 
     fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
         let ([volts], mut jacobian) = self.readout.linearize(x);
-        let mut volts = volts - self.capacitance * self.current_gain;
-        if let Some((state, gain)) = self.deviation::<N>() {
+        let mut volts = volts - self.volts();
+        if let Some((state, gain)) = self.deviation(N) {
             volts = volts - x[state] * gain;
             jacobian.0[0][state] = jacobian.0[0][state] - gain;
         }
@@ -55,8 +55,15 @@ impl<H: Measurement<T, N, 1>, T: Scalar, const N: usize> Measurement<T, N, 1> fo
 
 #[model]
 impl<H, T: Scalar> Feedthrough<'_, H, T> {
-    /// The state, and what one of it takes from y in V. A state that is not there is none.
-    fn deviation<const N: usize>(&self) -> Option<(usize, T)> {
-        self.state.filter(|(state, _)| *state < N).map(|(state, scale)| (state, scale * self.current_gain))
+    /// What the capacitance as it is known takes from y, in V.
+    pub fn volts(&self) -> T {
+        self.capacitance * self.current_gain
+    }
+
+    /// The state, and what one of it takes from y in V, of so many states. A state that is not there is none.
+    pub fn deviation(&self, states: usize) -> Option<(usize, T)> {
+        self.state
+            .filter(|(state, _)| *state < states)
+            .map(|(state, scale)| (state, scale * self.current_gain))
     }
 }

@@ -2,8 +2,8 @@
 
 use kalmems_core::update::Policy;
 use kalmems_core::{
-    Cholesky, Covariance, Ekf, Filter, FilterError, Innovation, Ldl, Link, Mat, Measurement, Over, Process,
-    SigmaPoints,
+    Cholesky, Covariance, Ekf, Filter, FilterError, Innovation, Ldl, Link, Mat, Measurement,
+    NumericMeasurement, NumericProcess, Over, SigmaPoints,
 };
 
 /// What Algorithm 2 of Chen et al., shared electrodes, 2020, prints in place of the filter; one at a time.
@@ -103,24 +103,24 @@ impl<const N: usize> Filter<f64, N> for MisprintedUkf<N> {
         self.covariance
     }
 
-    fn predict_linked<P: Process<f64, N>>(
+    fn predict_linked<P: NumericProcess<f64, N>>(
         &mut self,
         process: &P,
         u: &P::Input,
     ) -> Result<Link<f64, N>, FilterError> {
-        let moved: Vec<[f64; N]> = self.points()?.iter().map(|x| process.step(x, u)).collect();
+        let moved: Vec<[f64; N]> = self.points()?.iter().map(|x| process.moved(x, u)).collect();
         let mean = self.mean_of(&moved);
         let spread = Covariance::from_lower(self.moment((&moved, &mean), (&moved, &mean)));
-        let covariance = spread.plus(process.noise().covariance());
+        let covariance = spread.plus(process.noise_added().covariance());
         if !mean.iter().all(|x| x.is_finite()) {
             return Err(FilterError::NonFiniteState);
         }
-        let (_, transition) = process.linearize(&self.mean, u);
+        let (_, transition) = process.linearized(&self.mean, u);
         (self.mean, self.covariance) = (mean, covariance);
-        Ok(Link { transition, noise: *process.noise().covariance(), taken: true })
+        Ok(Link { transition, noise: *process.noise_added().covariance(), taken: true })
     }
 
-    fn update_where<H: Measurement<f64, N, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[f64; M],
@@ -128,7 +128,7 @@ impl<const N: usize> Filter<f64, N> for MisprintedUkf<N> {
         policy: &impl Policy<f64, N>,
     ) -> Result<Innovation<f64, M>, FilterError> {
         let points = self.points()?;
-        let seen: Vec<[f64; M]> = points.iter().map(|x| measurement.predict(x)).collect();
+        let seen: Vec<[f64; M]> = points.iter().map(|x| measurement.expected(x)).collect();
         let predicted = self.mean_of(&seen);
         let s = Covariance::from_lower(self.moment((&seen, &predicted), (&seen, &predicted))).plus(r);
         // The innovation as a filter says it that knows its state exactly and takes S for the noise.

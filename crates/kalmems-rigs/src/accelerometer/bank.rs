@@ -4,9 +4,9 @@ use super::course::unusual_interval;
 use super::data::SegmentData;
 use super::settings::Hardware;
 use super::varied::{Factors, Step, Varied};
-use crate::estimate::{Counts, Course, TakenOver};
+use crate::estimate::{Counts, Course, Filtering, Reading, TakenOver, by_signal};
 use kalmems_core::adapt::Bank;
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation, NotAScale, Scaled};
+use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale, Scaled};
 use kalmems_models::readout::DifferentialReadout;
 
 /// Three values of each of three parameters.
@@ -76,9 +76,7 @@ impl<'a> BankCourse<'a> {
     }
 }
 
-impl Course<4> for BankCourse<'_> {
-    type Measurement = Readout;
-
+impl Course for BankCourse<'_> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -87,13 +85,9 @@ impl Course<4> for BankCourse<'_> {
         self.data.signal
     }
 
-    fn measurement(&self) -> (&Readout, f64) {
-        (&self.readouts[0], self.noise[0].get(0, 0))
-    }
-
-    fn advance<F: Filter<f64, 4>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -109,23 +103,23 @@ impl Course<4> for BankCourse<'_> {
                 self.bank.predict(&other, &feedback)?
             }
         };
-        filter.predict(&TakenOver::from(self.bank.mixture()), &()).map(drop)
+        filter.predict(&TakenOver::from(self.bank.mixture()).step())
     }
 
     /// The innovation is that of the mixture.
-    fn correct<F: Filter<f64, 4>>(
+    fn correct(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let y = self.data.signal[k];
-        if !y.is_finite() {
-            return Ok(None);
+        let sensor = Reading::<_, 4>(&self.readouts[0]);
+        let innovation = by_signal(filter, y, (&sensor, self.noise[0].get(0, 0)))?;
+        if innovation.is_some() {
+            self.bank.update(&self.readouts, &[y], &self.noise)?;
+            filter.predict(&TakenOver::from(self.bank.mixture()).step())?;
         }
-        let innovation = filter.update(&self.readouts[0], &[y], &self.noise[0])?;
-        self.bank.update(&self.readouts, &[y], &self.noise)?;
-        filter.predict(&TakenOver::from(self.bank.mixture()), &())?;
-        Ok(Some(innovation))
+        Ok(innovation)
     }
 }

@@ -1,35 +1,35 @@
 //! How a filter gets from one sample of the accelerometer to the next.
 
 use super::data::{Input, SegmentData};
-use super::instrument::{Exact, Instrument, Observing, Readout};
+use super::instrument::{Exact, Instrument, Observing};
 use super::noise_estimate::NoiseEstimate;
-use crate::estimate::{Bridge, Counts, Course};
-use kalmems_core::{ContinuousDiscrete, Covariance, Dynamics, Filter, FilterError, Innovation, Scaled};
+use crate::estimate::{Bridge, Counts, Course, Filtering, Reading, Step, by_signal};
+use kalmems_core::{ContinuousDiscrete, Dynamics, FilterError, Innovation, Scaled};
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
 /// times written in decimals round to.
 const SAME: f64 = 1e-6;
 
 /// How a filter predicts over the usual interval.
-pub trait Step<D: Dynamics<f64, N>, const N: usize> {
+pub trait Prediction<D: Dynamics<f64, N>, const N: usize> {
     /// By an input and the sample before, which is not a number where it is missing. `None` where it cannot, so that the
     /// plain step is taken.
-    fn predict<F: Filter<f64, N>>(
+    fn predict(
         &self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         input: D::Input,
         sample: f64,
     ) -> Option<Result<(), FilterError>>;
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Exact<D, N> {
-    fn predict<F: Filter<f64, N>>(
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Exact<D, N> {
+    fn predict(
         &self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         input: D::Input,
         _: f64,
     ) -> Option<Result<(), FilterError>> {
-        Some(filter.predict_linked(self, &input).map(drop))
+        Some(filter.predict(&Step::new(self, &input)))
     }
 }
 
@@ -51,27 +51,28 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Hybrid<D, N> {
     }
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Hybrid<D, N> {
-    fn predict<F: Filter<f64, N>>(
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Hybrid<D, N> {
+    fn predict(
         &self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         input: D::Input,
         _: f64,
     ) -> Option<Result<(), FilterError>> {
         // The interval was found to be one when the maker was.
-        let process = self.maker.over(self.interval_s, filter.mean(), |_| input).ok()?;
-        Some(filter.predict_linked(&process, &()).map(drop))
+        let mean = filter.mean().try_into().ok()?;
+        let process = self.maker.over(self.interval_s, mean, |_| input).ok()?;
+        Some(filter.predict(&Step::new(&process, &())))
     }
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Step<D, N> for Observing<D, N> {
-    fn predict<F: Filter<f64, N>>(
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Observing<D, N> {
+    fn predict(
         &self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         input: D::Input,
         sample: f64,
     ) -> Option<Result<(), FilterError>> {
-        sample.is_finite().then(|| filter.predict_linked(self, &(input, [sample])).map(drop))
+        sample.is_finite().then(|| filter.predict(&Step::new(self, &(input, [sample]))))
     }
 }
 
@@ -111,13 +112,11 @@ pub fn unusual_interval(data: &SegmentData, to: usize, counts: &mut Counts) -> O
     Some(interval)
 }
 
-impl<D, S, const N: usize> Course<N> for AccelerometerCourse<'_, D, S, N>
+impl<D, S, const N: usize> Course for AccelerometerCourse<'_, D, S, N>
 where
     D: Dynamics<f64, N, Input: Input> + Copy,
-    S: Step<D, N>,
+    S: Prediction<D, N>,
 {
-    type Measurement = Readout<N>;
-
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -126,14 +125,9 @@ where
         self.data.signal
     }
 
-    fn measurement(&self) -> (&Readout<N>, f64) {
-        let variance = self.noise.as_ref().map_or(self.instrument.noise_variance, NoiseEstimate::variance);
-        (&self.instrument.readout, variance)
-    }
-
-    fn advance<F: Filter<f64, N>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -145,22 +139,18 @@ where
             return taken;
         }
         let interval = unusual.unwrap_or(self.data.time_s[to] - self.data.time_s[to - 1]);
-        filter.predict_linked(&self.instrument.over(interval), &input).map(drop)
+        filter.predict(&Step::new(&self.instrument.over(interval), &input))
     }
 
-    fn correct<F: Filter<f64, N>>(
+    fn correct(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        let y = self.data.signal[k];
-        let innovation = if y.is_finite() {
-            let (readout, variance) = self.measurement();
-            Some(filter.update(readout, &[y], &Covariance::from_variances([variance]))?)
-        } else {
-            None
-        };
+        let variance = self.noise.as_ref().map_or(self.instrument.noise_variance, NoiseEstimate::variance);
+        let sensor = Reading::<_, N>(&self.instrument.readout);
+        let innovation = by_signal(filter, self.data.signal[k], (&sensor, variance))?;
         if let Some(noise) = &mut self.noise {
             noise.add(innovation.as_ref());
         }

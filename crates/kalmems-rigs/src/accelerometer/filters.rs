@@ -107,7 +107,7 @@ impl FilterSettings {
     }
 }
 
-/// The names of the first `N` states.
-pub fn states<const N: usize>() -> [StateName; N] {
-    std::array::from_fn(|i| STATES[i.min(STATES.len() - 1)])
+/// The names of the first states.
+pub fn states(count: usize) -> &'static [StateName] {
+    &STATES[..count.min(STATES.len())]
 }

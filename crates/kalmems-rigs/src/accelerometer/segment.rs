@@ -1,7 +1,7 @@
 //! The estimates of one segment.
 
 use super::bank::BankCourse;
-use super::course::{AccelerometerCourse, Hybrid, Step};
+use super::course::{AccelerometerCourse, Hybrid, Prediction};
 use super::data::{Input, SegmentData};
 use super::filters::{FilterSettings, states};
 use super::instrument::Instrument;
@@ -9,12 +9,12 @@ use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, FilterBasics, FilterPast, Motion, Past, Samples, StateSeries,
-    Trajectory, TrajectoryKind, answers, follow,
+    AnyFilter, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Samples, StateFilter,
+    StateSeries, Trajectory, TrajectoryKind, follow,
 };
 use crate::progress::Progress;
 use crate::units::kind;
-use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FixedGain, Scales, SchmidtEkf};
+use kalmems_core::{Covariance, Dynamics, Ekf, FixedGain, Gaussian, Scales, SchmidtEkf};
 use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
@@ -39,7 +39,7 @@ pub fn estimate(
             task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, past)?
         } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
-            vec![task.bank(&settings.hardware, &instrument, past)?]
+            task.bank(&settings.hardware, &instrument, past)?
         } else if filter.known_acceleration {
             task.run(&Instrument::known(&settings.hardware).map_err(scale)?, past)?
         } else {
@@ -80,67 +80,60 @@ impl Task<'_> {
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
+        AnyFilter: From<Box<dyn StateFilter<N>>>,
     {
         let h = self.data.interval_s;
-        let (mean, covariance) = self.start(&instrument.scales);
+        let known = self.start(&instrument.scales);
+        let mean = known.gaussian::<N>().mean;
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
-        let FilterBasics { method, points, .. } = self.filter.basics;
-        match method {
+        match self.filter.basics.method {
             Method::HybridEkf => {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
-                self.filtered(instrument, step, Ekf::new(mean, covariance), past)
+                self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), gain, past)
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), gain, past)
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
             }
             Method::KalmanBucy => {
                 let (observer, point) = instrument.kalman_bucy(h).map_err(|why| self.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
-                self.filtered(instrument, observer, none, past)
+                self.filtered(instrument, observer, past, |_| Ok(boxed(none)))
             }
-            _ if self.filter.noise_memory_s.is_some() => {
-                let filter = AnyFilter::of(method, points, mean, covariance);
-                self.filtered(instrument, instrument.over(h), filter, past)
-            }
-            _ => {
-                let filter = AnyFilter::of(method, points, mean, covariance);
-                let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(h));
-                let (basics, course) = ((&self.filter.basics, past), (&mut course, self.samples));
-                let all = answers(basics, || Ok(filter), course, &states(), self.progress)?;
-                Ok(all.into_iter().map(|one| restored(one, &instrument.scales)).collect())
-            }
+            _ => self.filtered(instrument, instrument.over(h), past, |left| {
+                self.filter.basics.begin(left, || Ok(known))
+            }),
         }
     }
 
-    /// The first mean and covariance, in scaled states.
-    fn start<const N: usize>(&self, scales: &Scales<f64, N>) -> ([f64; N], Covariance<f64, N>) {
+    /// What is known at first, in scaled states.
+    fn start<const N: usize>(&self, scales: &Scales<f64, N>) -> Known {
         let first = |values: &[f64; 4], deviations: &[f64; 3]| {
             array::from_fn(|i| values.iter().chain(deviations).nth(i).copied().unwrap_or(0.0))
         };
         let start_sd = first(&self.filter.start_sd, &self.filter.spread);
         let covariance = Covariance::from_standard_deviations(start_sd);
-        (scales.scale_state(&first(&self.filter.start, &[0.0; 3])), scales.scale_covariance(&covariance))
+        let mean = scales.scale_state(&first(&self.filter.start, &[0.0; 3]));
+        Known::from((mean, scales.scale_covariance(&covariance)))
     }
 
-    /// A filter that is not smoothed.
-    fn filtered<D, S, F, const N: usize>(
+    /// What a filter that is made so says, in SI.
+    fn filtered<D, S, const N: usize>(
         &self,
         instrument: &Instrument<D, N>,
-        step: S,
-        filter: F,
+        prediction: S,
         past: &mut FilterPast,
+        begin_filter: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: Input> + Copy,
-        S: Step<D, N>,
-        F: Filter<f64, N> + Clone + Send + 'static,
+        S: Prediction<D, N>,
     {
         let begin = |memory_s: f64| {
             Box::new(NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s))
@@ -149,19 +142,20 @@ impl Task<'_> {
             let kept = past.course.take::<NoiseEstimate>();
             *kept.unwrap_or_else(|| begin(memory_s))
         });
-        let mut course = AccelerometerCourse::new(instrument, self.data, step).with_noise(noise);
-        let (basics, samples) = ((&self.filter.basics, &mut *past), (&mut course, self.samples));
-        let followed = follow(basics, || Ok(filter), samples, &states(), self.progress)?;
-        let mut trajectory = restored(followed, &instrument.scales);
+        let mut course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
+        let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
+        let mut all = follow(basics, begin_filter, way, states(N), self.progress)?;
+        for trajectory in &mut all {
+            restore(trajectory, &instrument.scales);
+        }
         if let Some(mut noise) = course.into_noise() {
-            let mut all = noise.history.drain(..).chain(iter::repeat([f64::NAN; 2]));
-            let (mean, sd) = all.by_ref().take(trajectory.time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
-            drop(all);
+            let history = noise.history.drain(..).chain(iter::repeat([f64::NAN; 2]));
+            let (mean, sd) = history.take(all[0].time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
             let (name, unit) = ("noise_variance", "V2");
-            trajectory.states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
+            all[0].states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
             past.course.put(Box::new(noise));
         }
-        Ok(vec![trajectory])
+        Ok(all)
     }
 
     /// With spring, damping and mass uncertain, and not estimated.
@@ -170,9 +164,11 @@ impl Task<'_> {
         instrument: &Instrument<UncertainMechanics<f64>, 7>,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let (mean, covariance) = self.start(&instrument.scales);
+        let known = self.start(&instrument.scales);
+        let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
-        self.filtered(instrument, instrument.over(self.data.interval_s), filter, past)
+        let process = instrument.over(self.data.interval_s);
+        self.filtered(instrument, process, past, |_| Ok(boxed(filter)))
     }
 
     /// Filters of several models, weighed.
@@ -181,16 +177,19 @@ impl Task<'_> {
         hardware: &Hardware,
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
         past: &mut FilterPast,
-    ) -> Result<Trajectory, EstimateError> {
-        let (mean, covariance) = self.start(&instrument.scales);
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let Gaussian { mean, covariance } = self.start(&instrument.scales).gaussian();
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
             .map_err(|why| self.no_gain(&why))?
             .continuing(past.course.take());
-        let (basics, samples) = ((&self.filter.basics, &mut *past), (&mut course, self.samples));
-        let followed = follow(basics, || Ok(filter), samples, &states(), self.progress)?;
+        let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
+        let mut all = follow(basics, |_| Ok(boxed(filter)), way, states(4), self.progress)?;
         past.course.put(course.into_models());
-        Ok(restored(followed, &instrument.scales))
+        for trajectory in &mut all {
+            restore(trajectory, &instrument.scales);
+        }
+        Ok(all)
     }
 
     fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
@@ -198,12 +197,20 @@ impl Task<'_> {
     }
 }
 
-/// The same in SI.
-fn restored<const N: usize>(mut trajectory: Trajectory, scales: &Scales<f64, N>) -> Trajectory {
+/// A filter of a known number of states.
+fn boxed<const N: usize>(filter: impl StateFilter<N> + 'static) -> AnyFilter
+where
+    AnyFilter: From<Box<dyn StateFilter<N>>>,
+{
+    let filter: Box<dyn StateFilter<N>> = Box::new(filter);
+    filter.into()
+}
+
+/// Brings the states to SI.
+fn restore<const N: usize>(trajectory: &mut Trajectory, scales: &Scales<f64, N>) {
     for (state, size) in trajectory.states.iter_mut().zip(scales.sizes()) {
         for value in state.mean.iter_mut().chain(&mut state.sd) {
             *value *= size;
         }
     }
-    trajectory
 }

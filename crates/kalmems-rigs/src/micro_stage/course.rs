@@ -1,8 +1,8 @@
 //! The stage's way through one record.
 
-use crate::estimate::{Bridge, Counts, Course};
+use crate::estimate::{Bridge, Counts, Course, Filtering, Reading, Step};
 use crate::signal::Sine;
-use kalmems_core::{Covariance, Filter, FilterError, Innovation, LinearProcess};
+use kalmems_core::{FilterError, Innovation, LinearProcess};
 use kalmems_models::dynamics::PiezoStage;
 use kalmems_models::readout::PlateCurrent;
 use std::ops::Range;
@@ -50,9 +50,7 @@ impl<'a> StageCourse<'a> {
     }
 }
 
-impl Course<2> for StageCourse<'_> {
-    type Measurement = PlateCurrent<f64>;
-
+impl Course for StageCourse<'_> {
     fn time_s(&self) -> &[f64] {
         self.time_s
     }
@@ -61,14 +59,9 @@ impl Course<2> for StageCourse<'_> {
         self.channels.first().map_or(&[], |channel| &channel.signal)
     }
 
-    fn measurement(&self) -> (&PlateCurrent<f64>, f64) {
-        let channel = &self.channels[0];
-        (&channel.current, channel.noise_variance)
-    }
-
-    fn advance<F: Filter<f64, 2>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -76,7 +69,7 @@ impl Course<2> for StageCourse<'_> {
         let drive = self.drive[to - 1].midpoint(self.drive[to]);
         let interval = self.time_s[to] - self.time_s[to - 1];
         if (interval / self.interval_s - 1.0).abs() <= SAME {
-            return filter.predict_linked(&self.usual, &[drive]).map(drop);
+            return filter.predict(&Step::new(&self.usual, &[drive]));
         }
         let Bridge { missing, steps } = Bridge::over(interval, self.interval_s);
         counts.bridged = counts.bridged.saturating_add(missing);
@@ -89,7 +82,7 @@ impl Course<2> for StageCourse<'_> {
                 Some(sine) if steps > 1 => sine.at(self.time_s[to - 1] + interval * share),
                 _ => self.drive[to - 1] + (self.drive[to] - self.drive[to - 1]) * share,
             };
-            filter.predict_linked(&process, &[volts])?;
+            filter.predict(&Step::new(&process, &[volts]))?;
         }
         Ok(())
     }
@@ -99,9 +92,9 @@ impl Course<2> for StageCourse<'_> {
     /// What is kept of the innovations is the first channel's: it alone is foretold by the past and nothing else, so that
     /// its sequence is white and its NIS 1 on average for a filter that is right, whatever the number of channels. A
     /// wrong gap or gain of another one moves the state, and shows there.
-    fn correct<F: Filter<f64, 2>>(
+    fn correct(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
@@ -109,8 +102,8 @@ impl Course<2> for StageCourse<'_> {
         for (i, channel) in self.channels.iter().enumerate() {
             let y = channel.signal[k];
             if y.is_finite() {
-                let noise = Covariance::from_variances([channel.noise_variance]);
-                let innovation = filter.update(&channel.current, &[y], &noise)?;
+                let sensor = Reading::<_, 2>(&channel.current);
+                let innovation = filter.update(&sensor, y, channel.noise_variance)?;
                 if i == 0 {
                     first = Some(innovation);
                 }

@@ -6,12 +6,11 @@ use super::identification::motion_by;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, FilterPast, Motion, Past, StateName, Trajectory, TrajectoryKind, answers,
+    self, EstimateError, FilterPast, Known, Motion, Past, StateName, Trajectory, TrajectoryKind, answers,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
-use kalmems_core::Covariance;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -87,21 +86,14 @@ fn one(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let channels = channels(settings, filter, samples)?;
-    let left = past.left();
-    let begin = || {
-        let (mean, covariance) = match (left, filter.start) {
-            (Some(left), _) => left,
-            (None, start) => {
-                let mean = start.map_or_else(|| start_from(&channels, samples, filter), Ok)?;
-                (mean, Covariance::from_standard_deviations(filter.start_sd))
-            }
-        };
-        Ok(AnyFilter::of(filter.basics.method, filter.basics.points, mean, covariance))
+    let start = || {
+        let mean = filter.start.map_or_else(|| start_from(&channels, samples, filter), Ok)?;
+        Ok(Known::apart(mean.into_iter().zip(filter.start_sd)))
     };
     let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, (samples.drive, samples.sines), &channels, stage, filter.density);
-    answers((&filter.basics, past), begin, (&mut course, &samples.taken), &STATES, progress)
+    answers((&filter.basics, past), start, (&mut course, &samples.taken), &STATES, progress)
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.

@@ -2,8 +2,8 @@
 
 use super::data::SegmentData;
 use super::phasor::Phasor;
-use crate::estimate::{Bridge, Counts, Course, Derived};
-use kalmems_core::{Filter, FilterError};
+use crate::estimate::{Bridge, Counts, Course, Derived, Filtering, Reading, Step, by_signal};
+use kalmems_core::{FilterError, Innovation};
 use std::f64::consts::TAU;
 
 /// Model and signal of one segment.
@@ -24,9 +24,7 @@ impl<'a, P: Phasor<N>, const N: usize> PhasorCourse<'a, P, N> {
     }
 }
 
-impl<P: Phasor<N>, const N: usize> Course<N> for PhasorCourse<'_, P, N> {
-    type Measurement = P::Readout;
-
+impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -35,17 +33,13 @@ impl<P: Phasor<N>, const N: usize> Course<N> for PhasorCourse<'_, P, N> {
         self.data.signal
     }
 
-    fn measurement(&self) -> (&P::Readout, f64) {
-        (self.phasor.readout(), self.data.noise_variance)
-    }
-
-    fn derived(&self) -> Option<Derived<N>> {
+    fn derived(&self) -> Option<Derived> {
         Some(self.phasor.derived())
     }
 
-    fn advance<F: Filter<f64, N>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -53,10 +47,20 @@ impl<P: Phasor<N>, const N: usize> Course<N> for PhasorCourse<'_, P, N> {
         let x = filter.mean();
         let turns = (x[2] / TAU + x[1] * interval).round();
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
-            return filter.predict_linked(&self.usual, &turns).map(drop);
+            return filter.predict(&Step::new(&self.usual, &turns));
         }
         // The step is exact over any interval: a gap needs no more than one.
         counts.bridged = counts.bridged.saturating_add(Bridge::over(interval, self.data.interval_s).missing);
-        filter.predict_linked(&self.phasor.over(interval), &turns).map(drop)
+        filter.predict(&Step::new(&self.phasor.over(interval), &turns))
+    }
+
+    fn correct(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let sensor = Reading::<_, N>(self.phasor.readout());
+        by_signal(filter, self.data.signal[k], (&sensor, self.data.noise_variance))
     }
 }

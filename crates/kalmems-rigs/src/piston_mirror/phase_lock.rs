@@ -4,7 +4,8 @@ use super::plates::COEFFICIENTS;
 use kalmems_core::riccati::RiccatiError;
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Mat, Measurement, Process,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Mat, NumericMeasurement,
+    NumericProcess,
 };
 use kalmems_models::dynamics::DriftingPhasor;
 use kalmems_models::readout::PhasorDetector;
@@ -52,7 +53,7 @@ impl Filter<f64, 5> for PhaseLock {
         *self.lock.filtered_covariance()
     }
 
-    fn predict_linked<P: Process<f64, 5>>(
+    fn predict_linked<P: NumericProcess<f64, 5>>(
         &mut self,
         process: &P,
         u: &P::Input,
@@ -61,7 +62,7 @@ impl Filter<f64, 5> for PhaseLock {
         Ok(Link { transition: self.transition, noise: self.noise, taken: true })
     }
 
-    fn update_where<H: Measurement<f64, 5, M>, const M: usize>(
+    fn update_where<H: NumericMeasurement<f64, 5, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[f64; M],

@@ -3,7 +3,7 @@
 use super::plates::{COEFFICIENTS, Plates};
 use crate::estimate::{Derived, StateName};
 use crate::units::kind;
-use kalmems_core::{Covariance, Measurement, NoiseDensity, Process};
+use kalmems_core::{Measurement, NoiseDensity, Process};
 use kalmems_models::dynamics::{DriftingPhasor, SteadyPhasor};
 use kalmems_models::readout::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
 use std::f64::consts::TAU;
@@ -34,7 +34,7 @@ pub trait Phasor<const N: usize> {
     fn readout(&self) -> &Self::Readout;
 
     /// Position and velocity, from the states.
-    fn derived(&self) -> Derived<N>;
+    fn derived(&self) -> Derived;
 }
 
 /// [A, f, φ] about a known rest position.
@@ -85,11 +85,10 @@ impl Phasor<3> for Steady {
         &self.readout
     }
 
-    fn derived(&self) -> Derived<3> {
-        let compute = |rest: f64, x: &[f64; 3], p: &Covariance<f64, 3>| {
-            let whole = [x[0], x[1], x[2], rest, 0.0];
-            let (values, gradients) = position_and_velocity(&whole);
-            let sd = gradients.map(|gradient| deviation(&[gradient[0], gradient[1], gradient[2]], p));
+    fn derived(&self) -> Derived {
+        let compute = |rest: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
+            let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], rest, 0.0]);
+            let sd = gradients.map(|gradient| deviation(&gradient[..3], p));
             [(values[0], sd[0]), (values[1], sd[1])]
         };
         Derived { names: DERIVED, parameter: self.readout.rest_distance, compute }
@@ -108,9 +107,9 @@ impl Phasor<5> for Drifting {
         &self.readout
     }
 
-    fn derived(&self) -> Derived<5> {
-        let compute = |_: f64, x: &[f64; 5], p: &Covariance<f64, 5>| {
-            let (values, gradients) = position_and_velocity(x);
+    fn derived(&self) -> Derived {
+        let compute = |_: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
+            let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], x[3], x[4]]);
             let sd = gradients.map(|gradient| deviation(&gradient, p));
             [(values[0], sd[0]), (values[1], sd[1])]
         };
@@ -129,11 +128,11 @@ pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2
 }
 
 /// √(gᵀ·P·g).
-fn deviation<const N: usize>(gradient: &[f64; N], p: &Covariance<f64, N>) -> f64 {
+fn deviation(gradient: &[f64], p: &dyn Fn(usize, usize) -> f64) -> f64 {
     let mut variance = 0.0;
-    for i in 0..N {
-        for j in 0..N {
-            variance += gradient[i] * p.get(i, j) * gradient[j];
+    for (i, one) in gradient.iter().enumerate() {
+        for (j, other) in gradient.iter().enumerate() {
+            variance += one * p(i, j) * other;
         }
     }
     variance.sqrt()

@@ -10,12 +10,12 @@ use super::settings::{FilterSettings, Motion, Settings};
 use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::{
-    self, AnyFilter, EstimateError, FilterPast, Past, Samples, StateName, Trajectory, TrajectoryKind,
-    answers, follow,
+    self, EstimateError, FilterPast, Known, Past, Samples, StateFilter, StateName, Trajectory,
+    TrajectoryKind, answers, follow,
 };
 use crate::progress::Progress;
 use crate::units::kind;
-use kalmems_core::{Covariance, Mat};
+use kalmems_core::{Covariance, Gaussian, Mat};
 use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -115,15 +115,15 @@ impl Task<'_> {
         match self.filter.motion {
             Motion::None => Ok(vec![self.inversion()]),
             Motion::Steady { density, start } => {
-                let names = std::array::from_fn(|i| STATES[i]);
+                let names = &STATES[..3];
                 if let Some((mean, sd, rest)) = start {
                     let covariance = Covariance::from_standard_deviations(sd);
                     let steady = Steady::new(plates, rest, density);
-                    return self.follow::<_, 3>(&steady, &names, past, || Ok((mean, covariance)));
+                    return self.follow::<_, 3>(&steady, names, past, || Ok((mean, covariance)));
                 }
                 let (start, held) = self.held(past)?;
                 let steady = Steady::new(plates, held.rest, density);
-                let mut trajectories = self.follow::<_, 3>(&steady, &names, past, || Ok(start))?;
+                let mut trajectories = self.follow::<_, 3>(&steady, names, past, || Ok(start))?;
                 for trajectory in &mut trajectories {
                     held.add_to(trajectory);
                 }
@@ -148,7 +148,8 @@ impl Task<'_> {
     /// Where a filter of three states goes on, or at the beginning starts, and the rest position that it holds.
     fn held(&self, past: &mut FilterPast) -> Result<(State<3>, Held), EstimateError> {
         if let (Some(left), [rest, rest_sd, taken_up]) = (past.left(), &past.numbers[..]) {
-            return Ok((left, Held { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up }));
+            let Gaussian { mean, covariance } = left.gaussian();
+            return Ok(((mean, covariance), Held { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up }));
         }
         let batch = self.batch()?;
         let [a, f, phase, ..] = batch.mean;
@@ -172,16 +173,20 @@ impl Task<'_> {
             (Err(_), None) => self.settled(self.batch()?.mean),
         };
         past.numbers = mean.to_vec();
-        let begin = || {
+        let begin = |_: Option<Known>| {
             let detector = PhasorDetector { series: self.settings.hardware.plates };
             let process = drifting.over(data.interval_s);
-            PhaseLock::new(detector, &process, mean, data.noise_variance).map_err(|why| {
-                EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
-            })
+            let lock = PhaseLock::new(detector, &process, mean, data.noise_variance);
+            let lock = lock.map_err(|why| EstimateError::NoGain {
+                filter: self.filter.basics.name.clone(),
+                why: why.to_string(),
+            })?;
+            let lock: Box<dyn StateFilter<5>> = Box::new(lock);
+            Ok(lock.into())
         };
         let mut course = PhasorCourse::new(drifting, data);
-        let (filter, course) = (&self.filter.basics, (&mut course, &self.part.samples));
-        Ok(vec![follow((filter, past), begin, course, &STATES, self.progress)?])
+        let (filter, course) = (&self.filter.basics, (&mut course as _, &self.part.samples));
+        follow((filter, past), begin, course, &STATES, self.progress)
     }
 
     /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that
@@ -213,18 +218,13 @@ impl Task<'_> {
     fn follow<P: Phasor<N>, const N: usize>(
         &self,
         phasor: &P,
-        states: &[StateName; N],
+        states: &[StateName],
         past: &mut FilterPast,
         start: impl FnOnce() -> Result<State<N>, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = &self.filter.basics;
-        let left = past.left();
-        let begin = || {
-            let (mean, covariance) = left.map_or_else(start, Ok)?;
-            Ok(AnyFilter::of(filter.method, filter.points, mean, covariance))
-        };
         let mut course = PhasorCourse::new(phasor, &self.part.data);
-        answers((filter, past), begin, (&mut course, &self.part.samples), states, self.progress)
+        let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
+        answers(past, || start().map(Known::from), course, states, self.progress)
     }
 
     /// Where the first samples say that the motion starts.

@@ -83,8 +83,8 @@ impl FilterSettings {
         Ok(Self { basics, start, start_sd, demodulator_sd, acceleration_density })
     }
 
-    /// The names of its `N` states.
-    pub fn states<const N: usize>(&self) -> [StateName; N] {
+    /// The names of its states.
+    pub fn states(&self) -> Vec<StateName> {
         self.basics.states(&MOTION[..if self.demodulator_sd.is_some() { 4 } else { 2 }])
     }
 }

@@ -2,7 +2,8 @@
 
 use super::filters::FilterSettings;
 use super::settings::Hardware;
-use crate::estimate::driven::{Augmentation, Plain, Plant, WithParameters, step};
+use crate::estimate::driven::{OfMotion, ParametricReadout, Plain, Plant, WithParameters, step};
+use crate::estimate::{Reading, Sensor, Step, Transition};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Euler, Mat, Nodes, NoiseDensity, Over, Process, ProcessNoise};
 use kalmems_models::dynamics::{DriveGain, ParametricScanner};
@@ -43,25 +44,32 @@ pub fn staged(
     Plain { dynamics: model, readout: model, noise: of_acceleration(filter.acceleration_density) }
 }
 
-/// Angle and rate with `A` parameters, read by the affine law.
-pub fn affine_with<const A: usize>(
-    hardware: &Hardware,
-    filter: &FilterSettings,
-) -> Result<Augmentation<DriveGain<f64>, DelayedComb<f64>, 2, A>, AugmentationError> {
+/// The scanner with the factor of its drive as a parameter, and the noise of its motion.
+pub fn drive_gain(hardware: &Hardware, filter: &FilterSettings) -> (DriveGain<f64>, NoiseDensity<f64, 2>) {
     let dynamics = DriveGain { scanner: hardware.scanner, drive_gain: 1.0 };
-    let noise = of_acceleration(filter.acceleration_density);
-    Augmentation::of(Plain { dynamics, readout: hardware.late_readout(), noise }, &filter.basics.tracked)
+    (dynamics, of_acceleration(filter.acceleration_density))
 }
 
-/// Angle, rate and the two stages with `A` parameters.
-pub fn staged_with<const A: usize>(
+/// Angle and rate with parameters, read by the affine law.
+pub fn affine_with(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+) -> Result<WithParameters<DriveGain<f64>, ParametricReadout<DelayedComb<f64>, 2>, 2>, AugmentationError> {
+    let tracked = &filter.basics.tracked;
+    let readout = ParametricReadout::new(hardware.late_readout(), tracked, |parameter| parameter.in_readout)?;
+    WithParameters::new(drive_gain(hardware, filter), readout, tracked, |parameter| parameter.in_motion)
+}
+
+/// Angle, rate and the two stages with parameters.
+pub fn staged_with(
     hardware: &Hardware,
     filter: &FilterSettings,
     poles: [f64; 2],
-) -> WithParameters<LowPassedComb<f64>, LowPassedComb<f64>, 4, A> {
-    WithParameters::new(staged(hardware, filter, poles), &filter.basics.tracked, |parameter| {
-        parameter.in_whole
-    })
+) -> Result<WithParameters<LowPassedComb<f64>, OfMotion<LowPassedComb<f64>, 4>, 4>, AugmentationError> {
+    let model = low_passed(hardware, poles);
+    let tracked = &filter.basics.tracked;
+    let noise = of_acceleration(filter.acceleration_density);
+    WithParameters::new((model, noise), OfMotion(model), tracked, |parameter| parameter.in_whole)
 }
 
 /// The scanner by Euler's method, with the noise of one sample as that of the exact step.
@@ -82,9 +90,8 @@ impl ByEuler {
     }
 }
 
-impl Plant<2> for ByEuler {
-    type Process = FromStart;
-    type Readout = DelayedComb<f64>;
+impl Plant for ByEuler {
+    type Motion = FromStart;
 
     fn over(&self, interval_s: f64) -> Result<FromStart, AugmentationError> {
         let noise = of_acceleration(self.acceleration_density);
@@ -92,8 +99,12 @@ impl Plant<2> for ByEuler {
         Ok(FromStart(Euler::new(self.scanner, interval_s, noise)))
     }
 
-    fn readout(&self) -> &DelayedComb<f64> {
-        &self.readout
+    fn under<'a>(&'a self, motion: &'a FromStart, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        Step::new(motion, drive)
+    }
+
+    fn sensor(&self) -> impl Sensor + '_ {
+        Reading::<_, 2>(&self.readout)
     }
 }
 

@@ -7,12 +7,12 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, PHASE, Plant};
 use crate::estimate::{
-    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Past, StateName,
-    Trajectory, TrajectoryKind, answers,
+    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Known, Past,
+    StateFilter, StateName, Trajectory, TrajectoryKind, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, Filter, SquareRootUkf};
+use kalmems_core::{Covariance, Filter, Gaussian};
 use std::f64::consts::{PI, TAU};
 
 /// Runs the filters of the settings over the new samples of a segment, and gives each trajectory the sign of the motion and
@@ -102,16 +102,16 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     }
     let said = Said { from_s: data.scored_from(settings.skip_s), ..Said::default() };
     let task = Task { settings, filter, data, place, said, progress };
-    let left = past.left();
-    let begin = || {
-        let (mean, covariance) = left.map_or_else(|| task.start(), Ok)?;
-        Ok(make(mean, covariance))
+    let begin = |left: Option<Known>| {
+        let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
+        let filter: Box<dyn StateFilter<2>> = Box::new(make(mean, covariance));
+        Ok(filter.into())
     };
-    let (follower, states) = (task.follower(), filter.states());
+    let follower = task.follower();
     let mut trajectories = if basics.method == Method::EulerEkf {
-        follower.follow(&ByEuler::new(&settings.hardware, filter), &states, past, begin)?
+        follower.follow(&ByEuler::new(&settings.hardware, filter), &filter.states(), past, begin)?
     } else {
-        follower.follow(&affine(&settings.hardware, filter), &states, past, begin)?
+        follower.follow(&affine(&settings.hardware, filter), &filter.states(), past, begin)?
     };
     judge(settings, data, past, &mut trajectories);
     Ok(trajectories)
@@ -166,33 +166,19 @@ struct Task<'a> {
     progress: &'a dyn Progress,
 }
 
-/// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
+/// Chooses the model: once per segment, so that the loops inside know their types.
 fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
     let (hardware, filter) = (&task.settings.hardware, task.filter);
     let method = filter.basics.method;
-    if method == Method::LockIn {
-        return task.lock_in(past);
-    }
     let wrong = |why: AugmentationError| filter.basics.no_model(why);
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
-    match (poles, filter.basics.tracked.len()) {
-        (None, _) if method == Method::SquareRootUkf => task.root::<_, 2>(&affine(hardware, filter), past),
-        (Some(poles), _) if method == Method::SquareRootUkf => {
-            task.root::<_, 4>(&staged(hardware, filter, poles), past)
-        }
-        (None, 0) if method == Method::EulerEkf => task.run(&ByEuler::new(hardware, filter), past),
-        (None, 0) => task.run::<_, 2>(&affine(hardware, filter), past),
-        (None, 1) => task.run::<_, 3>(&affine_with::<1>(hardware, filter).map_err(wrong)?, past),
-        (None, 2) => task.run::<_, 4>(&affine_with::<2>(hardware, filter).map_err(wrong)?, past),
-        (None, 3) => task.run::<_, 5>(&affine_with::<3>(hardware, filter).map_err(wrong)?, past),
-        (None, 4) => task.run::<_, 6>(&affine_with::<4>(hardware, filter).map_err(wrong)?, past),
-        (None, _) => task.run::<_, 7>(&affine_with::<5>(hardware, filter).map_err(wrong)?, past),
-        (Some(poles), 0) => task.run::<_, 4>(&staged(hardware, filter, poles), past),
-        (Some(poles), 1) => task.run::<_, 5>(&staged_with::<1>(hardware, filter, poles), past),
-        (Some(poles), 2) => task.run::<_, 6>(&staged_with::<2>(hardware, filter, poles), past),
-        (Some(poles), 3) => task.run::<_, 7>(&staged_with::<3>(hardware, filter, poles), past),
-        (Some(poles), 4) => task.run::<_, 8>(&staged_with::<4>(hardware, filter, poles), past),
-        (Some(poles), _) => task.run::<_, 9>(&staged_with::<5>(hardware, filter, poles), past),
+    match (poles, filter.basics.tracked.is_empty()) {
+        _ if method == Method::LockIn => task.lock_in(past),
+        (None, _) if method == Method::EulerEkf => task.run(&ByEuler::new(hardware, filter), past),
+        (None, true) => task.run(&affine(hardware, filter), past),
+        (None, false) => task.run(&affine_with(hardware, filter).map_err(wrong)?, past),
+        (Some(poles), true) => task.run(&staged(hardware, filter, poles), past),
+        (Some(poles), false) => task.run(&staged_with(hardware, filter, poles).map_err(wrong)?, past),
     }
 }
 
@@ -211,23 +197,16 @@ pub struct Follower<'a> {
 }
 
 impl Follower<'_> {
-    /// Chooses the filter and follows it, at first from this mean and covariance.
-    pub fn run<P: Plant<N>, const N: usize>(
+    /// Follows the filter, at first from what `start` says.
+    pub fn run<P: Plant>(
         &self,
         plant: &P,
-        states: &[StateName; N],
+        states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<([f64; N], Covariance<f64, N>), EstimateError>,
+        start: impl FnOnce() -> Result<Known, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let FilterBasics { method, points, .. } = *self.filter;
-        // Where it goes on, nothing is there to start from.
-        let left = past.left();
-        let begin = || {
-            let (mean, covariance) = left.map_or_else(start, Ok)?;
-            Ok(AnyFilter::of(method, points, mean, covariance))
-        };
-        let mut trajectories = self.follow(plant, states, past, begin)?;
-        if method == Method::Model {
+        let mut trajectories = self.follow(plant, states, past, |left| self.filter.begin(left, start))?;
+        if self.filter.method == Method::Model {
             for trajectory in &mut trajectories {
                 trajectory.kind = TrajectoryKind::ModelAlone;
                 trajectory.claim_nothing();
@@ -236,20 +215,20 @@ impl Follower<'_> {
         Ok(trajectories)
     }
 
-    /// Follows this filter.
-    fn follow<P: Plant<N>, F: Filter<f64, N> + Clone + Send + 'static, const N: usize>(
+    /// Follows the filter that `begin` makes.
+    fn follow<P: Plant>(
         &self,
         plant: &P,
-        states: &[StateName; N],
+        states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<F, EstimateError>,
+        begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let Said { rate, phase, from_s, .. } = self.said;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
         let mut course = course.foretelling(self.foreteller(past)?, from_s);
         let told =
-            answers((self.filter, past), start, (&mut course, &self.data.samples), states, self.progress);
+            follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
         past.foreteller = course.into_foreteller();
         told
     }
@@ -275,32 +254,12 @@ impl Task<'_> {
         Follower { filter, data: self.data, noise_variance, said: self.said, progress: self.progress }
     }
 
-    /// The filters but one.
-    fn run<P: Plant<N>, const N: usize>(
-        &self,
-        plant: &P,
-        past: &mut FilterPast,
-    ) -> Result<Vec<Trajectory>, EstimateError> {
+    fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         self.follower().run(plant, &self.filter.states(), past, || self.start())
     }
 
-    /// The unscented filter in square-root form, which tracks no parameters.
-    fn root<P: Plant<N>, const N: usize>(
-        &self,
-        plant: &P,
-        past: &mut FilterPast,
-    ) -> Result<Vec<Trajectory>, EstimateError> {
-        let points = self.filter.basics.points;
-        let left = past.left();
-        let begin = || {
-            let (mean, covariance) = left.map_or_else(|| self.start(), Ok)?;
-            Ok(SquareRootUkf::new(mean, covariance, points))
-        };
-        self.follower().follow(plant, &self.filter.states(), past, begin)
-    }
-
-    /// The first mean and covariance.
-    fn start<const N: usize>(&self) -> Result<([f64; N], Covariance<f64, N>), EstimateError> {
+    /// What is known at the first sample.
+    fn start(&self) -> Result<Known, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let motion = match filter.start {
             Some(start) => start,
@@ -310,11 +269,9 @@ impl Task<'_> {
         let volts =
             hardware.readout.gain * hardware.readout.comb.capacitance(motion[0]) + hardware.readout.offset;
         let stages = filter.demodulator_sd.map(|sd| [(volts, sd); 2]);
-        let angle_and_rate = motion.into_iter().zip(filter.start_sd);
         let parameters = filter.basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
-        let mut all = angle_and_rate.chain(stages.into_iter().flatten()).chain(parameters);
-        let states: [(f64, f64); N] = std::array::from_fn(|_| all.next().unwrap_or((0.0, 0.0)));
-        Ok((states.map(|(mean, _)| mean), Covariance::from_standard_deviations(states.map(|(_, sd)| sd))))
+        let motion = motion.into_iter().zip(filter.start_sd);
+        Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }
 
     /// The motion at the first sample that the first cycles of the signal show.
@@ -334,7 +291,7 @@ impl Task<'_> {
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
         let mut kept = past.course.take().unwrap_or_default();
-        let states = self.filter.states::<2>();
+        let states = self.filter.states();
         let mut trajectory = self.detector()?.trajectory(names, &states, self.data, &mut kept);
         past.course.put(kept);
         trajectory.claim_nothing();

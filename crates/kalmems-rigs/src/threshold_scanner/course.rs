@@ -5,17 +5,16 @@ use super::filters::{FilterSettings, ThresholdSettings};
 use super::plant::MirrorPlant;
 use crate::config::{Applied, Timing, Variant};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
-use crate::estimate::{Counts, Course, Trajectory};
+use crate::estimate::{Counts, Course, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::update::Gate;
-use kalmems_core::{Covariance, Filter, FilterError, Innovation, Mat, Measurement, Nodes, Over, Process};
+use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::readout::Feedthrough;
 
 /// Model, signal and crossings of one segment.
-pub struct ThresholdCourse<'a, const A: usize, const N: usize> {
-    motion: DrivenCourse<'a, MirrorPlant<A>, N>,
-    plant: &'a MirrorPlant<A>,
+pub struct ThresholdCourse<'a> {
+    motion: DrivenCourse<'a, MirrorPlant>,
+    plant: &'a MirrorPlant,
     data: &'a DrivenSegment<'a>,
     /// dV/dt at each sample in V/s; not a number where it is not known.
     drive_slope: &'a [f64],
@@ -50,11 +49,11 @@ pub const LEAST_VARIANCE: f64 = 1e-10;
 /// A normalised innovation squared that no innovation is below.
 const NEVER: f64 = -1.0;
 
-impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
+impl<'a> ThresholdCourse<'a> {
     /// A way through these rows of a segment, of which `first` is the place of the first; `angle` is that which is passed, for
     /// the likelihood of the crossings.
     pub fn new(
-        plant: &'a MirrorPlant<A>,
+        plant: &'a MirrorPlant,
         (noise_variance, angle): (f64, f64),
         data: &'a DrivenSegment<'a>,
         drive_slope: &'a [f64],
@@ -81,9 +80,9 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
     }
 
     /// Judges a filter by the crossings that are known at a sample, and corrects it by those that it is told of.
-    fn cross<F: Filter<f64, N>>(
+    fn cross(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -91,21 +90,17 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
         let last = self.crossings.partition_point(|(sample, _)| *sample <= k);
         for i in first..last {
             let Told { taken, judged } = self.crossings[i].1;
-            let (process, nodes) = self.back_to(judged.time_s, k)?;
-            let noise = Covariance::from_variances([judged.angle_variance + LEAST_VARIANCE]);
-            let angle = AngleThen { process: &process, nodes: &nodes, late: self.late(judged) };
-            let judgement = filter.update_where(&angle, &[self.angle], &noise, &Gate { nis: NEVER })?;
+            let angle = self.angle_then(judged, k)?;
+            let variance = judged.angle_variance + LEAST_VARIANCE;
+            let judgement = filter.update_within(&angle, self.angle, variance, NEVER)?;
             self.log_likelihood += judgement.log_likelihood();
             let Some(threshold) = &self.threshold else { continue };
-            let (process, nodes) = self.back_to(taken.time_s, k)?;
             let variance = match threshold.angle_sd {
                 Some(sd) => sd * sd,
                 None => taken.angle_variance + LEAST_VARIANCE,
             };
-            let angle = AngleThen { process: &process, nodes: &nodes, late: self.late(taken) };
-            let noise = Covariance::from_variances([variance]);
-            let policy = Gate { nis: threshold.gate_nis };
-            let innovation = filter.update_where(&angle, &[threshold.angle], &noise, &policy)?;
+            let angle = self.angle_then(taken, k)?;
+            let innovation = filter.update_within(&angle, threshold.angle, variance, threshold.gate_nis)?;
             counts.crossings += 1;
             counts.crossings_refused += usize::from(!innovation.taken);
         }
@@ -122,19 +117,15 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
         seconds.is_finite().then_some((state, seconds))
     }
 
-    /// The steps from a sample back to a time.
-    #[allow(clippy::type_complexity)] // a step, and the drive over each
-    fn back_to(
-        &self,
-        time_s: f64,
-        k: usize,
-    ) -> Result<(<MirrorPlant<A> as Plant<N>>::Process, Vec<Nodes<f64>>), FilterError> {
+    /// The angle at a crossing, as the state at a sample says it.
+    fn angle_then(&self, crossing: Instant, k: usize) -> Result<AngleThen<'_>, FilterError> {
+        let time_s = crossing.time_s;
         let now_s = self.data.time_s[k];
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
         let steps = ((now_s - time_s).abs() / STEP_BACK_S).ceil().max(1.0) as usize;
         let step_s = (time_s - now_s) / steps as f64;
         // It could be made for the usual interval.
-        let process = self.plant.over(step_s).map_err(|_| FilterError::NonFiniteState)?;
+        let motion = self.plant.over(step_s).map_err(|_| FilterError::NonFiniteState)?;
         let volts = |halves: usize| {
             let at_s = now_s + 0.5 * step_s * halves as f64;
             let times = self.data.time_s;
@@ -146,7 +137,7 @@ impl<'a, const A: usize, const N: usize> ThresholdCourse<'a, A, N> {
             middle: volts(2 * i + 1),
             end: volts(2 * i + 2),
         });
-        Ok((process, nodes.collect()))
+        Ok(AngleThen { plant: self.plant, motion, nodes: nodes.collect(), late: self.late(crossing) })
     }
 }
 
@@ -169,9 +160,7 @@ fn told(
     (sample > 0 || first == 0).then_some((sample, Told { taken, judged }))
 }
 
-impl<const A: usize, const N: usize> Course<N> for ThresholdCourse<'_, A, N> {
-    type Measurement = <MirrorPlant<A> as Plant<N>>::Readout;
-
+impl Course for ThresholdCourse<'_> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -180,27 +169,23 @@ impl<const A: usize, const N: usize> Course<N> for ThresholdCourse<'_, A, N> {
         self.data.signal
     }
 
-    fn measurement(&self) -> (&Self::Measurement, f64) {
-        self.motion.measurement()
-    }
-
     /// Σ ln p(θ_th | what came before) over the crossings.
     fn conclude(&self, trajectory: &mut Trajectory) {
         trajectory.crossings_log_likelihood = self.log_likelihood;
     }
 
-    fn advance<F: Filter<f64, N>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
         self.motion.advance(filter, to, counts)
     }
 
-    fn correct<F: Filter<f64, N>>(
+    fn correct(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         k: usize,
         counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
@@ -211,70 +196,122 @@ impl<const A: usize, const N: usize> Course<N> for ThresholdCourse<'_, A, N> {
         if !y.is_finite() || bends {
             return Ok(None);
         }
-        let (readout, variance) = self.motion.measurement();
+        let variance = self.motion.noise_variance();
         let (resistance, capacitance) = self.plant.feedthrough();
-        let fed = Feedthrough {
-            readout,
+        let through = Feedthrough {
+            readout: &(),
             current_gain: resistance * self.drive_slope[k],
             capacitance,
             state: self.plant.feedthrough_state(),
         };
-        let seen = AsWanted { readout: fed, printed: self.variant == Variant::Literal };
-        let update = |filter: &mut F, variance: f64, nis: f64| {
-            filter.update_where(&seen, &[y], &Covariance::from_variances([variance]), &Gate { nis })
-        };
+        let printed = self.variant == Variant::Literal;
+        let seen = WithFeedthrough { readout: &self.plant.sensor(), through, printed };
+        let mut update =
+            |variance: f64, largest_nis: f64| filter.update_within(&seen, y, variance, largest_nis);
         // What is not taken, or not taken at its worth, is predicted all the same, so that every filter's innovations are of
         // the same signal.
         if self.variant == Variant::TimingOnly {
-            return update(filter, variance, NEVER).map(Some);
+            return update(variance, NEVER).map(Some);
         }
         if self.signal_variance == variance {
-            return update(filter, variance, f64::INFINITY).map(Some);
+            return update(variance, f64::INFINITY).map(Some);
         }
-        let mut judgement = update(filter, variance, NEVER)?;
-        judgement.taken = update(filter, self.signal_variance, f64::INFINITY)?.taken;
+        let mut judgement = update(variance, NEVER)?;
+        judgement.taken = update(self.signal_variance, f64::INFINITY)?.taken;
         Ok(Some(judgement))
     }
 }
 
-/// A readout by its derivative, or by [0, h(θ), …] as Table 4.1 of Chen, dissertation, 2018, prints it.
-struct AsWanted<H> {
-    readout: H,
+/// A readout and what of the drive reaches it; by its derivative, or by [0, h(θ), …] as Table 4.1 of Chen, dissertation,
+/// 2018, prints it.
+struct WithFeedthrough<'a> {
+    readout: &'a dyn Sensor,
+    through: Feedthrough<'a, (), f64>,
     printed: bool,
 }
 
-impl<H: Measurement<f64, N, 1>, const N: usize> Measurement<f64, N, 1> for AsWanted<H> {
-    fn predict<S: Over<f64>>(&self, x: &[S; N]) -> [S; 1] {
-        self.readout.predict(x)
+impl Sensor for WithFeedthrough<'_> {
+    fn read(&self, x: &[f64]) -> f64 {
+        let known = self.readout.read(x) - self.through.volts();
+        self.through.deviation(x.len()).map_or(known, |(state, gain)| known - x[state] * gain)
     }
 
-    #[inline(never)]
-    fn linearize(&self, x: &[f64; N]) -> ([f64; 1], Mat<f64, 1, N>) {
-        let (y, mut jacobian) = self.readout.linearize(x);
-        if self.printed {
-            jacobian.0[0][0] = 0.0;
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let mut volts = self.readout.linearize(x, slopes) - self.through.volts();
+        if let Some((state, gain)) = self.through.deviation(x.len()) {
+            volts -= x[state] * gain;
+            slopes[state] -= gain;
         }
-        (y, jacobian)
+        if self.printed {
+            slopes[0] = 0.0;
+        }
+        volts
     }
 }
 
 /// The angle that the present state had at a crossing: the motion taken back along the drive.
 ///
 /// For a mirror that swings freely its derivative by angle and rate is the first row of Φ(−τ).
-struct AngleThen<'a, P> {
-    process: &'a P,
-    nodes: &'a [Nodes<f64>],
+struct AngleThen<'a> {
+    plant: &'a MirrorPlant,
+    /// One step back, and the drive over each.
+    motion: <MirrorPlant as Plant>::Motion,
+    nodes: Vec<Nodes<f64>>,
     /// The state that makes the crossing seem late, and by how many s one of it does.
     late: Option<(usize, f64)>,
 }
 
-impl<P: Process<f64, N, Input = Nodes<f64>>, const N: usize> Measurement<f64, N, 1> for AngleThen<'_, P> {
-    #[inline(never)]
-    fn predict<S: Over<f64>>(&self, x: &[S; N]) -> [S; 1] {
-        let then = self.nodes.iter().fold(*x, |x, nodes| self.process.step(&x, nodes));
-        [match self.late {
+impl AngleThen<'_> {
+    /// The angle, of the state that was then.
+    fn angle(&self, then: &[f64], x: &[f64]) -> f64 {
+        match self.late {
             Some((state, seconds)) => then[0] - then[1] * x[state] * seconds,
             None => then[0],
-        }]
+        }
     }
 }
+
+impl Sensor for AngleThen<'_> {
+    fn read(&self, x: &[f64]) -> f64 {
+        let (mut then, mut next) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
+        let (then, next) = (&mut then[..x.len()], &mut next[..x.len()]);
+        then.copy_from_slice(x);
+        for nodes in &self.nodes {
+            self.plant.under(&self.motion, nodes).advance(then, next);
+            then.copy_from_slice(next);
+        }
+        self.angle(then, x)
+    }
+
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let n = x.len();
+        let (mut then, mut next, mut step) = ([0.0; MOST_STATES], [0.0; MOST_STATES], [0.0; SQUARE]);
+        let (then, next, step) = (&mut then[..n], &mut next[..n], &mut step[..n * n]);
+        then.copy_from_slice(x);
+        // The derivatives of the state that was then by the present one, row by row.
+        let mut all = [0.0; SQUARE];
+        (0..n).for_each(|i| all[i * n + i] = 1.0);
+        for nodes in &self.nodes {
+            self.plant.under(&self.motion, nodes).linearize(then, next, step);
+            then.copy_from_slice(next);
+            let before = all;
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                all[i * n + j] = (0..n).map(|k| step[i * n + k] * before[k * n + j]).sum();
+            }
+        }
+        let (angle, rate) = (&all[..n], &all[n..2 * n]);
+        for (slope, (angle, rate)) in slopes.iter_mut().zip(angle.iter().zip(rate)) {
+            *slope = match self.late {
+                Some((state, seconds)) => angle - rate * x[state] * seconds,
+                None => *angle,
+            };
+        }
+        if let Some((state, seconds)) = self.late {
+            slopes[state] -= then[1] * seconds;
+        }
+        self.angle(then, x)
+    }
+}
+
+/// The entries of the largest matrix.
+const SQUARE: usize = MOST_STATES * MOST_STATES;

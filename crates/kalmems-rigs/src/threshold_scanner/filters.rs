@@ -6,7 +6,7 @@ use crate::config::{
     Applied, ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start, Timing,
     Variant,
 };
-use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
+use crate::estimate::{FilterBasics, Known, Parameter, StateName, process_noise};
 use crate::units::kind;
 
 /// What one `[[estimate.filter]]` says: how the filter takes signal and crossings, where it starts, and its process noise.
@@ -146,16 +146,14 @@ impl FilterSettings {
         })
     }
 
-    /// The names of its `N` states.
-    pub fn states<const N: usize>(&self) -> [StateName; N] {
+    /// The names of its states.
+    pub fn states(&self) -> Vec<StateName> {
         self.basics.states(&MOTION)
     }
 
-    /// The first mean and standard deviation of each of its `N` states.
-    pub fn start<const N: usize>(&self) -> ([f64; N], [f64; N]) {
+    /// What is known of its states at the first sample.
+    pub fn start(&self) -> Known {
         let motion = self.start.into_iter().zip(self.start_sd);
-        let mut all = motion.chain(self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd)));
-        let states: [(f64, f64); N] = std::array::from_fn(|_| all.next().unwrap_or((0.0, 0.0)));
-        (states.map(|(mean, _)| mean), states.map(|(_, sd)| sd))
+        Known::apart(motion.chain(self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd))))
     }
 }

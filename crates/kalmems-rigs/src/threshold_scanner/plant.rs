@@ -2,33 +2,35 @@
 
 use super::filters::{FEEDTHROUGH, FilterSettings};
 use super::hardware::Hardware;
-use crate::estimate::driven::{Augmentation, Plain, Plant};
-use kalmems_core::NoiseDensity;
+use crate::estimate::driven::{ParametricReadout, Plant, WithParameters};
+use crate::estimate::{Sensor, Transition};
 use kalmems_core::augmentation::AugmentationError;
+use kalmems_core::{Nodes, NoiseDensity};
 use kalmems_models::dynamics::CombDrivenMirror;
 use kalmems_models::readout::CurrentReadout;
 
-/// Angle and rate with `A` parameters as states behind them.
-type Mirror<const A: usize> = Augmentation<CombDrivenMirror<f64>, CurrentReadout<f64>, 2, A>;
+/// Angle and rate with parameters as states behind them.
+type Mirror = WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
 
 /// The mirror, and what its drive adds to the signal.
-pub struct MirrorPlant<const A: usize> {
-    mirror: Mirror<A>,
+pub struct MirrorPlant {
+    mirror: Mirror,
     /// R_s in Ω and C_ft in F.
     feedthrough: (f64, f64),
     /// The state that is the deviation of C_ft, and its scale in F.
     feedthrough_state: Option<(usize, f64)>,
 }
 
-impl<const A: usize> MirrorPlant<A> {
+impl MirrorPlant {
     /// The device as a filter sees it.
     pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Result<Self, AugmentationError> {
         let tracked = &filter.basics.tracked;
         let noise = NoiseDensity::none().on::<1>(filter.acceleration_density);
-        let plain = Plain { dynamics: hardware.mirror, readout: hardware.readout, noise };
+        let readout = ParametricReadout::new(hardware.readout, tracked, |parameter| parameter.in_readout)?;
+        let motion = (hardware.mirror, noise);
         let feedthrough = tracked.iter().position(|tracked| tracked.parameter.name == FEEDTHROUGH);
         Ok(Self {
-            mirror: Mirror::of(plain, tracked)?,
+            mirror: Mirror::new(motion, readout, tracked, |parameter| parameter.in_motion)?,
             feedthrough: (hardware.feedback_resistance, hardware.feedthrough),
             feedthrough_state: feedthrough.map(|i| (2 + i, tracked[i].added.scale)),
         })
@@ -45,16 +47,19 @@ impl<const A: usize> MirrorPlant<A> {
     }
 }
 
-impl<const A: usize, const N: usize> Plant<N> for MirrorPlant<A> {
-    type Process = <Mirror<A> as Plant<N>>::Process;
-    type Readout = <Mirror<A> as Plant<N>>::Readout;
+impl Plant for MirrorPlant {
+    type Motion = <Mirror as Plant>::Motion;
 
     /// The step of a motion that is resolved; below 0 it leads back.
-    fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError> {
-        Plant::<N>::over(&self.mirror, interval_s)
+    fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
+        self.mirror.over(interval_s)
     }
 
-    fn readout(&self) -> &Self::Readout {
-        Plant::<N>::readout(&self.mirror)
+    fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        self.mirror.under(motion, drive)
+    }
+
+    fn sensor(&self) -> impl Sensor + '_ {
+        self.mirror.sensor()
     }
 }

@@ -1,19 +1,21 @@
 //! A driven device on its way through one segment.
 
 use super::{Drive, DrivenSegment, Plant};
-use crate::estimate::{Bridge, Counts, Course, Derived, Foreteller};
+use crate::estimate::{
+    Bridge, Counts, Course, Derived, Filtering, Foreteller, Onwards, Transition, by_signal,
+};
 use crate::signal::Sine;
 use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, Filter, FilterError, Mat, Nodes, Over, Process, ProcessNoise};
-use kalmems_models::control::{Ahead, MotionPhase, Onward};
+use kalmems_core::{Covariance, FilterError, Innovation, Mat};
+use kalmems_models::control::MotionPhase;
 
 /// Model, drive and signal of one segment.
-pub struct DrivenCourse<'a, P: Plant<N>, const N: usize> {
+pub struct DrivenCourse<'a, P: Plant> {
     plant: &'a P,
     data: &'a DrivenSegment<'a>,
     noise_variance: f64,
-    usual: P::Process,
+    usual: P::Motion,
     /// The rate in rad/s by which amplitude and phase are said behind the states.
     phase_rate: Option<f64>,
     /// What foretells zero phases, and from when on in s.
@@ -24,7 +26,7 @@ pub struct DrivenCourse<'a, P: Plant<N>, const N: usize> {
 /// times written in decimals round to.
 const SAME: f64 = 1e-6;
 
-impl<'a, P: Plant<N>, const N: usize> DrivenCourse<'a, P, N> {
+impl<'a, P: Plant> DrivenCourse<'a, P> {
     /// A way through this segment.
     pub fn new(
         plant: &'a P,
@@ -53,48 +55,31 @@ impl<'a, P: Plant<N>, const N: usize> DrivenCourse<'a, P, N> {
         self.foreteller.map(|(foreteller, _)| foreteller)
     }
 
-    /// What is foretold from this mean and covariance at sample `k`.
-    fn foretell_from(&mut self, mean: &[f64; N], covariance: &Covariance<f64, N>, k: usize) {
-        let data = self.data;
-        let Some((foreteller, from_s)) = &mut self.foreteller else { return };
-        let time_s = data.time_s[k];
-        if time_s < *from_s {
-            return;
-        }
-        let sine = data.drive.coming(k).filter(|sine| {
-            let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
-            foreteller.follows(strayed, sine.residual_rms / sine.amplitude)
-        });
-        let process = Outlined(&self.usual);
-        match sine {
-            Some(sine) => {
-                let coming = Coming { sine, from_s: time_s, interval_s: data.interval_s };
-                let onward = (&process, &coming);
-                foreteller.take(time_s, (mean, covariance), Some(&onward as &dyn Onward<f64, N>));
-            }
-            None => foreteller.take(time_s, (mean, covariance), None),
-        }
+    /// The variance of the signal's noise.
+    pub fn noise_variance(&self) -> f64 {
+        self.noise_variance
     }
 }
 
 /// A drive that goes on as a sine.
-struct Coming<'a> {
+struct Coming<'a, P: Plant> {
+    plant: &'a P,
+    motion: &'a P::Motion,
     sine: &'a Sine,
     from_s: f64,
     interval_s: f64,
 }
 
-impl Ahead<Nodes<f64>> for Coming<'_> {
-    fn input(&self, step: u32) -> Nodes<f64> {
+impl<P: Plant> Onwards for Coming<'_, P> {
+    fn step(&self, number: u32, with: &mut dyn FnMut(&dyn Transition)) {
         let at = |step: f64| self.from_s + step * self.interval_s;
-        let step = f64::from(step);
-        Drive::nodes_from_sine(self.sine, at(step), at(step + 1.0))
+        let step = f64::from(number);
+        let nodes = Drive::nodes_from_sine(self.sine, at(step), at(step + 1.0));
+        with(&self.plant.under(self.motion, &nodes));
     }
 }
 
-impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
-    type Measurement = P::Readout;
-
+impl<P: Plant> Course for DrivenCourse<'_, P> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -103,24 +88,31 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
         self.data.signal
     }
 
-    fn measurement(&self) -> (&P::Readout, f64) {
-        (self.plant.readout(), self.noise_variance)
-    }
-
-    fn derived(&self) -> Option<Derived<N>> {
+    fn derived(&self) -> Option<Derived> {
         let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
         self.phase_rate.map(|parameter| Derived { names, parameter, compute: amplitude_and_phase })
     }
 
-    fn foretell<F: Filter<f64, N>>(&mut self, filter: &F, k: usize) {
-        if self.foreteller.is_some() {
-            self.foretell_from(filter.mean(), &filter.covariance(), k);
+    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
+        let Self { plant, data, usual, foreteller, .. } = self;
+        let (plant, data) = (*plant, *data);
+        let Some((foreteller, from_s)) = foreteller else { return };
+        let time_s = data.time_s[k];
+        if time_s < *from_s {
+            return;
         }
+        let sine = data.drive.coming(k).filter(|sine| {
+            let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
+            foreteller.follows(strayed, sine.residual_rms / sine.amplitude)
+        });
+        let interval_s = data.interval_s;
+        let coming = sine.map(|sine| Coming { plant, motion: usual, sine, from_s: time_s, interval_s });
+        filter.foretell(foreteller, time_s, coming.as_ref().map(|coming| coming as _));
     }
 
-    fn advance<F: Filter<f64, N>>(
+    fn advance(
         &mut self,
-        filter: &mut F,
+        filter: &mut dyn Filtering,
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
@@ -128,7 +120,7 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
         let (from_s, to_s) = (self.data.time_s[to - 1], self.data.time_s[to]);
         let interval = to_s - from_s;
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
-            return predict(filter, &self.usual, &self.data.drive.nodes(to));
+            return filter.predict(&self.plant.under(&self.usual, &self.data.drive.nodes(to)));
         }
         // A gap: steps of about the usual length, driven by the sine that the drive follows. Where it follows
         // none, the recording was refused before it came here.
@@ -140,59 +132,33 @@ impl<P: Plant<N>, const N: usize> Course<N> for DrivenCourse<'_, P, N> {
                 counts.bridged = counts.bridged.saturating_add(missing);
                 for i in 0..steps {
                     let at = |i: usize| from_s + interval * i as f64 / steps as f64;
-                    predict(filter, &each, &Drive::nodes_from_sine(sine, at(i), at(i + 1)))?;
+                    let nodes = Drive::nodes_from_sine(sine, at(i), at(i + 1));
+                    filter.predict(&self.plant.under(&each, &nodes))?;
                 }
                 Ok(())
             }
-            _ => predict(filter, &each, &self.data.drive.nodes(to)),
+            _ => filter.predict(&self.plant.under(&each, &self.data.drive.nodes(to))),
         }
+    }
+
+    fn correct(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        by_signal(filter, self.data.signal[k], (&self.plant.sensor(), self.noise_variance))
     }
 }
 
 /// The name of the motion's phase among the quantities that follow from the states.
 pub const PHASE: &str = "phase";
 
-/// Amplitude and phase at this rate, each with its standard deviation.
-fn amplitude_and_phase<const N: usize>(
-    rate: f64,
-    mean: &[f64; N],
-    covariance: &Covariance<f64, N>,
-) -> [(f64, f64); 2] {
-    const { assert!(N >= 2, "the first states are the angle and its rate") };
-    let MotionPhase { amplitude, amplitude_sd, phase, phase_sd } = MotionPhase::of(mean, covariance, rate);
+/// Amplitude and phase at this rate, each with its standard deviation: of the first two states, an angle and its rate.
+fn amplitude_and_phase(rate: f64, mean: &[f64], covariance: &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2] {
+    let of_motion: [f64; 2] = std::array::from_fn(|i| mean.get(i).copied().unwrap_or(f64::NAN));
+    let covariance = Covariance::from_lower(Mat::from_fn(covariance));
+    let MotionPhase { amplitude, amplitude_sd, phase, phase_sd } =
+        MotionPhase::of(&of_motion, &covariance, rate);
     [(amplitude, amplitude_sd), (phase, phase_sd)]
-}
-
-/// One prediction. The step of a model is compiled once per model and called, see [`AnyFilter`](crate::estimate::AnyFilter).
-fn predict<F: Filter<f64, N>, P: Process<f64, N, Input = Nodes<f64>>, const N: usize>(
-    filter: &mut F,
-    process: &P,
-    drive: &Nodes<f64>,
-) -> Result<(), FilterError> {
-    filter.predict_linked(&Outlined(process), drive).map(drop)
-}
-
-/// A process whose functions are called.
-struct Outlined<'a, P>(&'a P);
-
-impl<P: Process<f64, N, Input = Nodes<f64>>, const N: usize> Process<f64, N> for Outlined<'_, P> {
-    type Input = Nodes<f64>;
-
-    #[inline(never)]
-    fn step<S: Over<f64>>(&self, x: &[S; N], drive: &Nodes<f64>) -> [S; N] {
-        self.0.step(x, drive)
-    }
-
-    fn noise(&self) -> &ProcessNoise<f64, N> {
-        self.0.noise()
-    }
-
-    fn depends(i: usize, j: usize) -> bool {
-        P::depends(i, j)
-    }
-
-    #[inline(never)]
-    fn linearize(&self, x: &[f64; N], drive: &Nodes<f64>) -> ([f64; N], Mat<f64, N, N>) {
-        self.0.linearize(x, drive)
-    }
 }

@@ -1,26 +1,26 @@
-//! The models that the filters run on: how a device steps over any interval, and how it is read.
+//! The models that the filters run on: how a driven device steps over any interval, and how it is read.
 
-use crate::estimate::{Parameter, Tracked};
-use kalmems_core::augmentation::{
-    AddedState, AugmentationError, Augmented, AugmentedMeasurement, Drift, ParametricDynamics,
-};
-use kalmems_core::{Dynamics, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
+use super::parameters::{MOST_PARAMETERS, Places};
+use crate::estimate::{Parameter, Reading, Sensor, Step, Tracked, Transition};
+use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
+use kalmems_core::{Dual, Dynamics, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
 
-/// A device of `N` states as a filter sees it.
-pub trait Plant<const N: usize> {
-    /// One step.
-    type Process: Process<f64, N, Input = Nodes<f64>>;
-    /// How the signal depends on the state.
-    type Readout: Measurement<f64, N, 1>;
+/// A device as a filter sees it.
+pub trait Plant {
+    /// What is made once for an interval.
+    type Motion;
 
     /// The step over an interval. Where it can be made for one interval, it can for every other.
-    fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError>;
+    fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError>;
+
+    /// This step under a drive.
+    fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a;
 
     /// The readout.
-    fn readout(&self) -> &Self::Readout;
+    fn sensor(&self) -> impl Sensor + '_;
 }
 
-/// A model without parameters as states.
+/// A model of `M` states without parameters as states.
 pub struct Plain<D, H, const M: usize> {
     /// How it moves.
     pub dynamics: D,
@@ -30,20 +30,23 @@ pub struct Plain<D, H, const M: usize> {
     pub noise: NoiseDensity<f64, M>,
 }
 
-impl<D, H, const M: usize> Plant<M> for Plain<D, H, M>
+impl<D, H, const M: usize> Plant for Plain<D, H, M>
 where
     D: Dynamics<f64, M, Input = f64> + Copy,
     H: Measurement<f64, M, 1>,
 {
-    type Process = Rk4<D, f64, M>;
-    type Readout = H;
+    type Motion = Rk4<D, f64, M>;
 
     fn over(&self, interval_s: f64) -> Result<Rk4<D, f64, M>, AugmentationError> {
         Ok(step(self.dynamics, interval_s, &self.noise))
     }
 
-    fn readout(&self) -> &H {
-        &self.readout
+    fn under<'a>(&'a self, motion: &'a Rk4<D, f64, M>, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        Step::new(motion, drive)
+    }
+
+    fn sensor(&self) -> impl Sensor + '_ {
+        Reading::<H, M>(&self.readout)
     }
 }
 
@@ -56,74 +59,163 @@ pub fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
     Rk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
 }
 
-/// A model of `M` states with `A` parameters as states behind them.
-pub struct WithParameters<D, H, const M: usize, const A: usize> {
+/// A model of `M` states with parameters as states behind them, and a readout that may depend on all of these.
+pub struct WithParameters<D, R, const M: usize> {
     dynamics: D,
-    readout: H,
+    readout: R,
     noise: NoiseDensity<f64, M>,
-    added: [AddedState<f64>; A],
-    enters: [Option<&'static str>; A],
+    places: Places,
 }
 
-impl<D, H, const M: usize, const A: usize, const N: usize> Plant<N> for WithParameters<D, H, M, A>
-where
-    D: ParametricDynamics<f64, M, Input = f64> + Copy,
-    H: Measurement<f64, N, 1>,
-{
-    type Process = Augmented<Rk4<D, f64, M>, f64, M, A, N>;
-    type Readout = H;
-
-    fn over(&self, interval_s: f64) -> Result<Self::Process, AugmentationError> {
-        let process = step(self.dynamics, interval_s, &self.noise);
-        Augmented::new(process, &self.added, self.enters)
-    }
-
-    fn readout(&self) -> &H {
-        &self.readout
-    }
-}
-
-/// A model of `M` states, and a readout of them that knows the first `A` of these parameters too.
-pub type Augmentation<D, H, const M: usize, const A: usize> =
-    WithParameters<D, AugmentedMeasurement<H, f64, M, A>, M, A>;
-
-impl<D, H, const M: usize, const A: usize> WithParameters<D, H, M, A> {
-    /// The first `A` of these parameters as states of a readout that knows them; `place` says where each enters the motion.
+impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
+    /// These parameters as states of the motion; `place` says where each enters it.
     pub fn new(
-        plain: Plain<D, H, M>,
+        (dynamics, noise): (D, NoiseDensity<f64, M>),
+        readout: R,
         tracked: &[Tracked],
         place: fn(&Parameter) -> Option<&'static str>,
-    ) -> Self {
-        Self {
-            dynamics: plain.dynamics,
-            readout: plain.readout,
-            noise: plain.noise,
-            added: added(tracked),
-            enters: of_parameters(tracked, place),
+    ) -> Result<Self, AugmentationError> {
+        Ok(Self { places: Places::of::<D>(tracked, place)?, dynamics, readout, noise })
+    }
+}
+
+/// One step of such a model: that of its motion, and of its parameters.
+pub struct MotionStep<D, const M: usize> {
+    process: Rk4<D, f64, M>,
+    /// How much of each parameter's deviation is left after the step, and the variance that is added to it.
+    parameters: [(f64, f64); MOST_PARAMETERS],
+}
+
+impl<D, R, const M: usize> Plant for WithParameters<D, R, M>
+where
+    D: ParametricDynamics<f64, M, Input = f64> + Copy,
+    R: Sensor,
+{
+    type Motion = MotionStep<D, M>;
+
+    fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
+        let process = step(self.dynamics, interval_s, &self.noise);
+        Ok(MotionStep { process, parameters: self.places.over(interval_s) })
+    }
+
+    fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        Under { plant: self, motion, drive }
+    }
+
+    fn sensor(&self) -> impl Sensor + '_ {
+        ByReference(&self.readout)
+    }
+}
+
+/// A sensor that is another one's.
+struct ByReference<'a, R>(&'a R);
+
+impl<R: Sensor> Sensor for ByReference<'_, R> {
+    fn read(&self, x: &[f64]) -> f64 {
+        self.0.read(x)
+    }
+
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        self.0.linearize(x, slopes)
+    }
+}
+
+/// A step under a drive.
+struct Under<'a, D, R, const M: usize> {
+    plant: &'a WithParameters<D, R, M>,
+    motion: &'a MotionStep<D, M>,
+    drive: &'a Nodes<f64>,
+}
+
+impl<D, R, const M: usize> Under<'_, D, R, M>
+where
+    D: ParametricDynamics<f64, M, Input = f64> + Copy,
+{
+    /// Where the states of the motion go, with the derivatives by the states from `first` on.
+    #[inline(never)]
+    fn columns<const W: usize>(&self, x: &[f64], first: usize, to: &mut [f64], jacobian: &mut [f64]) {
+        let variable = |i: usize, value: f64, slope: f64| {
+            Dual::<f64, W>::new(value, std::array::from_fn(|k| if first + k == i { slope } else { 0.0 }))
+        };
+        let states = std::array::from_fn(|i| variable(i, x[i], 1.0));
+        let model = self.plant.dynamics.map(|parameter, nominal| {
+            let (i, scale, value) = self.plant.places.varied(parameter, nominal, &x[M..]);
+            variable(M + i, value, scale)
+        });
+        let moved = self.motion.process.step_of(&model, &states, self.drive);
+        for (i, moved) in moved.into_iter().enumerate() {
+            to[i] = moved.value();
+            let row = &mut jacobian[i * x.len()..(i + 1) * x.len()];
+            for (entry, slope) in row[first..].iter_mut().zip(moved.gradient()) {
+                *entry = slope;
+            }
+        }
+    }
+
+    /// The parameters after the step.
+    fn keep_parameters(&self, x: &[f64], to: &mut [f64]) {
+        for ((to, x), (persistence, _)) in to[M..].iter_mut().zip(&x[M..]).zip(self.motion.parameters) {
+            *to = x * persistence;
         }
     }
 }
 
-impl<D, H: Parameters<f64>, const M: usize, const A: usize> Augmentation<D, H, M, A> {
-    /// The first `A` of these parameters as states.
-    pub fn of(plain: Plain<D, H, M>, tracked: &[Tracked]) -> Result<Self, AugmentationError> {
-        let enters = of_parameters(tracked, |parameter| parameter.in_readout);
-        let Plain { dynamics, readout, noise } = plain;
-        let readout = AugmentedMeasurement::new(readout, &added(tracked), enters)?;
-        Ok(Self::new(Plain { dynamics, readout, noise }, tracked, |parameter| parameter.in_motion))
+/// Derivatives that are computed at once: by all states of a motion with two parameters, and by twice as many.
+const FEW: usize = 4;
+const MANY: usize = 8;
+
+impl<D, R, const M: usize> Transition for Under<'_, D, R, M>
+where
+    D: ParametricDynamics<f64, M, Input = f64> + Copy,
+{
+    #[inline(never)]
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        let model = self
+            .plant
+            .dynamics
+            .map(|parameter, nominal| self.plant.places.varied(parameter, nominal, &x[M..]).2);
+        let moved = self.motion.process.step_of(&model, &std::array::from_fn(|i| x[i]), self.drive);
+        to[..M].copy_from_slice(&moved);
+        self.keep_parameters(x, to);
     }
-}
 
-/// The scale and drift of each parameter.
-fn added<const A: usize>(tracked: &[Tracked]) -> [AddedState<f64>; A] {
-    let none = AddedState { scale: 1.0, drift: Drift::RandomWalk { density: 0.0 } };
-    std::array::from_fn(|i| tracked.get(i).map_or(none, |tracked| tracked.added))
-}
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        let (states, mut first) = (x.len(), 0);
+        while first < states {
+            if states - first <= FEW {
+                self.columns::<FEW>(x, first, to, jacobian);
+                first += FEW;
+            } else {
+                self.columns::<MANY>(x, first, to, jacobian);
+                first += MANY;
+            }
+        }
+        self.keep_parameters(x, to);
+        for i in M..states {
+            let row = &mut jacobian[i * states..(i + 1) * states];
+            row.fill(0.0);
+            row[i] = self.motion.parameters[i - M].0;
+        }
+    }
 
-/// Where each parameter enters.
-fn of_parameters<const A: usize>(
-    tracked: &[Tracked],
-    place: fn(&Parameter) -> Option<&'static str>,
-) -> [Option<&'static str>; A] {
-    std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        let states = M + self.plant.places.count();
+        let (of_motion, parameters) = (self.motion.process.noise(), self.motion.parameters);
+        for (whole, part) in
+            [(&mut *covariance, of_motion.covariance().lower_triangle()), (&mut *root, of_motion.root())]
+        {
+            whole.fill(0.0);
+            for (row, part) in whole.chunks_exact_mut(states).zip(&part.0) {
+                row[..M].copy_from_slice(part);
+            }
+        }
+        for (i, (_, variance)) in (M..states).zip(parameters) {
+            covariance[i * states + i] = variance;
+            root[i * states + i] = variance.sqrt();
+        }
+    }
+
+    fn moving(&self, _: usize) -> usize {
+        M
+    }
 }

@@ -2,12 +2,13 @@
 
 use super::super::filters::FilterSettings;
 use super::super::lock_in::amplitude_of;
-use super::super::plant::affine_with;
+use super::super::plant::drive_gain;
 use super::super::settings::Hardware;
 use super::design::MOST;
-use crate::estimate::driven::Plant;
+use crate::estimate::Parameter;
+use crate::estimate::driven::step;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Augmented, AugmentedMeasurement, Covariance, Ekf, Filter, Nodes, Rk4};
+use kalmems_core::{AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, Nodes, Rk4};
 use kalmems_models::control::{Complex, Oscillator};
 use kalmems_models::dynamics::DriveGain;
 use kalmems_models::readout::DelayedComb;
@@ -72,17 +73,32 @@ impl Observer {
         interval_s: f64,
         least_amplitude: f64,
     ) -> Result<Self, AugmentationError> {
-        let plant = affine_with::<MOST>(hardware, filter)?;
-        let readout = Plant::<STATES>::readout(&plant);
+        let tracked = &filter.basics.tracked;
+        let none = AddedState { scale: 1.0, drift: Drift::RandomWalk { density: 0.0 } };
+        let added = std::array::from_fn(|i| tracked.get(i).map_or(none, |tracked| tracked.added));
+        let enters = |place: fn(&Parameter) -> Option<&'static str>| {
+            std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
+        };
+        let (dynamics, noise) = drive_gain(hardware, filter);
+        let process = Augmented::new(
+            step(dynamics, interval_s, &noise),
+            &added,
+            enters(|parameter| parameter.in_motion),
+        )?;
+        let readout = AugmentedMeasurement::new(
+            hardware.late_readout(),
+            &added,
+            enters(|parameter| parameter.in_readout),
+        )?;
         let window = WINDOW_CYCLES * TAU / hardware.scanner.resonator.natural_rate() / interval_s;
         let mut start_sd = [0.0; STATES];
-        let tracked = filter.basics.tracked.iter().map(|tracked| tracked.sd);
-        for (slot, sd) in start_sd.iter_mut().zip(filter.start_sd.into_iter().chain(tracked)) {
+        let of_parameters = tracked.iter().map(|tracked| tracked.sd);
+        for (slot, sd) in start_sd.iter_mut().zip(filter.start_sd.into_iter().chain(of_parameters)) {
             *slot = sd;
         }
         Ok(Self {
-            process: plant.over(interval_s)?,
-            readout: *readout,
+            process,
+            readout,
             noise: Covariance::from_variances([hardware.noise_variance]),
             hardware: *hardware,
             start_sd,

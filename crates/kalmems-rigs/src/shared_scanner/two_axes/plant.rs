@@ -2,7 +2,7 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use crate::estimate::driven::{Augmentation, Plain};
+use crate::estimate::driven::{ParametricReadout, Plain, WithParameters};
 use kalmems_core::NoiseDensity;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_models::dynamics::{TwoAxisDriveGain, TwoAxisScanner};
@@ -15,12 +15,15 @@ pub fn both(hardware: &Hardware, filter: &FilterSettings) -> Plain<TwoAxisScanne
     Plain { dynamics: hardware.scanner, readout: hardware.readout, noise }
 }
 
-/// Both axes with `A` parameters, read by the affine law.
-pub fn both_with<const A: usize>(
+/// Both axes with parameters, read by the affine law.
+pub fn both_with(
     hardware: &Hardware,
     filter: &FilterSettings,
-) -> Result<Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>, AugmentationError> {
-    let Plain { dynamics: scanner, readout, noise } = both(hardware, filter);
+) -> Result<WithParameters<TwoAxisDriveGain<f64>, ParametricReadout<TwoAxisComb<f64>, 4>, 4>, AugmentationError>
+{
+    let (Plain { dynamics: scanner, readout, noise }, tracked) =
+        (both(hardware, filter), &filter.basics.tracked);
     let dynamics = TwoAxisDriveGain { scanner, drive_gain: 1.0 };
-    Augmentation::of(Plain { dynamics, readout, noise }, &filter.basics.tracked)
+    let readout = ParametricReadout::new(readout, tracked, |parameter| parameter.in_readout)?;
+    WithParameters::new((dynamics, noise), readout, tracked, |parameter| parameter.in_motion)
 }

@@ -5,13 +5,10 @@ use super::plant::{both, both_with};
 use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
-use crate::estimate::driven::{Augmentation, DrivenSegment, Plant};
-use crate::estimate::{EstimateError, FilterPast, Past, Trajectory};
+use crate::estimate::driven::{DrivenSegment, Plant};
+use crate::estimate::{EstimateError, FilterPast, Known, Past, Trajectory};
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
-use kalmems_core::{Covariance, Mat};
-use kalmems_models::dynamics::TwoAxisDriveGain;
-use kalmems_models::readout::TwoAxisComb;
 use std::f64::consts::TAU;
 
 /// The drives of x and y as the samples that were there first show them.
@@ -83,37 +80,17 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Chooses the model by how many states the filter has: once per segment, so that the loops inside know their types.
+    /// Chooses the model: once per segment, so that the loops inside know their types.
     fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        match self.filter.basics.tracked.len() {
-            0 => self.run::<_, 4>(&both(&self.settings.hardware, self.filter), past),
-            1 => self.with::<1, 5>(past),
-            2 => self.with::<2, 6>(past),
-            3 => self.with::<3, 7>(past),
-            4 => self.with::<4, 8>(past),
-            5 => self.with::<5, 9>(past),
-            6 => self.with::<6, 10>(past),
-            _ => self.with::<7, 11>(past),
+        let (hardware, filter) = (&self.settings.hardware, self.filter);
+        if filter.basics.tracked.is_empty() {
+            return self.run(&both(hardware, filter), past);
         }
+        let plant = both_with(hardware, filter).map_err(|why| filter.basics.no_model(why))?;
+        self.run(&plant, past)
     }
 
-    /// With `A` parameters as states.
-    fn with<const A: usize, const N: usize>(
-        &self,
-        past: &mut FilterPast,
-    ) -> Result<Vec<Trajectory>, EstimateError>
-    where
-        Augmentation<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4, A>: Plant<N>,
-    {
-        let plant = both_with::<A>(&self.settings.hardware, self.filter);
-        self.run::<_, N>(&plant.map_err(|why| self.filter.basics.no_model(why))?, past)
-    }
-
-    fn run<P: Plant<N>, const N: usize>(
-        &self,
-        plant: &P,
-        past: &mut FilterPast,
-    ) -> Result<Vec<Trajectory>, EstimateError> {
+    fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
         let (data, progress, said) = (self.data, self.progress, Said::default());
@@ -121,10 +98,10 @@ impl Task<'_> {
         follower.run(plant, &filter.states(&STATES), past, || self.start())
     }
 
-    /// Mean and covariance at the first sample.
-    fn start<const N: usize>(&self) -> Result<([f64; N], Covariance<f64, N>), EstimateError> {
-        let (motion, covariance) = match &self.filter.start {
-            Start::Given { mean, covariance } => (*mean, *covariance),
+    /// What is known at the first sample.
+    fn start(&self) -> Result<Known, EstimateError> {
+        let motion = match self.filter.start {
+            Start::Given { mean, covariance } => (mean, covariance),
             Start::Signal => {
                 let found = self.batch_start().map_err(|why| EstimateError::NoStart {
                     place: self.place.to_owned(),
@@ -134,19 +111,7 @@ impl Task<'_> {
                 (found.mean, found.covariance)
             }
         };
-        let mut mean = [0.0; N];
-        let mut lower = Mat::zero();
-        for i in 0..motion.len() {
-            mean[i] = motion[i];
-            for j in 0..=i {
-                lower.0[i][j] = covariance.get(i, j);
-            }
-        }
-        for (i, tracked) in self.filter.basics.tracked.iter().enumerate() {
-            let i = motion.len() + i;
-            lower.0[i][i] = tracked.sd * tracked.sd;
-        }
-        Ok((mean, Covariance::from_lower(lower)))
+        Ok(Known::from(motion).with(self.filter.basics.tracked.iter().map(|tracked| (0.0, tracked.sd))))
     }
 
     fn batch_start(&self) -> Result<BatchStart, StartError> {

@@ -1,0 +1,89 @@
+//! A filter that remembers how it came here.
+
+use super::any_filter::StateFilter;
+use super::engine::Filtering;
+use super::foretell::{Foreteller, OnwardOf, Onwards};
+use super::transition::{Sensor, Transition};
+use kalmems_core::{FilterError, Gaussian, Innovation, Link};
+
+/// A filter that remembers how its state hangs on the state before a few predictions: what a smoother needs.
+pub(super) struct Linked<const N: usize> {
+    filter: Box<dyn StateFilter<N>>,
+    /// What it says of the mean, where slices are asked for.
+    mean: [f64; N],
+    link: Option<Link<f64, N>>,
+}
+
+impl<const N: usize> Clone for Linked<N> {
+    fn clone(&self) -> Self {
+        Self { filter: self.filter.copied(), mean: self.mean, link: self.link }
+    }
+}
+
+impl<const N: usize> From<&Linked<N>> for Gaussian<f64, N> {
+    fn from(linked: &Linked<N>) -> Self {
+        linked.gaussian()
+    }
+}
+
+impl<const N: usize> Linked<N> {
+    /// Without a prediction yet.
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>) -> Self {
+        Self { mean: filter.known().mean, filter, link: None }
+    }
+
+    /// What the filter knows.
+    pub(super) fn gaussian(&self) -> Gaussian<f64, N> {
+        self.filter.known()
+    }
+
+    /// How its state hangs on that when it began to remember.
+    pub(super) fn link(&self) -> Option<Link<f64, N>> {
+        self.link
+    }
+
+    /// Begins to remember anew.
+    pub(super) fn forget(&mut self) {
+        self.link = None;
+    }
+}
+
+impl<const N: usize> Filtering for Linked<N> {
+    fn mean(&self) -> &[f64] {
+        &self.mean
+    }
+
+    fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError> {
+        let link = self.filter.step(transition)?;
+        self.mean = self.filter.mean();
+        self.link = Some(match &self.link {
+            None => link,
+            // x″ = F₂·(F₁·x + w₁) + w₂.
+            Some(first) => Link {
+                transition: link.transition.times(&first.transition),
+                noise: first.noise.transformed(&link.transition).plus(&link.noise),
+                taken: first.taken && link.taken,
+            },
+        });
+        Ok(())
+    }
+
+    fn update_within(
+        &mut self,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+        largest_nis: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        let innovation = self.filter.correct(sensor, y, variance, largest_nis);
+        self.mean = self.filter.mean();
+        innovation
+    }
+
+    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>) {
+        let Gaussian { mean, covariance } = self.gaussian();
+        let onward = onwards.map(OnwardOf::<N>::new);
+        let onward = onward.as_ref().map(|onward| onward as _);
+        foreteller.take(time_s, (&mean, &covariance), onward);
+    }
+}

@@ -1,0 +1,179 @@
+//! How a device gets from one sample to the next and what is read of it, whatever the number of its states.
+//!
+//! The filters of the core know their number of states when they are compiled. A rig, or a model that is made when the
+//! program runs, hands its numbers over in slices, and every filter is compiled once for each number of states, not once
+//! for each device.
+
+use kalmems_core::{
+    Covariance, Mat, Measurement, NumericMeasurement, NumericProcess, Process, ProcessNoise, Scalar,
+};
+
+/// A step x′ = f(x) + w from one sample to the next, what drives it included.
+///
+/// All slices are as long as there are states, matrices hold them row by row.
+pub trait Transition {
+    /// f(x), written to `to`.
+    fn advance(&self, x: &[f64], to: &mut [f64]);
+
+    /// f(x), and ∂f/∂x.
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]);
+
+    /// The lower triangle of the covariance of w, and of a root W of it, Q = W·Wᵀ.
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]);
+
+    /// How many of these states, from the first one on, hang on others; each behind them hangs on itself alone.
+    fn moving(&self, states: usize) -> usize {
+        states
+    }
+}
+
+/// What a sample says of the state: y = h(x) + v, one number.
+pub trait Sensor {
+    /// h(x).
+    fn read(&self, x: &[f64]) -> f64;
+
+    /// h(x), and ∂h/∂x.
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64;
+}
+
+/// A process of the core with its input as a [`Transition`].
+pub struct Step<'a, P: Process<f64, N>, const N: usize> {
+    process: &'a P,
+    input: &'a P::Input,
+}
+
+impl<'a, P: Process<f64, N>, const N: usize> Step<'a, P, N> {
+    /// Over one interval, under this input.
+    pub fn new(process: &'a P, input: &'a P::Input) -> Self {
+        Self { process, input }
+    }
+}
+
+impl<P: Process<f64, N>, const N: usize> Transition for Step<'_, P, N> {
+    #[inline(never)]
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(&self.process.step(&sized(x), self.input));
+    }
+
+    #[inline(never)]
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        let (next, slopes) = self.process.linearize(&sized::<N>(x), self.input);
+        to.copy_from_slice(&next);
+        jacobian.copy_from_slice(slopes.0.as_flattened());
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        write_noise(self.process.noise(), covariance, root);
+    }
+}
+
+/// Writes a noise of the core as a [`Transition`] has it.
+pub fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f64], root: &mut [f64]) {
+    covariance.copy_from_slice(noise.covariance().lower_triangle().0.as_flattened());
+    root.copy_from_slice(noise.root().0.as_flattened());
+}
+
+/// A measurement of the core as a [`Sensor`].
+pub struct Reading<'a, H, const N: usize>(pub &'a H);
+
+impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for Reading<'_, H, N> {
+    #[inline(never)]
+    fn read(&self, x: &[f64]) -> f64 {
+        let [y] = self.0.predict(&sized::<N>(x));
+        y
+    }
+
+    #[inline(never)]
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let ([y], jacobian) = self.0.linearize(&sized::<N>(x));
+        slopes.copy_from_slice(jacobian.0.as_flattened());
+        y
+    }
+}
+
+/// The states as an array. Of another number there are none: the model and its filter come from one place.
+fn sized<const N: usize>(x: &[f64]) -> [f64; N] {
+    let mut states = [f64::NAN; N];
+    for (state, x) in states.iter_mut().zip(x) {
+        *state = *x;
+    }
+    states
+}
+
+/// A transition as the filters of the core take it.
+pub(super) struct Numbers<'a, const N: usize> {
+    transition: &'a dyn Transition,
+    noise: ProcessNoise<f64, N>,
+    moving: usize,
+}
+
+impl<'a, const N: usize> Numbers<'a, N> {
+    pub(super) fn of(transition: &'a dyn Transition) -> Self {
+        let (mut covariance, mut root) = (Mat::<f64, N, N>::zero(), Mat::<f64, N, N>::zero());
+        transition.noise(covariance.0.as_flattened_mut(), root.0.as_flattened_mut());
+        Self { transition, noise: ProcessNoise::with_root(covariance, root), moving: transition.moving(N) }
+    }
+}
+
+impl<const N: usize> NumericProcess<f64, N> for Numbers<'_, N> {
+    type Input = ();
+
+    fn moved(&self, x: &[f64; N], (): &()) -> [f64; N] {
+        let mut to = [0.0; N];
+        self.transition.advance(x, &mut to);
+        to
+    }
+
+    fn linearized(&self, x: &[f64; N], (): &()) -> ([f64; N], Mat<f64, N, N>) {
+        let (mut to, mut jacobian) = ([0.0; N], Mat::zero());
+        self.transition.linearize(x, &mut to, jacobian.0.as_flattened_mut());
+        (to, jacobian)
+    }
+
+    fn noise_added(&self) -> &ProcessNoise<f64, N> {
+        &self.noise
+    }
+
+    /// Rows of states that hang on themselves alone are scaled.
+    fn spread(&self, f: &Mat<f64, N, N>, p: &Covariance<f64, N>) -> Covariance<f64, N> {
+        if self.moving >= N {
+            return p.transformed(f);
+        }
+        let moving = self.moving;
+        let dot =
+            |a: &[f64; N], b: &dyn Fn(usize) -> f64| (1..N).fold(a[0] * b(0), |sum, k| sum.mac(a[k], b(k)));
+        let mut fp = Mat::<f64, N, N>::zero();
+        for i in 0..N {
+            for j in 0..N {
+                fp.0[i][j] =
+                    if i < moving { dot(&f.0[i], &|k| p.get(k, j)) } else { f.0[i][i] * p.get(i, j) };
+            }
+        }
+        let mut next = Mat::zero();
+        for i in 0..N {
+            for j in 0..=i {
+                next.0[i][j] = match (i < moving, j < moving) {
+                    (true, _) => dot(&fp.0[i], &|k| f.0[j][k]),
+                    (false, true) => fp.0[j][i] * f.0[i][i],
+                    (false, false) => fp.0[i][j] * f.0[j][j],
+                };
+            }
+        }
+        Covariance::from_lower(next)
+    }
+}
+
+/// A sensor as the filters of the core take it.
+pub(super) struct Seen<'a>(pub &'a dyn Sensor);
+
+impl<const N: usize> NumericMeasurement<f64, N, 1> for Seen<'_> {
+    fn expected(&self, x: &[f64; N]) -> [f64; 1] {
+        [self.0.read(x)]
+    }
+
+    fn linearized(&self, x: &[f64; N]) -> ([f64; 1], Mat<f64, 1, N>) {
+        let mut slopes = Mat::zero();
+        let y = self.0.linearize(x, &mut slopes.0[0]);
+        ([y], slopes)
+    }
+}
