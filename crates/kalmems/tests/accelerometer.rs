@@ -871,7 +871,7 @@ fn settings_of_uncertain_mechanics_are_checked() {
             filter("a", "consider_ekf", "states = { mass = { start_sd = \"2 %\", drift = \"1 1/s\" } }"),
             "constant",
         ),
-        (filter("a", "bank", "noise_memory = \"1 ms\""), "gains for one variance"),
+        (filter("a", "bank", &format!("{UNCERTAIN}noise_memory = \"1 ms\"")), "gains for one variance"),
         (filter("a", "ekf", "noise_memory = \"1 ms\"\nsmooth = true"), "not smoothed"),
         (filter("a", "steady_state", "noise_memory = \"1 ms\""), "gains for one variance"),
         (filter("a", "consider_ekf", &format!("{UNCERTAIN}smooth = true")), "smoother"),

@@ -236,10 +236,8 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
         &filter("U", "ukf_literal_weights", WIDE),
         ["filter[0].method", "unknown word `ukf_literal_weights`", "known words: model, ekf, ukf"],
     );
-    said(
-        &filter("S", "square_root_ukf", &format!("{WIDE}{STIFFNESS}")),
-        ["filter[0].states", "square_root_ukf", "use `ukf`"],
-    );
+    said(&filter("S", "steady_state", WIDE), ["filter[0].method", "even in the angle", "use `ekf`"]);
+    said(&filter("C", "consider_ekf", WIDE), ["filter[0].states", "missing", "start_sd"]);
     said(&filter("L", "lock_in", ""), ["filter[0].start", "lock_in", "leave it out"]);
     let word = ekf("").replace("{ angle = \"0.05 rad\", rate = \"0 rad/s\" }", "\"signal\"");
     said(&word, ["filter[0].start", "`signal`", "from_signal"]);

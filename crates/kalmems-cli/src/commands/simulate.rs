@@ -37,7 +37,11 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
     } else {
         let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
         let name = simulation.truth().first().map_or("deflection", |channel| channel.column);
-        let largest = format!("largest {name} {:.4}", summary.largest);
+        // Four decimals of what is of the size of an angle; of what is smaller, its digits.
+        let largest = match summary.largest {
+            small if small < 1e-3 => format!("largest {name} {small:.3e}"),
+            size => format!("largest {name} {size:.4}"),
+        };
         let text = format!("{outlook}{} samples, {largest}, seed {}\n", summary.samples, summary.seed);
         print(&with_short_numbers(&text))?;
         for line in &summary.told {

@@ -1,6 +1,7 @@
 //! The extended Kalman filter.
 
 use super::gaussian::{Refusal, Weighed};
+use super::linearized::linearized_filter;
 use super::{Filter, Gaussian, Innovation, Link};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, NumericMeasurement, NumericProcess, Scalar};
@@ -53,27 +54,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Ekf<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Filter<T, N> for Ekf<T, N> {
-    /// The mean of the state.
-    #[inline(always)]
-    fn mean(&self) -> &[T; N] {
-        &self.state.mean
-    }
-
-    /// The covariance of the state.
-    #[inline(always)]
-    fn covariance(&self) -> Covariance<T, N> {
-        self.state.covariance
-    }
-
-    /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
-    #[inline(always)]
-    fn predict_linked<P: NumericProcess<T, N>>(
-        &mut self,
-        process: &P,
-        u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
-        self.state.propagate(process, u)
-    }
+    linearized_filter!();
 
     #[inline(always)]
     fn update_where<H: NumericMeasurement<T, N, M>, const M: usize>(

@@ -1,7 +1,7 @@
 //! The filters.
 //!
-//! Each holds a [`Gaussian`] and offers `predict` over one [`Process`] step and `update` with
-//! one [`Measurement`]. A step that cannot be taken is refused with a
+//! Each holds a [`Gaussian`] and offers `predict` over one [`Process`](crate::Process) step and `update` with
+//! one [`Measurement`](crate::Measurement). A step that cannot be taken is refused with a
 //! [`FilterError`] and leaves the state as it was.
 
 use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -13,6 +13,7 @@ mod information;
 mod innovation;
 mod iterated;
 mod kalman;
+mod linearized;
 mod observer;
 mod schmidt;
 mod sigma;

@@ -42,7 +42,7 @@ impl<T: Scalar, const N: usize, const M: usize> OperatingPoint<T, N, M> {
 /// There are several ways to a gain: the one in which a Kalman filter settles
 /// ([`steady_state`](Self::steady_state)), the poles that the error shall have
 /// ([`luenberger`](Self::luenberger)), or any other ([`from_gain`](Self::from_gain)). A step moves the mean alone,
-/// through any [`Process`] and [`Measurement`], nonlinear ones too: the gain is then right near the
+/// through any [`Process`](crate::Process) and [`Measurement`](crate::Measurement), nonlinear ones too: the gain is then right near the
 /// [`OperatingPoint`] that it was computed at.
 ///
 /// The covariances are those in which the error of this gain settles at that point, whether it is optimal or

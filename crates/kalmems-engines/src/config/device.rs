@@ -102,8 +102,11 @@ impl DeviceTable {
         };
         // Two rigs may read the same table, each in its own way.
         Arc::clone(&claimed.description).downcast::<T>().or_else(|_| {
-            let read = serde_json::from_value::<T>(claimed.written.clone());
-            read.map(Arc::new).map_err(|e| source.error_at(key(), Fault::Value { why: e.to_string() }))
+            // By the one reader that there is: a second one for each device would be compiled for this alone.
+            let whole = serde_json::json!({ "device": { T::NAME: claimed.written } });
+            let text = toml::to_string(&whole)
+                .map_err(|e| source.error_at(key(), Fault::Value { why: e.to_string() }))?;
+            read_below(&Source::of(&text, &source.path)?, &key()).map(Arc::new)
         })
     }
 }

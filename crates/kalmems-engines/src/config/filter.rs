@@ -108,7 +108,7 @@ pub enum Method {
     Ukf,
     /// The extended Kalman filter in square-root form.
     SquareRootEkf,
-    /// The unscented Kalman filter in square-root form; without parameters as states.
+    /// The unscented Kalman filter in square-root form.
     SquareRootUkf,
     /// The extended Kalman filter that linearises each measurement again where it leads.
     IteratedEkf,
@@ -165,11 +165,6 @@ impl Method {
     /// Whether it has one gain for all times.
     pub const fn has_fixed_gain(self) -> bool {
         matches!(self, Self::SteadyState | Self::KalmanBucy | Self::Luenberger)
-    }
-
-    /// Whether it is for a device that is linear but for a small part: the accelerometer alone.
-    pub const fn is_for_nearly_linear(self) -> bool {
-        self.has_fixed_gain() || matches!(self, Self::HybridEkf | Self::ConsiderEkf | Self::Bank)
     }
 
     /// Whether it says how uncertain it is.
@@ -373,9 +368,10 @@ impl Filter {
                 return refuse(name, why);
             }
         }
-        if self.method == Method::SquareRootUkf && !self.states.is_empty() {
-            let why = "the method `square_root_ukf` tracks no parameters; use `ukf`, which says the same to rounding";
-            return refuse("states", why.to_owned());
+        if matches!(self.method, Method::ConsiderEkf | Method::Bank) && self.states.is_empty() {
+            let remedy =
+                "write which parameters may be off, such as `states = { mass = { start_sd = \"20 %\" } }`";
+            return missing("states", remedy);
         }
         if self.method.has_fixed_gain() || matches!(self.method, Method::ConsiderEkf | Method::Bank) {
             let more = [("smooth", self.smooth), ("smooth_lag", self.smooth_lag.is_some())];

@@ -68,6 +68,6 @@ pub use simulate::{
 };
 pub use source::Source;
 pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
-pub use uses::{Methods, Uses};
+pub use uses::Uses;
 pub use values::{AnyValue, Entry, Values};
 pub use vibrometer::Vibrometer;

@@ -2,8 +2,8 @@
 
 use super::error::shown;
 use super::kinds::KindOf;
-use super::sign::{Any, SignOf};
-use crate::units::{UnitError, Value};
+use super::sign::{Any, Sign, SignOf};
+use crate::units::{Kind, UnitError, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -38,14 +38,60 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
 
     /// From text such as `2.5 kHz`; what is wrong comes back in words.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let value = parse(text, &Self::expectation(), K::kind().example)?;
-        S::SIGN.check(&value, K::kind())?;
-        Ok(Self { value, marker: PhantomData })
+        parse_of(text, K::kind(), S::SIGN).map(Self::from)
+    }
+}
+
+impl<K, S> From<Value> for Quantity<K, S> {
+    fn from(value: Value) -> Self {
+        Self { value, marker: PhantomData }
+    }
+}
+
+// What follows is compiled once, and not for each kind and sign.
+
+fn parse_of(text: &str, kind: &Kind, sign: Sign) -> Result<Value, String> {
+    let value = parse(text, &expectation(kind, sign), kind.example)?;
+    sign.check(&value, kind)?;
+    Ok(value)
+}
+
+fn expectation(kind: &Kind, sign: Sign) -> String {
+    format!("{}{} ({})", kind.name, sign.suffix(), kind.dimension)
+}
+
+fn schema(kind: &Kind, sign: Sign) -> Schema {
+    let ratio = kind.dimension == crate::units::Dimension::NONE;
+    let kinds = if ratio { serde_json::json!(["string", "number"]) } else { "string".into() };
+    json_schema!({
+        "type": kinds,
+        "title": expectation(kind, sign),
+        "pattern": NUMBER_FIRST,
+        "examples": [kind.example],
+    })
+}
+
+/// Reads a value of a kind from text or a number.
+struct Text(&'static Kind, Sign);
+
+impl Visitor<'_> for Text {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} as text in quotes", expectation(self.0, self.1))
     }
 
-    fn expectation() -> String {
-        let kind = K::kind();
-        format!("{}{} ({})", kind.name, S::SIGN.suffix(), kind.dimension)
+    fn visit_str<E: Error>(self, text: &str) -> Result<Value, E> {
+        parse_of(text, self.0, self.1).map_err(E::custom)
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Value, E> {
+        self.visit_str(&number.to_string())
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Value, E> {
+        // The shortest text that reads back as the same number.
+        self.visit_str(&format!("{number:?}"))
     }
 }
 
@@ -57,34 +103,13 @@ impl<K, S> Serialize for Quantity<K, S> {
 
 impl<'de, K: KindOf, S: SignOf> Deserialize<'de> for Quantity<K, S> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Text<K, S>(PhantomData<(K, S)>);
-        impl<K: KindOf, S: SignOf> Visitor<'_> for Text<K, S> {
-            type Value = Quantity<K, S>;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "{} as text in quotes", Quantity::<K, S>::expectation())
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-                Quantity::parse(text).map_err(E::custom)
-            }
-
-            fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
-                self.visit_str(&number.to_string())
-            }
-
-            fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
-                // The shortest text that reads back as the same number.
-                self.visit_str(&format!("{number:?}"))
-            }
-        }
-        deserializer.deserialize_any(Text(PhantomData))
+        deserializer.deserialize_any(Text(K::kind(), S::SIGN)).map(Self::from)
     }
 }
 
 impl<K: KindOf, S: SignOf> JsonSchema for Quantity<K, S> {
     fn schema_name() -> Cow<'static, str> {
-        Self::expectation().into()
+        expectation(K::kind(), S::SIGN).into()
     }
 
     fn inline_schema() -> bool {
@@ -92,15 +117,7 @@ impl<K: KindOf, S: SignOf> JsonSchema for Quantity<K, S> {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let kind = K::kind();
-        let ratio = kind.dimension == crate::units::Dimension::NONE;
-        let kinds = if ratio { serde_json::json!(["string", "number"]) } else { "string".into() };
-        json_schema!({
-            "type": kinds,
-            "title": Self::expectation(),
-            "pattern": NUMBER_FIRST,
-            "examples": [kind.example],
-        })
+        schema(K::kind(), S::SIGN)
     }
 }
 

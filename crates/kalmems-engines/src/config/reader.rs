@@ -194,6 +194,12 @@ impl<'de> Deserializer<'de> for TableReader<'_> {
     }
 }
 
+/// A number of the document.
+enum Number {
+    Whole(i64),
+    Real(f64),
+}
+
 /// One value of the document.
 #[derive(Clone, Copy)]
 struct Reader<'a> {
@@ -202,6 +208,11 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn refuse<T>(self, expected: impl Into<String>) -> Result<T, Failure> {
+        Err(self.refusal(expected.into()))
+    }
+
+    /// Compiled once, and not for each type that is read.
+    fn refusal(self, expected: String) -> Failure {
         let found = match self.value.get_ref() {
             DeValue::String(s) => format!("the text `{}`", shown(s)),
             DeValue::Integer(n) => format!("the number `{}`", shown(n.as_str())),
@@ -211,8 +222,25 @@ impl Reader<'_> {
             DeValue::Array(_) => "a list".to_owned(),
             DeValue::Table(_) => "a table".to_owned(),
         };
-        let fault = Fault::Type { found, expected: expected.into(), remedy: String::new() };
-        Err(Failure::new(fault).at(self.value.span()))
+        let fault = Fault::Type { found, expected, remedy: String::new() };
+        Failure::new(fault).at(self.value.span())
+    }
+
+    /// With the place, where it went wrong.
+    fn placed<T>(self, result: Result<T, Failure>) -> Result<T, Failure> {
+        result.map_err(|failure| failure.at(self.value.span()))
+    }
+
+    /// Compiled once, too.
+    fn number(self) -> Result<Number, Failure> {
+        let number = match self.value.get_ref() {
+            DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix()).ok().map(Number::Whole),
+            DeValue::Float(n) => n.as_str().parse().ok().map(Number::Real),
+            _ => None,
+        };
+        number.ok_or_else(|| {
+            Failure::new(Fault::Value { why: "the number is too large; write it with an exponent".into() })
+        })
     }
 }
 
@@ -220,17 +248,13 @@ impl<'de> Deserializer<'de> for Reader<'_> {
     type Error = Failure;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        let too_large = || {
-            Failure::new(Fault::Value { why: "the number is too large; write it with an exponent".into() })
-        };
         let result = match self.value.get_ref() {
             DeValue::String(s) => visitor.visit_str(s),
-            DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix())
-                .map_err(|_| too_large())
-                .and_then(|n| visitor.visit_i64(n)),
-            DeValue::Float(n) => {
-                n.as_str().parse().map_err(|_| too_large()).and_then(|n| visitor.visit_f64(n))
-            }
+            DeValue::Integer(_) | DeValue::Float(_) => match self.number() {
+                Ok(Number::Whole(n)) => visitor.visit_i64(n),
+                Ok(Number::Real(n)) => visitor.visit_f64(n),
+                Err(failure) => Err(failure),
+            },
             DeValue::Boolean(b) => visitor.visit_bool(*b),
             DeValue::Datetime(_) => {
                 let found = Unexpected::Other("a date");
@@ -239,30 +263,32 @@ impl<'de> Deserializer<'de> for Reader<'_> {
             DeValue::Array(array) => visitor.visit_seq(Items { items: array.iter(), index: 0 }),
             DeValue::Table(table) => visitor.visit_map(Entries::of(table)),
         };
-        result.map_err(|failure| failure.at(self.value.span()))
+        self.placed(result)
     }
 
+    // Each asks its visitor for one thing alone: what else a visitor can take is then not compiled.
+
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        if self.value.get_ref().is_bool() {
-            self.deserialize_any(visitor)
-        } else {
-            self.refuse("`true` or `false`, without quotes")
+        match self.value.get_ref() {
+            DeValue::Boolean(b) => self.placed(visitor.visit_bool(*b)),
+            _ => self.refuse("`true` or `false`, without quotes"),
         }
     }
 
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        if self.value.get_ref().is_float() || self.value.get_ref().is_integer() {
-            self.deserialize_any(visitor)
-        } else {
-            self.refuse("a number, without quotes")
+        if !(self.value.get_ref().is_float() || self.value.get_ref().is_integer()) {
+            return self.refuse("a number, without quotes");
+        }
+        match self.number().map_err(|failure| failure.at(self.value.span()))? {
+            Number::Whole(n) => self.placed(visitor.visit_i64(n)),
+            Number::Real(n) => self.placed(visitor.visit_f64(n)),
         }
     }
 
     fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        if self.value.get_ref().is_str() {
-            self.deserialize_any(visitor)
-        } else {
-            self.refuse("text in quotes")
+        match self.value.get_ref() {
+            DeValue::String(s) => self.placed(visitor.visit_str(s)),
+            _ => self.refuse("text in quotes"),
         }
     }
 
@@ -272,14 +298,17 @@ impl<'de> Deserializer<'de> for Reader<'_> {
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
         match self.value.get_ref() {
-            DeValue::Array(_) => self.deserialize_any(visitor),
+            DeValue::Array(array) => self.placed(visitor.visit_seq(Items { items: array.iter(), index: 0 })),
             DeValue::Table(_) => self.refuse("a list of tables"),
             _ => self.refuse("a list in square brackets"),
         }
     }
 
     fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        if self.value.get_ref().is_table() { self.deserialize_any(visitor) } else { self.refuse("a table") }
+        match self.value.get_ref() {
+            DeValue::Table(table) => self.placed(visitor.visit_map(Entries::of(table))),
+            _ => self.refuse("a table"),
+        }
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -289,7 +318,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         visitor: V,
     ) -> Result<V::Value, Failure> {
         match self.value.get_ref() {
-            DeValue::Table(_) => self.deserialize_any(visitor),
+            DeValue::Table(table) => self.placed(visitor.visit_map(Entries::of(table))),
             _ => self.refuse(format!("a table with keys from: {}", fields.join(", "))),
         }
     }

@@ -4,28 +4,19 @@ use super::{ConfigError, Experiment, Fault, Filter, Key, Method};
 
 /// What of an experiment file a device has a use for, beyond what every device has; the rest is refused where it is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)] // each is for keys of its own
 pub struct Uses {
     /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
     /// `threshold` of a filter.
     pub crossings: bool,
     /// A filter's `channels`: the device has several signals.
     pub several_signals: bool,
-    /// The methods of filters.
-    pub methods: Methods,
+    /// The methods of filters that it has no use for, and why, as physics has it.
+    pub no_methods: &'static [(Method, &'static str)],
+    /// A filter's `noise_memory` and `known_acceleration`: it measures an acceleration.
+    pub acceleration: bool,
     /// The dither of a simulation, which is added to a feedback.
     pub feedback: bool,
-}
-
-/// The methods that a device has a use for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Methods {
-    /// Those for any device.
-    #[default]
-    General,
-    /// These, and `steady_state`.
-    GeneralAndSettledGain,
-    /// All, with `noise_memory` and `known_acceleration`: the device is linear but for a small part.
-    NearlyLinear,
 }
 
 impl Uses {
@@ -41,17 +32,13 @@ impl Uses {
             if !(self.several_signals || filter.channels.is_empty()) {
                 return refuse(key("channels"), "this device has one signal; leave it out");
             }
-            if self.methods == Methods::NearlyLinear {
-                continue;
-            }
-            let settles =
-                self.methods == Methods::GeneralAndSettledGain && filter.method == Method::SteadyState;
-            if filter.method.is_for_nearly_linear() && !settles {
-                let word = filter.method.word();
-                let why = format!(
-                    "the method `{word}` is for a device that is linear but for a small part; use `ekf`"
-                );
+            let refused = self.no_methods.iter().find(|(method, _)| *method == filter.method);
+            if let Some((method, why)) = refused {
+                let why = format!("the method `{}` is not for this device: {why}", method.word());
                 return refuse(key("method"), &why);
+            }
+            if self.acceleration {
+                continue;
             }
             if filter.noise_memory.is_some() {
                 let why = "no filter of this device estimates the variance of a sample; leave it out";

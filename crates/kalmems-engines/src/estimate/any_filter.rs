@@ -1,14 +1,18 @@
 //! A filter that is chosen when the program runs, and so is its number of states.
 
-use super::ModelAlone;
 use super::answers::{Begun, Run};
+use super::engine::Filtering;
+use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
+use super::{ConstantGain, ModelAlone};
 use crate::config::Method;
+use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Gaussian, Innovation, IteratedEkf, Link, Mat, SchmidtEkf,
-    SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Link, Mat,
+    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
+use std::f64::consts::PI;
 
 /// A filter of `N` states, of whatever kind.
 ///
@@ -164,6 +168,48 @@ impl FilterKind {
     }
 }
 
+/// What one gain for all times is to do.
+#[derive(Clone, Copy, Debug)]
+pub enum ConstantGainOf {
+    /// That in which the Kalman filter settles.
+    Settled,
+    /// Give the error the poles of a Butterworth low-pass of this corner in rad/s, sampled in this interval in s.
+    Poles {
+        /// The corner.
+        corner: f64,
+        /// The interval.
+        interval_s: f64,
+    },
+}
+
+fn constant_gain<const N: usize>(
+    gain: ConstantGainOf,
+    at: &Known,
+    start: &Known,
+    (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
+) -> Result<ConstantGain<N>, String> {
+    let (at, mean) = (at.gaussian::<N>().mean, start.gaussian::<N>().mean);
+    let noise = Covariance::from_variances([variance]);
+    let point = OperatingPoint::of(&Numbers::<N>::of(transition), (&Seen(sensor), noise), (&at, &()));
+    let gain = match gain {
+        ConstantGainOf::Settled => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
+        ConstantGainOf::Poles { corner, interval_s } => {
+            let poles: Vec<Pole<f64>> = butterworth(N, corner).map(|pole| pole.sampled(interval_s)).collect();
+            FixedGain::luenberger(mean, &poles, &point).map_err(|why| why.to_string())?
+        }
+    };
+    Ok(ConstantGain::new(&gain, &point))
+}
+
+/// The poles of a Butterworth low-pass of this order and corner in rad/s.
+pub fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>> {
+    let pairs = (0..order / 2).map(move |k| {
+        let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
+        Pole::Pair { real: -corner * angle.sin(), imaginary: corner * angle.cos() }
+    });
+    pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
+}
+
 /// Does something with the number of states of a filter known to the compiler: from a motion and its rate on.
 macro_rules! for_each_size {
     ($($variant:ident $states:literal)*) => {
@@ -193,6 +239,26 @@ macro_rules! for_each_size {
                 match known.mean.len() {
                     $($states => Some(Self::$variant(kind.from::<$states>(known))),)*
                     _ => None,
+                }
+            }
+
+            /// A filter with one gain for all times: that for the model linearised at a mean.
+            pub fn of_constant_gain(
+                gain: ConstantGainOf,
+                (at, start): (&Known, &Known),
+                (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
+            ) -> Result<Self, String> {
+                match start.mean.len() {
+                    $($states => constant_gain::<$states>(gain, at, start, (transition, sensor, variance))
+                        .map(|filter| Self::$variant(Box::new(filter))),)*
+                    states => Err(format!("there are no filters of {states} states")),
+                }
+            }
+
+            /// As a course leads it.
+            pub(super) fn on_its_way(self) -> Box<dyn Filtering + Send> {
+                match self {
+                    $(Self::$variant(filter) => Box::new(Linked::<$states>::new(filter)),)*
                 }
             }
 

@@ -58,6 +58,9 @@ pub trait Filtering {
     /// The mean of the state.
     fn mean(&self) -> &[f64];
 
+    /// The lower triangle of the covariance, row by row.
+    fn covariance(&self, to: &mut [f64]);
+
     /// Moves the state by one step.
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
 

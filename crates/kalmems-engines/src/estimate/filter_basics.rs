@@ -1,8 +1,8 @@
 //! What the table of a filter says, whatever the device.
 
 use super::tracked::{Parameter, Tracked, tracked};
-use super::{AnyFilter, EstimateError, FilterKind, Known, StateName};
-use crate::config::{ConfigError, Estimate, Experiment, Filter, Key, Method, Quantity, Values};
+use super::{AnyFilter, EstimateError, FilterKind, Known, MOST_MODELS, StateName};
+use crate::config::{ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Values};
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
 
@@ -33,6 +33,12 @@ impl FilterBasics {
         filter: &Filter,
         parameters: (&'static [Parameter], &[f64]),
     ) -> Result<Self, ConfigError> {
+        let models = 3_usize.saturating_pow(u32::try_from(filter.states.len()).unwrap_or(u32::MAX));
+        if filter.method == Method::Bank && models > MOST_MODELS {
+            let why =
+                format!("these are {models} models; at most {MOST_MODELS}, of three parameters, are built");
+            return Err(experiment.error(at.clone().child("states"), Fault::Value { why }));
+        }
         Ok(Self {
             key: filter.name.key(),
             name: filter.name.to_string(),
@@ -48,10 +54,15 @@ impl FilterBasics {
         })
     }
 
+    /// The parameters that are states: none of a bank, each of whose models has them as they are.
+    pub fn parameters(&self) -> &[Tracked] {
+        if self.method == Method::Bank { &[] } else { &self.tracked }
+    }
+
     /// The names of its states, the parameters behind those of the motion.
     pub fn states(&self, motion: &[StateName]) -> Vec<StateName> {
         let parameters = self
-            .tracked
+            .parameters()
             .iter()
             .map(|Tracked { parameter, .. }| (parameter.name, parameter.unit, parameter.kind));
         motion.iter().copied().chain(parameters).collect()
@@ -66,7 +77,8 @@ impl FilterBasics {
         let known = left.map_or_else(start, Ok)?;
         let states = known.mean.len();
         let (method, points) = (self.method, self.points);
-        let kind = FilterKind { method, points, considered_from: states.saturating_sub(self.tracked.len()) };
+        let kind =
+            FilterKind { method, points, considered_from: states.saturating_sub(self.parameters().len()) };
         AnyFilter::of(kind, &known)
             .ok_or_else(|| EstimateError::TooManyStates { filter: self.name.clone(), states })
     }

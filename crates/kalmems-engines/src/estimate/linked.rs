@@ -53,6 +53,10 @@ impl<const N: usize> Filtering for Linked<N> {
         &self.mean
     }
 
+    fn covariance(&self, to: &mut [f64]) {
+        to.copy_from_slice(self.gaussian().covariance.lower_triangle().0.as_flattened());
+    }
+
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError> {
         let link = self.filter.step(transition)?;
         self.mean = self.filter.mean();

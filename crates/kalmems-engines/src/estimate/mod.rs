@@ -4,6 +4,7 @@
 
 mod answers;
 mod any_filter;
+mod bank;
 mod bridge;
 mod constant_gain;
 pub mod driven;
@@ -25,7 +26,8 @@ mod trajectory;
 mod transition;
 
 pub use answers::{Samples, answers, follow};
-pub use any_filter::{AnyFilter, FilterKind, Known, MOST_STATES, StateFilter};
+pub use any_filter::{AnyFilter, ConstantGainOf, FilterKind, Known, MOST_STATES, StateFilter, butterworth};
+pub use bank::{BankCourse, MOST_MODELS, Models};
 pub use bridge::{Bridge, MOST_STEPS};
 pub use constant_gain::ConstantGain;
 pub use engine::{Compute, Course, Derived, Filtering, StateName, by_signal};
@@ -42,4 +44,4 @@ pub use stretches::{LeftOut, StretchJudge, StretchSummary};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{Consistency, Counts, Failure, StateSeries, Trajectory, TrajectoryKind};
-pub use transition::{Reading, Sensor, Step, Transition, write_noise};
+pub use transition::{Reading, Sensor, Step, Transition};

@@ -175,6 +175,12 @@ impl Trajectory {
         self.states.iter().all(|state| !state.sd.is_empty())
     }
 
+    /// Says that it is the model alone, which claims nothing.
+    pub fn mark_model_alone(&mut self) {
+        self.kind = TrajectoryKind::ModelAlone;
+        self.claim_nothing();
+    }
+
     /// Takes its standard deviations away: zeros would look like a claim.
     pub fn claim_nothing(&mut self) {
         self.states.iter_mut().for_each(|state| state.sd.clear());

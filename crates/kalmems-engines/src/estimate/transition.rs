@@ -68,7 +68,7 @@ impl<P: Process<f64, N>, const N: usize> Transition for Step<'_, P, N> {
 }
 
 /// Writes a noise of the core as a [`Transition`] has it.
-pub fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f64], root: &mut [f64]) {
+fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f64], root: &mut [f64]) {
     covariance.copy_from_slice(noise.covariance().lower_triangle().0.as_flattened());
     root.copy_from_slice(noise.root().0.as_flattened());
 }
@@ -91,13 +91,11 @@ impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for Reading<'_, H, N> {
     }
 }
 
-/// The states as an array. Of another number there are none: the model and its filter come from one place.
+/// The states as an array; no numbers where there are as many others, which does not happen: a model and its filter come
+/// from one place.
+#[inline]
 fn sized<const N: usize>(x: &[f64]) -> [f64; N] {
-    let mut states = [f64::NAN; N];
-    for (state, x) in states.iter_mut().zip(x) {
-        *state = *x;
-    }
-    states
+    x.try_into().unwrap_or([f64::NAN; N])
 }
 
 /// A transition as the filters of the core take it.

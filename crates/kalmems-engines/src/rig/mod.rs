@@ -3,8 +3,10 @@
 //! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
+mod driven;
 mod workbench;
 
+pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use workbench::Workbench;
 
 use crate::config::kinds::Length;

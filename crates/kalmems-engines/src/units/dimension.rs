@@ -92,24 +92,72 @@ impl Dimension {
     }
 }
 
+/// Units with names of their own, in which forces, energies and what is electrical are shorter.
+const NAMED: [(&str, Dimension); 6] = [
+    ("N", Dimension::of([1, 1, -2, 0, 0, 0])),
+    ("V", Dimension::of([1, 2, -3, -1, 0, 0])),
+    ("F", Dimension::of([-1, -2, 4, 2, 0, 0])),
+    ("ohm", Dimension::of([1, 2, -3, -2, 0, 0])),
+    ("C", Dimension::of([0, 0, 1, 1, 0, 0])),
+    ("W", Dimension::of([1, 2, -3, 0, 0, 0])),
+];
+
+impl Dimension {
+    /// The shortest way to write it with one of the named units that leaves neither kg nor A: the unit, its exponent in
+    /// halves, and what is left.
+    fn named(self) -> Option<(&'static str, i16, Self)> {
+        let length = |of: Self| of.halves.iter().map(|e| e.unsigned_abs()).sum::<u16>();
+        let ways = NAMED
+            .iter()
+            .flat_map(|(symbol, unit)| [-4, -2, -1, 1, 2, 4].map(|halves| (*symbol, unit, halves)));
+        let left = ways.filter_map(|(symbol, unit, halves)| {
+            let rest = self.times(unit.to_half_power(-halves)?);
+            (rest.halves[0] == 0 && rest.halves[3] == 0).then_some((symbol, halves, rest))
+        });
+        let shortest = left.min_by_key(|(_, halves, rest)| halves.unsigned_abs() + length(*rest))?;
+        (shortest.1.unsigned_abs() + length(shortest.2) < length(self)).then_some(shortest)
+    }
+}
+
 impl fmt::Display for Dimension {
-    /// In base units, such as `kg m^2 s^-2`; `1` for a ratio.
+    /// In the units of the SI, such as `N m s` or `rad s^-1`; `1` for a ratio.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named = self.named();
+        let (unit, rest) =
+            named.map_or((None, *self), |(symbol, halves, rest)| (Some((symbol, halves)), rest));
+        let rest = SYMBOLS.into_iter().zip(rest.halves).filter(|(_, halves)| *halves != 0);
         let mut first = true;
-        for (halves, symbol) in self.halves.iter().zip(SYMBOLS) {
-            if *halves == 0 {
-                continue;
-            }
+        for (symbol, halves) in unit.into_iter().chain(rest) {
             if !first {
                 f.write_str(" ")?;
             }
             first = false;
-            match *halves {
+            match halves {
                 2 => f.write_str(symbol)?,
                 h if h % 2 == 0 => write!(f, "{symbol}^{}", h / 2)?,
                 h => write!(f, "{symbol}^({h}/2)")?,
             }
         }
         if first { f.write_str("1") } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::kind;
+
+    #[test]
+    fn a_dimension_is_written_as_one_would_write_its_unit() {
+        let of = |kind: &crate::units::Kind| kind.dimension.to_string();
+        assert_eq!(of(&kind::CAPACITANCE), "F");
+        assert_eq!(of(&kind::VOLTAGE_DRIFT), "V^2 s^-1");
+        assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F s^(1/2)");
+        assert_eq!(of(&kind::ANGULAR_RATE), "s^-1 rad");
+        assert_eq!(of(&kind::RATIO), "1");
+        assert_eq!(Dimension::of([1, 2, -2, 0, 0, 0]).to_string(), "N m");
+        assert_eq!(Dimension::of([1, 2, 0, 0, 0, 0]).to_string(), "kg m^2");
+        assert_eq!(Dimension::of([0, 1, -2, 0, 0, 0]).to_string(), "m s^-2");
+        assert_eq!(Dimension::of([-1, -3, 4, 2, 0, 0]).to_string(), "F m^-1");
     }
 }

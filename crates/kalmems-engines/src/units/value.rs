@@ -190,6 +190,6 @@ mod tests {
             assert!(error.contains(message), "{text}: {error}");
         }
         let error = Value::parse("3 V").unwrap().of_kind(&kind::STIFFNESS).unwrap_err().to_string();
-        insta::assert_snapshot!(error, @"`3 V` has the dimension kg m^2 s^-3 A^-1; expected a torsional stiffness (kg m^2 s^-2), such as `1.10e-4 N m`");
+        insta::assert_snapshot!(error, @"`3 V` has the dimension V; expected a torsional stiffness (N m), such as `1.10e-4 N m`");
     }
 }

@@ -1,9 +1,7 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::uncertainty;
-use crate::config::{
-    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
-};
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Quantity, Sign, Start};
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
 use std::collections::BTreeMap;
@@ -60,10 +58,6 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let unsuited = matches!(filter.method, Method::EulerEkf | Method::LockIn | Method::SquareRootUkf);
-        if unsuited {
-            return refuse("method", "there is no such estimator for an accelerometer; use `ekf`");
-        }
         let unused =
             [("process_noise", !filter.process_noise.is_empty()), ("demodulator", filter.demodulator)];
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {

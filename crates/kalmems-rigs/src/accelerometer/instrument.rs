@@ -5,6 +5,7 @@
 
 use super::data::Input;
 use super::settings::Hardware;
+use crate::estimate::butterworth;
 use crate::simulate::SimulateError;
 use kalmems_core::filter::{ContinuousObserver, ObserverError, Pole};
 use kalmems_core::riccati::{RiccatiError, continuous_riccati, kalman_bucy_gain};
@@ -14,7 +15,6 @@ use kalmems_core::{
 };
 use kalmems_models::dynamics::{Accelerometer, SensedAcceleration, UncertainMechanics};
 use kalmems_models::readout::DifferentialReadout;
-use std::f64::consts::PI;
 
 /// The readout in scaled states.
 pub type Readout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
@@ -164,13 +164,4 @@ pub fn settled_acceleration_sd(hardware: &Hardware, interval_s: f64) -> Result<f
     let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(interval_s))
         .map_err(|why| none(why.to_string()))?;
     Ok(instrument.scales.restore_covariance(settled.filtered_covariance()).standard_deviation(2))
-}
-
-/// The poles of a Butterworth low-pass of this order and corner in rad/s.
-fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>> {
-    let pairs = (0..order / 2).map(move |k| {
-        let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
-        Pole::Pair { real: -corner * angle.sin(), imaginary: corner * angle.cos() }
-    });
-    pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
 }

@@ -25,7 +25,7 @@ mod varied;
 
 use super::{Estimator, Rig};
 use crate::accelerometer::device::Accelerometer;
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Methods, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
@@ -54,6 +54,16 @@ static VALUES: [ValueState; 3] = [
     ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
 ];
 
+/// What an overdamped mass under an acceleration that no one knows does not allow.
+static NO_METHODS: [(Method, &str); 3] = [
+    (
+        Method::EulerEkf,
+        "the mass settles within a step of Euler's method, which then runs away; use `ekf` or `hybrid_ekf`",
+    ),
+    (Method::LockIn, "an acceleration has no cycle that could be looked for; use `ekf`"),
+    (Method::DirectInversion, "it is not built; use `ekf`"),
+];
+
 impl Rig for AccelerometerRig {
     fn name(&self) -> &'static str {
         "accelerometer"
@@ -69,7 +79,8 @@ impl Rig for AccelerometerRig {
 
     fn uses(&self, experiment: &Experiment) -> Uses {
         Uses {
-            methods: Methods::NearlyLinear,
+            no_methods: &NO_METHODS,
+            acceleration: true,
             feedback: simulation::feedback(experiment).is_some(),
             ..Uses::default()
         }

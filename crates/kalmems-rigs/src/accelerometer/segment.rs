@@ -10,7 +10,7 @@ use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
     AnyFilter, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Samples, StateFilter,
-    StateSeries, Trajectory, TrajectoryKind, follow,
+    StateSeries, Trajectory, follow,
 };
 use crate::progress::Progress;
 use crate::units::kind;
@@ -49,8 +49,7 @@ pub fn estimate(
             let (judge, axes) = (&mut past.answer(answer).judge, [("acceleration", motion(settings))]);
             trajectory.lock = judge.judge(trajectory, &axes, start_s, samples.ends);
             if !filter.basics.method.claims() {
-                trajectory.kind = TrajectoryKind::ModelAlone;
-                trajectory.claim_nothing();
+                trajectory.mark_model_alone();
             }
         }
         all.append(&mut trajectories);

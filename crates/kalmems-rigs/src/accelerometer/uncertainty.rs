@@ -24,11 +24,6 @@ pub fn spread(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<[f64
     if let Some(name) = filter.states.keys().find(|name| !NAMES.contains(&name.as_str())) {
         return Err(experiment.error(at.child(name), Fault::unknown_key(name, NAMES)));
     }
-    if filter.states.is_empty() {
-        let remedy =
-            "write which parameters may be off, such as `states = { mass = { start_sd = \"20 %\" } }`";
-        return Err(experiment.error(at, Fault::MissingKey { remedy: remedy.to_owned() }));
-    }
     let mut spread = [0.0; 3];
     for (slot, name) in spread.iter_mut().zip(NAMES) {
         let Some(TrackedState { start_sd, drift }) = filter.states.get(name) else { continue };

@@ -1,9 +1,10 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::hardware::Hardware;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Sign, Start, Values};
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Sign, Start, Values};
 use crate::estimate::{FilterBasics, process_noise};
 use crate::units::kind;
+use std::f64::consts::TAU;
 
 /// One filter.
 #[derive(Clone, Debug)]
@@ -18,6 +19,8 @@ pub struct FilterSettings {
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
+    /// The corner of a Luenberger observer's poles in rad/s.
+    pub observer_rate: f64,
 }
 
 /// The states, as tables of values name them.
@@ -37,15 +40,6 @@ impl FilterSettings {
         let at = Key::from("estimate").child("filter").index(index);
         let refuse =
             |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
-        let built = matches!(
-            filter.method,
-            Method::Model | Method::Ekf | Method::Ukf | Method::IteratedEkf | Method::SquareRootEkf
-        );
-        if !built {
-            let why = "this method is not built for a micro-stage; write `ekf`, `ukf`, `iterated_ekf`, \
-                       `square_root_ekf` or `model`";
-            return refuse("method", why.to_owned());
-        }
         if filter.demodulator {
             return refuse("demodulator", "a micro-stage has none; leave it out".to_owned());
         }
@@ -83,6 +77,7 @@ impl FilterSettings {
             0.0
         };
         let basics = FilterBasics::of(experiment, &at, filter, (&[], &[]))?;
-        Ok(Self { basics, electrodes, start, start_sd, density })
+        let observer_rate = filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si());
+        Ok(Self { basics, electrodes, start, start_sd, density, observer_rate })
     }
 }

@@ -18,7 +18,7 @@ mod settings;
 mod simulation;
 
 use super::{Estimator, Rig};
-use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Role, Uses};
+use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{Around, Axis, EstimateError, Motion, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{EdgeVelocity, Instruments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
@@ -51,6 +51,19 @@ static VALUES: [ValueState; 2] = [
     ValueState { name: "angle", kind: &kind::ANGLE, rate: Some("rate") },
 ];
 
+/// What currents of moving plates do not allow, and what nothing is built for.
+static NO_METHODS: [(Method, &str); 6] = [
+    (Method::DirectInversion, "one current is a product of angle and rate, and tells neither; use `ekf`"),
+    (Method::EulerEkf, "it is not built; its motion is linear, and `ekf` steps it exactly"),
+    (Method::LockIn, NOT_BUILT),
+    (Method::KalmanBucy, NOT_BUILT),
+    (Method::ConsiderEkf, "none of its parameters can be a state; use `ekf`"),
+    (Method::Bank, "none of its parameters can be a state; use `ekf`"),
+];
+
+/// What nothing is built for.
+const NOT_BUILT: &str = "it is not built; use `ekf`";
+
 impl Rig for MicroStageRig {
     fn name(&self) -> &'static str {
         "micro_stage"
@@ -65,7 +78,7 @@ impl Rig for MicroStageRig {
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
-        Uses { several_signals: true, ..Uses::default() }
+        Uses { several_signals: true, no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {

@@ -6,7 +6,8 @@ use super::identification::motion_by;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::{
-    self, EstimateError, FilterPast, Known, Motion, Past, StateName, Trajectory, TrajectoryKind, answers,
+    self, AnyFilter, ConstantGainOf, EstimateError, FilterPast, Known, Motion, Past, Reading, StateName,
+    Step, Trajectory, follow,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -58,8 +59,7 @@ pub fn estimate(
             let judge = &mut past.answer(answer).judge;
             trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.taken.ends);
             if filter.basics.method == Method::Model {
-                trajectory.kind = TrajectoryKind::ModelAlone;
-                trajectory.claim_nothing();
+                trajectory.mark_model_alone();
             } else {
                 correct(trajectory, settings.hardware.correction);
             }
@@ -90,10 +90,38 @@ fn one(
         let mean = filter.start.map_or_else(|| start_from(&channels, samples, filter), Ok)?;
         Ok(Known::apart(mean.into_iter().zip(filter.start_sd)))
     };
+    let gain = match filter.basics.method {
+        Method::SteadyState => Some(ConstantGainOf::Settled),
+        Method::Luenberger => {
+            let interval_s = samples.taken.interval_s;
+            Some(ConstantGainOf::Poles { corner: filter.observer_rate, interval_s })
+        }
+        _ => None,
+    };
+    if gain.is_some() && channels.len() > 1 {
+        return Err(no_gain(filter, "it is for one signal; name one in `channels`".to_owned()));
+    }
     let time = (samples.time_s, samples.taken.interval_s);
     let stage = settings.hardware.stage;
     let mut course = StageCourse::new(time, (samples.drive, samples.sines), &channels, stage, filter.density);
-    answers((&filter.basics, past), start, (&mut course, &samples.taken), &STATES, progress)
+    let begin = |left: Option<Known>| match gain {
+        None => filter.basics.begin(left, start),
+        Some(gain) => {
+            let known = left.map_or_else(start, Ok)?;
+            let process = stage.exact(samples.taken.interval_s, filter.density);
+            let (rest, channel) = (Step::new(&process, &[0.0]), &channels[0]);
+            let point = (&rest as _, &Reading::<_, 2>(&channel.current) as _, channel.noise_variance);
+            // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
+            let at_rest = Known::apart([(0.0, 0.0); 2]);
+            let filtering = AnyFilter::of_constant_gain(gain, (&at_rest, &known), point);
+            filtering.map_err(|why| no_gain(filter, why))
+        }
+    };
+    follow((&filter.basics, past), begin, (&mut course, &samples.taken), &STATES, progress)
+}
+
+fn no_gain(filter: &FilterSettings, why: String) -> EstimateError {
+    EstimateError::NoGain { filter: filter.basics.name.clone(), why }
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.

@@ -224,7 +224,11 @@ impl Task<'_> {
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut course = PhasorCourse::new(phasor, &self.part.data);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
-        answers(past, || start().map(Known::from), course, states, self.progress)
+        let mut all = answers(past, || start().map(Known::from), course, states, self.progress)?;
+        if self.filter.basics.method == Method::Model {
+            all.iter_mut().for_each(Trajectory::mark_model_alone);
+        }
+        Ok(all)
     }
 
     /// Where the first samples say that the motion starts.

@@ -139,20 +139,6 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let built = matches!(
-            filter.method,
-            Method::Ekf
-                | Method::Ukf
-                | Method::IteratedEkf
-                | Method::SquareRootEkf
-                | Method::SteadyState
-                | Method::DirectInversion
-        );
-        if !built {
-            let why = "this method is not built for a piston mirror; write `ekf`, `ukf`, `iterated_ekf`, \
-                       `square_root_ekf`, `steady_state` or `direct_inversion`";
-            return refuse("method", why);
-        }
         let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
         if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
             return refuse(name, "a piston mirror's filter has no such states; leave it out");
@@ -205,7 +191,9 @@ fn motion(
         };
         let start = given.map(|values| {
             let mean = experiment.values(start_key, values, five(true))?;
-            Ok::<_, ConfigError>((mean, experiment.values(sd_key, &filter.start_sd, five(false))?))
+            let claims = filter.method.claims();
+            let sd = || experiment.values(sd_key, &filter.start_sd, five(false));
+            Ok::<_, ConfigError>((mean, if claims { sd()? } else { [0.0; 5] }))
         });
         return Ok(Motion::Drifting { density, start: start.transpose()? });
     }
@@ -216,8 +204,8 @@ fn motion(
         let entries = [amplitude(positive), frequency(positive), phase(Sign::Any), offset(positive)];
         let [a, f, p, rest] = experiment.values(start_key, values, entries)?;
         let entries = [amplitude(positive), frequency(positive), phase(positive)];
-        let sd = experiment.values(sd_key, &filter.start_sd, entries)?;
-        Ok::<_, ConfigError>(([a, f, p], sd, rest))
+        let sd = || experiment.values(sd_key, &filter.start_sd, entries);
+        Ok::<_, ConfigError>(([a, f, p], if filter.method.claims() { sd()? } else { [0.0; 3] }, rest))
     });
     Ok(Motion::Steady { density, start: start.transpose()? })
 }

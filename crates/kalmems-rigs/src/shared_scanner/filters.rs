@@ -1,7 +1,7 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::settings::{Hardware, state_at, states};
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Sign, Start};
+use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Sign, Start};
 use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
 use crate::units::kind;
 
@@ -60,11 +60,6 @@ impl FilterSettings {
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
-        if filter.method == Method::DirectInversion {
-            let why = "the signal of a scanner is even in the angle and cannot be inverted; write `ekf`, `ukf`, \
-                       `lock_in` or `model`";
-            return Err(experiment.error(at.child("method"), Fault::Value { why: why.to_owned() }));
-        }
         let start = match &filter.start {
             Some(Start::Values(values)) => Some(state_at(experiment, at.clone().child("start"), values)?),
             Some(Start::FromSignal) | None => None,

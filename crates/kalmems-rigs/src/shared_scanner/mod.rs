@@ -22,7 +22,7 @@ mod simulation;
 pub mod two_axes;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Role};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{Around, Axis, Beside, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
@@ -46,6 +46,20 @@ pub struct SharedScannerRig;
 /// The channels that an estimate needs.
 const MEANINGS: [&str; 2] = ["drive", "signal"];
 
+/// What a signal that is even in the angle does not allow.
+static NO_METHODS: [(Method, &str); 4] = [
+    (
+        Method::DirectInversion,
+        "its signal is even in the angle and tells no sign; use `lock_in`, or a filter such as `ekf`",
+    ),
+    (Method::SteadyState, NO_GAIN),
+    (Method::KalmanBucy, NO_GAIN),
+    (Method::Luenberger, NO_GAIN),
+];
+
+/// Why there is no gain for all times.
+const NO_GAIN: &str = "at rest its signal, even in the angle, says nothing of the motion, and no gain is right for all of a swing; use `ekf`";
+
 impl Rig for SharedScannerRig {
     fn name(&self) -> &'static str {
         "shared_scanner"
@@ -57,6 +71,10 @@ impl Rig for SharedScannerRig {
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
         Ok(experiment.device::<SharedScanner>()?.second_axis.is_none())
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
@@ -162,7 +180,8 @@ impl Estimator for ScannerEstimator<'_> {
         let (beside, place) = (&self.beside, &segment.place);
         let trajectories = segment::estimate(settings, beside, data, past, place, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
-        let remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
+        let mut remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
+        remarks.extend(settings.poles_left_out().filter(|_| part.begins));
         Ok(SegmentEstimate {
             remarks,
             ..segment.estimated_under(drive_column, (axis, Vec::new()), trajectories)

@@ -2,10 +2,10 @@
 
 use super::filters::FilterSettings;
 use super::settings::Hardware;
-use crate::estimate::driven::{OfMotion, ParametricReadout, Plain, Plant, WithParameters, step};
-use crate::estimate::{Reading, Sensor, Step, Transition};
+use crate::estimate::Parameter;
+use crate::estimate::driven::{OfMotion, ParametricReadout, Plain, WithParameters, side_by_side};
+use kalmems_core::NoiseDensity;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Euler, Mat, Nodes, NoiseDensity, Over, Process, ProcessNoise};
 use kalmems_models::dynamics::{DriveGain, ParametricScanner};
 use kalmems_models::readout::{AngleBefore, DelayedComb, LowPassedComb};
 
@@ -60,6 +60,30 @@ pub fn affine_with(
     WithParameters::new(drive_gain(hardware, filter), readout, tracked, |parameter| parameter.in_motion)
 }
 
+/// Angle and rate for each of several models, read by the affine law.
+pub fn affine_models(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+) -> Vec<Plain<DriveGain<f64>, DelayedComb<f64>, 2>> {
+    let (dynamics, noise) = drive_gain(hardware, filter);
+    let plain = Plain { dynamics, readout: hardware.late_readout(), noise };
+    side_by_side(
+        &plain,
+        &filter.basics.tracked,
+        [|parameter| parameter.in_motion, |parameter| parameter.in_readout],
+    )
+}
+
+/// Angle, rate and the two stages for each of several models.
+pub fn staged_models(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+    poles: [f64; 2],
+) -> Vec<Plain<LowPassedComb<f64>, LowPassedComb<f64>, 4>> {
+    let whole = |parameter: &Parameter| parameter.in_whole;
+    side_by_side(&staged(hardware, filter, poles), &filter.basics.tracked, [whole, whole])
+}
+
 /// Angle, rate and the two stages with parameters.
 pub fn staged_with(
     hardware: &Hardware,
@@ -70,59 +94,4 @@ pub fn staged_with(
     let tracked = &filter.basics.tracked;
     let noise = of_acceleration(filter.acceleration_density);
     WithParameters::new((model, noise), OfMotion(model), tracked, |parameter| parameter.in_whole)
-}
-
-/// The scanner by Euler's method, with the noise of one sample as that of the exact step.
-pub struct ByEuler {
-    scanner: ParametricScanner<f64>,
-    readout: DelayedComb<f64>,
-    acceleration_density: f64,
-}
-
-impl ByEuler {
-    /// Angle and rate.
-    pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Self {
-        Self {
-            scanner: hardware.scanner,
-            readout: hardware.late_readout(),
-            acceleration_density: filter.acceleration_density,
-        }
-    }
-}
-
-impl Plant for ByEuler {
-    type Motion = FromStart;
-
-    fn over(&self, interval_s: f64) -> Result<FromStart, AugmentationError> {
-        let noise = of_acceleration(self.acceleration_density);
-        let noise = *step(self.scanner, interval_s, &noise).noise().covariance();
-        Ok(FromStart(Euler::new(self.scanner, interval_s, noise)))
-    }
-
-    fn under<'a>(&'a self, motion: &'a FromStart, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        Step::new(motion, drive)
-    }
-
-    fn sensor(&self) -> impl Sensor + '_ {
-        Reading::<_, 2>(&self.readout)
-    }
-}
-
-/// Euler's step: of the drive it sees the start of the interval alone.
-pub struct FromStart(Euler<ParametricScanner<f64>, f64, 2>);
-
-impl Process<f64, 2> for FromStart {
-    type Input = Nodes<f64>;
-
-    fn step<S: Over<f64>>(&self, x: &[S; 2], drive: &Nodes<f64>) -> [S; 2] {
-        self.0.step(x, &drive.start)
-    }
-
-    fn noise(&self) -> &ProcessNoise<f64, 2> {
-        self.0.noise()
-    }
-
-    fn linearize(&self, x: &[f64; 2], drive: &Nodes<f64>) -> ([f64; 2], Mat<f64, 2, 2>) {
-        self.0.linearize(x, &drive.start)
-    }
 }

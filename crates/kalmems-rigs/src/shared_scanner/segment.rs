@@ -2,13 +2,13 @@
 
 use super::filters::FilterSettings;
 use super::lock_in::LockIn;
-use super::plant::{ByEuler, affine, affine_with, staged, staged_with};
+use super::plant::{affine, affine_models, affine_with, staged, staged_models, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
-use crate::estimate::driven::{DrivenCourse, DrivenSegment, PHASE, Plant};
+use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant};
 use crate::estimate::{
-    AnyFilter, Beside, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Known, Past,
-    StateFilter, StateName, Trajectory, TrajectoryKind, follow,
+    AnyFilter, BankCourse, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
+    Known, Models, Past, StateFilter, StateName, Trajectory, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -109,7 +109,7 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     };
     let follower = task.follower();
     let mut trajectories = if basics.method == Method::EulerEkf {
-        follower.follow(&ByEuler::new(&settings.hardware, filter), &filter.states(), past, begin)?
+        follower.follow(&ByEuler(affine(&settings.hardware, filter)), &filter.states(), past, begin)?
     } else {
         follower.follow(&affine(&settings.hardware, filter), &filter.states(), past, begin)?
     };
@@ -174,7 +174,11 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
     match (poles, filter.basics.tracked.is_empty()) {
         _ if method == Method::LockIn => task.lock_in(past),
-        (None, _) if method == Method::EulerEkf => task.run(&ByEuler::new(hardware, filter), past),
+        (None, _) if method == Method::Bank => task.bank(&affine_models(hardware, filter), past),
+        (Some(poles), _) if method == Method::Bank => {
+            task.bank(&staged_models(hardware, filter, poles), past)
+        }
+        (None, _) if method == Method::EulerEkf => task.run(&ByEuler(affine(hardware, filter)), past),
         (None, true) => task.run(&affine(hardware, filter), past),
         (None, false) => task.run(&affine_with(hardware, filter).map_err(wrong)?, past),
         (Some(poles), true) => task.run(&staged(hardware, filter, poles), past),
@@ -207,12 +211,36 @@ impl Follower<'_> {
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut trajectories = self.follow(plant, states, past, |left| self.filter.begin(left, start))?;
         if self.filter.method == Method::Model {
-            for trajectory in &mut trajectories {
-                trajectory.kind = TrajectoryKind::ModelAlone;
-                trajectory.claim_nothing();
-            }
+            trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
+    }
+
+    /// Follows a filter for each of these models side by side, and what they say together.
+    pub fn bank<P: Plant>(
+        &self,
+        plants: &[P],
+        states: &[StateName],
+        past: &mut FilterPast,
+        start: impl FnOnce() -> Result<Known, EstimateError>,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
+            let course = DrivenCourse::new(plant, self.noise_variance, self.data);
+            Ok(Box::new(course.map_err(|why| self.filter.no_model(why))?))
+        };
+        let courses = plants.iter().map(course).collect::<Result<Vec<_>, _>>()?;
+        let known = past.left().cloned().map_or_else(start, Ok)?;
+        let member = |_| self.filter.begin(None, || Ok(known.clone()));
+        let models = match past.course.take::<Models>() {
+            Some(models) => *models,
+            None => Models::new(plants.iter().map(member).collect::<Result<_, _>>()?),
+        };
+        let mut bank = BankCourse::new(courses, models);
+        let way = (&mut bank as _, &self.data.samples);
+        let begin = |left| self.filter.begin(left, || Ok(known.clone()));
+        let told = follow((self.filter, past), begin, way, states, self.progress);
+        past.course.put(Box::new(bank.into_models()));
+        told
     }
 
     /// Follows the filter that `begin` makes.
@@ -225,6 +253,10 @@ impl Follower<'_> {
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let Said { rate, phase, from_s, .. } = self.said;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
+        let course = match self.filter.method {
+            Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
+            _ => course,
+        };
         let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
         let mut course = course.foretelling(self.foreteller(past)?, from_s);
         let told =
@@ -254,6 +286,10 @@ impl Task<'_> {
         Follower { filter, data: self.data, noise_variance, said: self.said, progress: self.progress }
     }
 
+    fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        self.follower().bank(plants, &self.filter.states(), past, || self.start())
+    }
+
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         self.follower().run(plant, &self.filter.states(), past, || self.start())
     }
@@ -269,7 +305,7 @@ impl Task<'_> {
         let volts =
             hardware.readout.gain * hardware.readout.comb.capacitance(motion[0]) + hardware.readout.offset;
         let stages = filter.demodulator_sd.map(|sd| [(volts, sd); 2]);
-        let parameters = filter.basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
+        let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
         let motion = motion.into_iter().zip(filter.start_sd);
         Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }

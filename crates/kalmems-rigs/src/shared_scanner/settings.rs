@@ -113,6 +113,19 @@ impl Settings {
             filters: filters.collect::<Result<_, _>>()?,
         })
     }
+
+    /// Which filters do without the poles that the readout has, where some do.
+    pub fn poles_left_out(&self) -> Option<String> {
+        self.hardware.poles?;
+        let without = self.filters.iter().filter(|filter| filter.demodulator_sd.is_none());
+        let names: Vec<String> = without.map(|filter| format!("`{}`", filter.basics.name)).collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "the readout's `poles` are no part of the model of {}; with `demodulator = true` a filter has them",
+                names.join(", ")
+            )
+        })
+    }
 }
 
 /// The table that an estimate needs.

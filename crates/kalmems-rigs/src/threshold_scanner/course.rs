@@ -3,8 +3,8 @@
 use super::crossings::{Crossing, Instant};
 use super::filters::{FilterSettings, ThresholdSettings};
 use super::plant::MirrorPlant;
-use crate::config::{Applied, Timing, Variant};
-use crate::estimate::driven::{DrivenCourse, DrivenSegment, Plant};
+use crate::config::{Applied, Method, Timing, Variant};
+use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
 use crate::estimate::{Counts, Course, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
@@ -65,6 +65,10 @@ impl<'a> ThresholdCourse<'a> {
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
         let motion = DrivenCourse::new(plant, noise_variance, data)?;
+        let motion = match filter.basics.method {
+            Method::HybridEkf => motion.in_steps(HYBRID_STEPS)?,
+            _ => motion,
+        };
         Ok(Self {
             motion,
             plant,

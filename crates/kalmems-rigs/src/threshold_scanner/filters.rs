@@ -81,9 +81,6 @@ impl FilterSettings {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
         let is_model = filter.method == Method::Model;
-        if !is_model && filter.method != Method::Ekf {
-            return refuse("method", "this device has the methods `ekf` and `model`; write one of them");
-        }
         if filter.demodulator {
             return refuse("demodulator", "this device has no demodulator; leave it out");
         }

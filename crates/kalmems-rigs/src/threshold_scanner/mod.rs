@@ -21,7 +21,7 @@ mod simulation;
 mod verdict;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, DeviceKind, Experiment, Key, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::Instruments;
@@ -52,6 +52,23 @@ const MEANINGS: [&str; 2] = ["drive", "signal"];
 /// A channel that a recording may hold beside them: what a position detector shows.
 const POSITION: &str = "position";
 
+/// What a signal that tells of moments, when the comb is passed, does not allow.
+static NO_METHODS: [(Method, &str); 7] = [
+    (
+        Method::DirectInversion,
+        "away from the threshold its signal hangs on the angle too little to be inverted; use `ekf`",
+    ),
+    (Method::SteadyState, NO_GAIN),
+    (Method::KalmanBucy, NO_GAIN),
+    (Method::Luenberger, NO_GAIN),
+    (Method::EulerEkf, "it is not built; use `ekf`"),
+    (Method::LockIn, "it is not built; use `ekf`"),
+    (Method::Bank, "it is not built; use `consider_ekf`, or `ekf` with the parameter in `states`"),
+];
+
+/// Why there is no gain for all times.
+const NO_GAIN: &str = "its signal speaks while the comb is passed and is silent between, and no gain is right for both; use `ekf`";
+
 impl Rig for ThresholdScannerRig {
     fn name(&self) -> &'static str {
         "threshold_scanner"
@@ -66,7 +83,7 @@ impl Rig for ThresholdScannerRig {
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
-        Uses { crossings: true, ..Uses::default() }
+        Uses { crossings: true, no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {

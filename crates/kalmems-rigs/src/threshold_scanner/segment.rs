@@ -7,7 +7,7 @@ use super::plant::MirrorPlant;
 use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{EstimateError, FilterPast, Motion, Past, Trajectory, TrajectoryKind, answers};
+use crate::estimate::{EstimateError, FilterPast, Motion, Past, Trajectory, answers};
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 
@@ -76,10 +76,7 @@ impl Task<'_> {
         let start = || Ok(filter.start());
         let mut trajectories = answers((&filter.basics, past), start, way, &states, self.progress)?;
         if filter.basics.method == Method::Model {
-            for trajectory in &mut trajectories {
-                trajectory.kind = TrajectoryKind::ModelAlone;
-                trajectory.claim_nothing();
-            }
+            trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
     }

@@ -522,7 +522,6 @@ fn files_that_are_wrong_say_where() {
             "estimate.filter[0].start: angle and rate of y are exactly 0",
         ),
         ("angular_acceleration_y = \"1e4 rad^2/s^3\"", "", "estimate.process_noise.angular_acceleration_y"),
-        ("method = \"ekf\"", "method = \"euler_ekf\"", "estimate.filter[0].method"),
         (
             "\"from_signal\"\n\n",
             "\"from_signal\"\nstates = { stiffness = { start_sd = \"1 %\" } }\n\n",

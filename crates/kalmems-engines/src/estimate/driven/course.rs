@@ -7,7 +7,7 @@ use crate::estimate::{
 use crate::signal::Sine;
 use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, FilterError, Innovation, Mat};
+use kalmems_core::{Covariance, FilterError, Innovation, Mat, Nodes};
 use kalmems_models::control::MotionPhase;
 
 /// Model, drive and signal of one segment.
@@ -16,6 +16,8 @@ pub struct DrivenCourse<'a, P: Plant> {
     data: &'a DrivenSegment<'a>,
     noise_variance: f64,
     usual: P::Motion,
+    /// So many steps from sample to sample, and each of them, where it is not one.
+    parts: Option<(usize, P::Motion)>,
     /// The rate in rad/s by which amplitude and phase are said behind the states.
     phase_rate: Option<f64>,
     /// What foretells zero phases, and from when on in s.
@@ -34,7 +36,14 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         let usual = plant.over(data.interval_s)?;
-        Ok(Self { plant, data, noise_variance, usual, phase_rate: None, foreteller: None })
+        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, foreteller: None })
+    }
+
+    /// Likewise, by so many steps from sample to sample, each linearised where the one before has led: the prediction of a
+    /// hybrid filter, whose mean and covariance follow their differential equations.
+    pub fn in_steps(self, steps: usize) -> Result<Self, AugmentationError> {
+        let each = self.plant.over(self.data.interval_s / steps as f64)?;
+        Ok(Self { parts: Some((steps, each)), ..self })
     }
 
     /// Likewise, where amplitude and phase are said behind the states, an angle and its rate first, by this rate of the motion
@@ -79,6 +88,10 @@ impl<P: Plant> Onwards for Coming<'_, P> {
     }
 }
 
+/// Steps from sample to sample in which a hybrid filter follows its differential equations: by the method of fourth order in
+/// motions that are sampled some dozen times in a cycle, right to rounding.
+pub const HYBRID_STEPS: usize = 8;
+
 impl<P: Plant> Course for DrivenCourse<'_, P> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
@@ -120,7 +133,13 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         let (from_s, to_s) = (self.data.time_s[to - 1], self.data.time_s[to]);
         let interval = to_s - from_s;
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
-            return filter.predict(&self.plant.under(&self.usual, &self.data.drive.nodes(to)));
+            let drive = self.data.drive.nodes(to);
+            return match &self.parts {
+                None => filter.predict(&self.plant.under(&self.usual, &drive)),
+                Some((steps, each)) => (0..*steps).try_for_each(|step| {
+                    filter.predict(&self.plant.under(each, &part(&drive, step, *steps)))
+                }),
+            };
         }
         // A gap: steps of about the usual length, driven by the sine that the drive follows. Where it follows
         // none, the recording was refused before it came here.
@@ -149,6 +168,16 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         by_signal(filter, self.data.signal[k], (&self.plant.sensor(), self.noise_variance))
     }
+}
+
+/// The drive over one of so many parts of an interval, by the parabola through its nodes.
+fn part(drive: &Nodes<f64>, step: usize, steps: usize) -> Nodes<f64> {
+    let at = |halves: usize| {
+        let s = halves as f64 / (2 * steps) as f64;
+        let Nodes { start, middle, end } = drive;
+        start * (2.0 * s - 1.0) * (s - 1.0) + 4.0 * middle * s * (1.0 - s) + end * s * (2.0 * s - 1.0)
+    };
+    Nodes { start: at(2 * step), middle: at(2 * step + 1), end: at(2 * step + 2) }
 }
 
 /// The name of the motion's phase among the quantities that follow from the states.

@@ -2,12 +2,14 @@
 
 mod course;
 mod drive;
+mod models;
 mod parameters;
 mod plant;
 mod segment;
 
-pub use course::{DrivenCourse, PHASE};
+pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
 pub use drive::{BLOCK, Drive, DrivePast};
+pub use models::{Enters, side_by_side};
 pub use parameters::{OfMotion, ParametricReadout};
-pub use plant::{Plain, Plant, WithParameters, step};
+pub use plant::{ByEuler, Plain, Plant, WithParameters, step};
 pub use segment::DrivenSegment;

@@ -41,7 +41,7 @@ impl Places {
 
     /// The value of a parameter with these deviations, which of them moves it, and how far one of that does; a scale of 0
     /// where none does.
-    #[inline(always)]
+    #[inline]
     pub(super) fn varied(&self, parameter: usize, nominal: f64, deviations: &[f64]) -> (usize, f64, f64) {
         for (i, (index, added)) in self.states.iter().enumerate() {
             if *index == Some(parameter) {

@@ -3,7 +3,7 @@
 use super::parameters::{MOST_PARAMETERS, Places};
 use crate::estimate::{Parameter, Reading, Sensor, Step, Tracked, Transition};
 use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
-use kalmems_core::{Dual, Dynamics, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
+use kalmems_core::{Dual, Dynamics, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
 
 /// A device as a filter sees it.
 pub trait Plant {
@@ -57,6 +57,32 @@ pub fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
     noise: &NoiseDensity<f64, M>,
 ) -> Rk4<D, f64, M> {
     Rk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
+}
+
+/// A model by Euler's method, with the noise of one sample as that of the exact step: what some published filters run on.
+pub struct ByEuler<D, H, const M: usize>(pub Plain<D, H, M>);
+
+impl<D, H, const M: usize> Plant for ByEuler<D, H, M>
+where
+    D: Dynamics<f64, M, Input = f64> + Copy,
+    H: Measurement<f64, M, 1>,
+{
+    type Motion = Euler<D, f64, M>;
+
+    fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
+        let Self(plain) = self;
+        let noise = *plain.over(interval_s)?.noise().covariance();
+        Ok(Euler::new(plain.dynamics, interval_s, noise))
+    }
+
+    /// Of the drive it sees the start of the interval alone.
+    fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        Step::new(motion, &drive.start)
+    }
+
+    fn sensor(&self) -> impl Sensor + '_ {
+        Reading::<H, M>(&self.0.readout)
+    }
 }
 
 /// A model of `M` states with parameters as states behind them, and a readout that may depend on all of these.

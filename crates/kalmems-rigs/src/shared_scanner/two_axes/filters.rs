@@ -1,7 +1,7 @@
 //! The filters that an experiment file asks for, and where each starts.
 
 use super::hardware::Hardware;
-use crate::config::{self, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Sign};
+use crate::config::{self, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Sign};
 use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
 use crate::units::kind;
 use kalmems_core::Covariance;
@@ -80,10 +80,6 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let for_one_axis = [Method::EulerEkf, Method::DirectInversion, Method::LockIn, Method::SquareRootUkf];
-        if for_one_axis.contains(&filter.method) {
-            return refuse("method", "this method is for one axis; with two write `ekf`, `ukf` or `model`");
-        }
         if filter.demodulator {
             return refuse(
                 "demodulator",

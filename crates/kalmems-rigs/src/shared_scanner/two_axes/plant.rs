@@ -2,7 +2,7 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use crate::estimate::driven::{ParametricReadout, Plain, WithParameters};
+use crate::estimate::driven::{ParametricReadout, Plain, WithParameters, side_by_side};
 use kalmems_core::NoiseDensity;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_models::dynamics::{TwoAxisDriveGain, TwoAxisScanner};
@@ -13,6 +13,20 @@ pub fn both(hardware: &Hardware, filter: &FilterSettings) -> Plain<TwoAxisScanne
     let [of_x, of_y] = filter.acceleration_density;
     let noise = NoiseDensity::none().on::<1>(of_x).on::<3>(of_y);
     Plain { dynamics: hardware.scanner, readout: hardware.readout, noise }
+}
+
+/// Both axes for each of several models, read by the affine law.
+pub fn both_models(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+) -> Vec<Plain<TwoAxisDriveGain<f64>, TwoAxisComb<f64>, 4>> {
+    let Plain { dynamics: scanner, readout, noise } = both(hardware, filter);
+    let plain = Plain { dynamics: TwoAxisDriveGain { scanner, drive_gain: 1.0 }, readout, noise };
+    side_by_side(
+        &plain,
+        &filter.basics.tracked,
+        [|parameter| parameter.in_motion, |parameter| parameter.in_readout],
+    )
 }
 
 /// Both axes with parameters, read by the affine law.

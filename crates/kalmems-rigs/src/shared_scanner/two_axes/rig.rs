@@ -4,7 +4,7 @@ use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
 use super::settings::Settings;
 use super::simulation::simulation;
-use crate::config::{ConfigError, DeviceKind, Experiment};
+use crate::config::{ConfigError, DeviceKind, Experiment, Method, Uses};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
@@ -12,7 +12,7 @@ use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::shared_scanner::device::SharedScanner;
-use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
+use crate::shared_scanner::{NO_GAIN, STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crate::{Estimator, Rig};
@@ -22,6 +22,19 @@ pub struct TwoAxesRig;
 
 /// The names of each axis's angle and rate.
 const ANGLES: [[&str; 2]; 2] = [["angle_x", "rate_x"], ["angle_y", "rate_y"]];
+
+/// What a signal that is even in both angles, and in which they are mixed, does not allow.
+static NO_METHODS: [(Method, &str); 6] = [
+    (Method::DirectInversion, "its one signal is even in each of two angles; use `ekf` or `ukf`"),
+    (Method::LockIn, "the lines of both axes and of their products share the signal; use `ekf` or `ukf`"),
+    (
+        Method::EulerEkf,
+        "Euler's method adds energy to motions that lose it as slowly as these; use `ekf` or `hybrid_ekf`",
+    ),
+    (Method::SteadyState, NO_GAIN),
+    (Method::KalmanBucy, NO_GAIN),
+    (Method::Luenberger, NO_GAIN),
+];
 
 impl Rig for TwoAxesRig {
     fn name(&self) -> &'static str {
@@ -34,6 +47,10 @@ impl Rig for TwoAxesRig {
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
         Ok(experiment.device::<SharedScanner>()?.second_axis.is_some())
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -1,10 +1,11 @@
 //! The estimates of one segment.
 
 use super::filters::{FilterSettings, STATES, Start};
-use super::plant::{both, both_with};
+use super::plant::{both, both_models, both_with};
 use super::settings::Settings;
 use super::start::{BatchStart, StartError};
 use super::tones::DriveTones;
+use crate::config::Method;
 use crate::estimate::driven::{DrivenSegment, Plant};
 use crate::estimate::{EstimateError, FilterPast, Known, Past, Trajectory};
 use crate::progress::Progress;
@@ -83,6 +84,10 @@ impl Task<'_> {
     /// Chooses the model: once per segment, so that the loops inside know their types.
     fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (hardware, filter) = (&self.settings.hardware, self.filter);
+        if filter.basics.method == Method::Bank {
+            let states = filter.basics.states(&STATES);
+            return self.follower().bank(&both_models(hardware, filter), &states, past, || self.start());
+        }
         if filter.basics.tracked.is_empty() {
             return self.run(&both(hardware, filter), past);
         }
@@ -91,11 +96,13 @@ impl Task<'_> {
     }
 
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        self.follower().run(plant, &self.filter.basics.states(&STATES), past, || self.start())
+    }
+
+    fn follower(&self) -> Follower<'_> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
-        let (data, progress, said) = (self.data, self.progress, Said::default());
-        let follower = Follower { filter, data, noise_variance, said, progress };
-        follower.run(plant, &filter.states(&STATES), past, || self.start())
+        Follower { filter, data: self.data, noise_variance, said: Said::default(), progress: self.progress }
     }
 
     /// What is known at the first sample.
@@ -111,7 +118,7 @@ impl Task<'_> {
                 (found.mean, found.covariance)
             }
         };
-        Ok(Known::from(motion).with(self.filter.basics.tracked.iter().map(|tracked| (0.0, tracked.sd))))
+        Ok(Known::from(motion).with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
     fn batch_start(&self) -> Result<BatchStart, StartError> {

@@ -1,0 +1,31 @@
+//! What filters of linearised models have in common.
+
+/// The part of a [`Filter`](super::Filter) that holds a `state: Gaussian` and predicts by its model linearised at the mean;
+/// how it corrects is its own. A macro, because a trait for all of them would leave no room for other filters.
+macro_rules! linearized_filter {
+    () => {
+        /// The mean of the state.
+        #[inline(always)]
+        fn mean(&self) -> &[T; N] {
+            &self.state.mean
+        }
+
+        /// The covariance of the state.
+        #[inline(always)]
+        fn covariance(&self) -> Covariance<T, N> {
+            self.state.covariance
+        }
+
+        /// Moves the state by one step: f(x, u), F·P·Fᵀ + Q.
+        #[inline(always)]
+        fn predict_linked<P: NumericProcess<T, N>>(
+            &mut self,
+            process: &P,
+            u: &P::Input,
+        ) -> Result<Link<T, N>, FilterError> {
+            self.state.propagate(process, u)
+        }
+    };
+}
+
+pub(super) use linearized_filter;

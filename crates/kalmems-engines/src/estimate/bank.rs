@@ -1,0 +1,176 @@
+//! Several models of one device side by side.
+
+use super::any_filter::AnyFilter;
+use super::engine::Filtering;
+use super::transition::{Sensor, Transition};
+use super::{Counts, Course};
+use kalmems_core::{FilterError, Innovation};
+
+/// The most models side by side: three values of each of three parameters.
+pub const MOST_MODELS: usize = 27;
+
+/// The filters of all models on their way, and how likely each is; kept from one part of a segment to the next.
+pub struct Models {
+    filters: Vec<Box<dyn Filtering + Send>>,
+    log_weights: Vec<f64>,
+}
+
+impl Models {
+    /// All equally likely at first.
+    pub fn new(filters: Vec<AnyFilter>) -> Self {
+        let log_weights = vec![-(filters.len() as f64).ln(); filters.len()];
+        Self { filters: filters.into_iter().map(AnyFilter::on_its_way).collect(), log_weights }
+    }
+
+    /// The mixture of what all of them know, over the given storage: Σ w·x, and Σ w·(P + (x − x̄)(x − x̄)ᵀ).
+    fn mix(&self, mean: &mut [f64], covariance: &mut [f64], of_one: &mut [f64]) {
+        let n = mean.len();
+        mean.fill(0.0);
+        covariance.fill(0.0);
+        let members = || self.filters.iter().zip(&self.log_weights).map(|(filter, l)| (filter, l.exp()));
+        for (filter, weight) in members() {
+            mean.iter_mut().zip(filter.mean()).for_each(|(mean, x)| *mean += weight * x);
+        }
+        for (filter, weight) in members() {
+            filter.covariance(of_one);
+            let apart = |i: usize| filter.mean()[i] - mean[i];
+            for (i, j) in (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+                covariance[i * n + j] += weight * (of_one[i * n + j] + apart(i) * apart(j));
+            }
+        }
+    }
+
+    /// Weighs them by the likelihood of a sample.
+    fn weigh(&mut self, innovations: &[Innovation<f64, 1>]) {
+        let likelihoods = innovations.iter().map(Innovation::log_likelihood);
+        self.log_weights.iter_mut().zip(likelihoods).for_each(|(weight, more)| *weight += more);
+        let largest = self.log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let total = largest + self.log_weights.iter().map(|l| (l - largest).exp()).sum::<f64>().ln();
+        self.log_weights.iter_mut().for_each(|l| *l -= total);
+    }
+}
+
+/// A bank on its way through a segment: a course for each model. The filter that is led through it takes over what the bank
+/// says; it is one that holds a covariance, not a root.
+pub struct BankCourse<'a> {
+    courses: Vec<Box<dyn Course + 'a>>,
+    models: Models,
+    mean: Vec<f64>,
+    covariance: Vec<f64>,
+    /// Room for the covariance of one model.
+    of_one: Vec<f64>,
+    innovations: Vec<Innovation<f64, 1>>,
+}
+
+impl<'a> BankCourse<'a> {
+    /// Along the course of each model, from where the models were left.
+    pub fn new(courses: Vec<Box<dyn Course + 'a>>, models: Models) -> Self {
+        let states = models.filters.first().map_or(0, |filter| filter.mean().len());
+        let square = vec![0.0; states * states];
+        let (covariance, of_one) = (square.clone(), square);
+        Self { courses, models, mean: vec![0.0; states], covariance, of_one, innovations: Vec::new() }
+    }
+
+    /// Where the models are now.
+    pub fn into_models(self) -> Models {
+        self.models
+    }
+
+    /// Puts the led filter where the bank is.
+    fn lead(&mut self, filter: &mut dyn Filtering) -> Result<(), FilterError> {
+        self.models.mix(&mut self.mean, &mut self.covariance, &mut self.of_one);
+        filter.predict(&Mixture { mean: &self.mean, covariance: &self.covariance })
+    }
+}
+
+impl Course for BankCourse<'_> {
+    fn time_s(&self) -> &[f64] {
+        self.courses.first().map_or(&[], |course| course.time_s())
+    }
+
+    fn signal(&self) -> &[f64] {
+        self.courses.first().map_or(&[], |course| course.signal())
+    }
+
+    /// What each model counts is the same.
+    fn advance(
+        &mut self,
+        filter: &mut dyn Filtering,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        let before = *counts;
+        for (course, member) in self.courses.iter_mut().zip(&mut self.models.filters) {
+            *counts = before;
+            course.advance(&mut **member, to, counts)?;
+        }
+        self.lead(filter)
+    }
+
+    /// The innovation is that of the mixture.
+    fn correct(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        counts: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let before = *counts;
+        self.innovations.clear();
+        for (course, member) in self.courses.iter_mut().zip(&mut self.models.filters) {
+            *counts = before;
+            let Some(innovation) = course.correct(&mut **member, k, counts)? else { return Ok(None) };
+            self.innovations.push(innovation);
+        }
+        let weights = || self.models.log_weights.iter().map(|l| l.exp());
+        let found = || self.innovations.iter().zip(weights());
+        let residual: f64 = found().map(|(one, w)| w * one.residual[0]).sum();
+        let spread =
+            |one: &Innovation<f64, 1>| one.covariance.get(0, 0) + (one.residual[0] - residual).powi(2);
+        let variance: f64 = found().map(|(one, w)| w * spread(one)).sum();
+        // As a filter says it that knows its state exactly and takes all of that for noise.
+        let mut innovation = filter.update_within(&Expected, residual, variance, NEVER)?;
+        innovation.taken = true;
+        self.models.weigh(&self.innovations);
+        self.lead(filter)?;
+        Ok(Some(innovation))
+    }
+}
+
+/// A normalised innovation squared that no innovation is below.
+const NEVER: f64 = -1.0;
+
+/// Expects nothing, whatever the state is.
+struct Expected;
+
+impl Sensor for Expected {
+    fn read(&self, _: &[f64]) -> f64 {
+        0.0
+    }
+
+    fn linearize(&self, _: &[f64], slopes: &mut [f64]) -> f64 {
+        slopes.fill(0.0);
+        0.0
+    }
+}
+
+/// A step to what the bank knows, whatever was before; without a root, which the led filter does not ask for.
+struct Mixture<'a> {
+    mean: &'a [f64],
+    covariance: &'a [f64],
+}
+
+impl Transition for Mixture<'_> {
+    fn advance(&self, _: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(self.mean);
+    }
+
+    fn linearize(&self, _: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        to.copy_from_slice(self.mean);
+        jacobian.fill(0.0);
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        covariance.copy_from_slice(self.covariance);
+        root.fill(0.0);
+    }
+}

@@ -1,0 +1,434 @@
+//! The rig of any device that a recorded voltage drives and one recorded signal shows, made from its models.
+
+use super::{Estimator, Rig};
+use crate::config::{
+    ConfigError, DeviceDescription, DeviceKind, Entry, Estimate, Experiment, Fault, Key, Method, Role, Sign,
+    Simulate, Start, Uses, Values,
+};
+use crate::estimate::driven::{
+    BLOCK, ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, ParametricReadout, Plain, Plant,
+    WithParameters,
+};
+use crate::estimate::{
+    Around, Axis, EstimateError, FilterBasics, FilterPast, Known, Motion, Parameter, Part, Past,
+    SegmentEstimate, SignalSegment, StateName, Trajectory, answers, process_noise,
+};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::outlook::{Outlook, Topic};
+use crate::progress::Progress;
+use crate::recording::{Layout, Source};
+use crate::simulate::{
+    Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, WhiteNoise, drive_of,
+};
+use crate::units::kind;
+use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
+use kalmems_core::{Mat, Measurement, NoiseDensity, Parameters};
+use std::ops::ControlFlow;
+
+/// A device of `M` states that a recorded voltage drives and one recorded voltage shows.
+///
+/// It says how the device moves, how it is read and what its numbers are. All else is that of any such device, and
+/// [`DrivenRig`] has it: the filters with parameters as states, smoothers, gaps, parts of long recordings, simulation.
+pub trait DrivenDevice<const M: usize>: Send + Sync + 'static {
+    /// Its table in an experiment file.
+    type Table: DeviceDescription;
+    /// How it moves.
+    type Motion: ParametricDynamics<f64, M, Input = f64> + Copy;
+    /// How it is read.
+    type Readout: ParametricMeasurement<f64, M, 1> + Copy;
+
+    /// Its states; the first is what it is for.
+    const STATES: [StateName; M];
+    /// What a reference may know of them.
+    const VALUES: &'static [ValueState];
+    /// The columns of a simulated reference, one for each state.
+    const TRUTH: &'static [Channel];
+    /// The state whose rate has white noise, and what the density of that is.
+    const NOISE: (usize, Entry);
+    /// Its parameters that can be states.
+    const PARAMETERS: &'static [Parameter] = &[];
+
+    /// Its numbers in SI.
+    fn model(&self, table: &Self::Table) -> DrivenModel<Self::Motion, Self::Readout>;
+}
+
+/// The numbers of a device.
+#[derive(Clone, Copy, Debug)]
+pub struct DrivenModel<D, H> {
+    /// How it moves.
+    pub motion: D,
+    /// How it is read.
+    pub readout: H,
+    /// The variance of one sample's noise in V².
+    pub noise_variance: f64,
+    /// The frequency of its free motion in Hz.
+    pub natural_hz: f64,
+}
+
+/// The rig of such a device.
+pub struct DrivenRig<D, const M: usize>(pub D);
+
+/// The channels of a recording.
+const CHANNELS: [&str; 2] = ["drive", "signal"];
+/// Those of a simulated one.
+const RECORDED: [Channel; 2] = [
+    Channel { meaning: CHANNELS[0], column: "drive_V" },
+    Channel { meaning: CHANNELS[1], column: "signal_V" },
+];
+/// Rows before the new ones that the drive is interpolated through.
+const INTERPOLATED: usize = 4;
+/// Cycles of the free motion that show how the device is driven, at least.
+const STARTING_CYCLES: f64 = 40.0;
+
+/// What nothing is built for.
+static NO_METHODS: [(Method, &str); 6] = [
+    (Method::LockIn, NOT_BUILT),
+    (Method::DirectInversion, NOT_BUILT),
+    (Method::SteadyState, NOT_BUILT),
+    (Method::KalmanBucy, NOT_BUILT),
+    (Method::Luenberger, NOT_BUILT),
+    (Method::Bank, NOT_BUILT),
+];
+const NOT_BUILT: &str = "it is not built; use `ekf`";
+
+type ModelOf<D, const M: usize> =
+    DrivenModel<<D as DrivenDevice<M>>::Motion, <D as DrivenDevice<M>>::Readout>;
+
+impl<D: DrivenDevice<M>, const M: usize> DrivenRig<D, M> {
+    fn model(&self, experiment: &Experiment) -> Result<ModelOf<D, M>, ConfigError> {
+        Ok(self.0.model(&*experiment.device::<D::Table>()?))
+    }
+}
+
+impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
+    fn name(&self) -> &'static str {
+        D::Table::NAME
+    }
+
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<D::Table>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<D::Table>().map(|_| true)
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(self, experiment)?;
+        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
+        for index in &wanted {
+            columns(experiment, *index)?;
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        let cycle_s = self.model(experiment)?.natural_hz.recip();
+        experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[]
+    }
+
+    fn values(&self) -> &'static [ValueState] {
+        D::VALUES
+    }
+
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let (settings, columns) = (Settings::<D, M>::of(self, experiment)?, columns(experiment, index)?);
+        Ok(Box::new(DrivenEstimator { settings, columns, past: Past::default(), progress }))
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        let hz = self.model(experiment)?.natural_hz;
+        let text = format!("A small motion is free at {hz:.6} Hz.");
+        Ok(Outlook {
+            experiment: experiment.name.to_string(),
+            device: self.name(),
+            topics: vec![Topic::new("Device").with("natural_frequency_hz", [hz], text)],
+            response: None,
+            start: None,
+            frequencies: Vec::new(),
+            information: Vec::new(),
+        })
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        let Some(simulate) = &experiment.simulate else {
+            let remedy =
+                "add the table `[simulate]` with a drive, such as `[simulate.drive.sine]`".to_owned();
+            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+        };
+        let (drive, source) = drive_of(experiment, simulate)?;
+        Ok(Box::new(DrivenSimulation::<D, M> {
+            model: self.model(experiment)?,
+            drive,
+            sources: source.into_iter().collect(),
+            start: experiment.values("simulate.start", &simulate.start, entries::<D, M>(Sign::Any))?,
+            simulate: simulate.clone(),
+        }))
+    }
+
+    /// It has no angle; see [`Rig::values`].
+    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+        vec![None; estimate.trajectories.len()]
+    }
+}
+
+fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
+    let key = Key::from("recording").index(index).child("channels");
+    experiment.columns(key, &experiment.recording(index)?.channels, CHANNELS)
+}
+
+/// The states, as tables of values name them.
+fn entries<D: DrivenDevice<M>, const M: usize>(sign: Sign) -> [Entry; M] {
+    D::STATES.map(|(name, _, kind)| Entry { name, kind, sign })
+}
+
+/// What the file says, in SI.
+struct Settings<D: DrivenDevice<M>, const M: usize> {
+    model: ModelOf<D, M>,
+    skip_s: f64,
+    filters: Vec<FilterSettings<M>>,
+}
+
+struct FilterSettings<const M: usize> {
+    basics: FilterBasics,
+    start: [f64; M],
+    start_sd: [f64; M],
+    /// The density of the noise.
+    density: f64,
+}
+
+impl<D: DrivenDevice<M>, const M: usize> Settings<D, M> {
+    fn of(rig: &DrivenRig<D, M>, experiment: &Experiment) -> Result<Self, ConfigError> {
+        let Some(estimate) = &experiment.estimate else {
+            let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
+            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+        };
+        let model = rig.model(experiment)?;
+        let of = |index| FilterSettings::of::<D>(experiment, estimate, &model, index);
+        let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
+        Ok(Self { skip_s: estimate.skip.si(), filters, model })
+    }
+}
+
+impl<const M: usize> FilterSettings<M> {
+    fn of<D: DrivenDevice<M>>(
+        experiment: &Experiment,
+        estimate: &Estimate,
+        model: &ModelOf<D, M>,
+        index: usize,
+    ) -> Result<Self, ConfigError> {
+        let filter = &estimate.filters[index];
+        let at = Key::from("estimate").child("filter").index(index);
+        let refuse =
+            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        if filter.demodulator {
+            return refuse("demodulator", "this device has none; leave it out".to_owned());
+        }
+        let Some(Start::Values(start)) = &filter.start else {
+            let states: Vec<String> =
+                D::STATES.iter().map(|(name, unit, _)| format!("{name} = \"0 {unit}\"")).collect();
+            return refuse("start", format!("expected values, such as `{{ {} }}`", states.join(", ")));
+        };
+        let values = |name: &str, values: &Values, sign| {
+            experiment.values(at.clone().child(name), values, entries::<D, M>(sign))
+        };
+        let claims = filter.method.claims();
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let scales: Vec<f64> = D::PARAMETERS.iter().map(|parameter| scale(parameter, model)).collect();
+        let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };
+        Ok(Self {
+            start: values("start", start, Sign::Any)?,
+            start_sd: if claims {
+                values("start_sd", &filter.start_sd, Sign::NotNegative)?
+            } else {
+                [0.0; M]
+            },
+            density,
+            basics: FilterBasics::of(experiment, &at, filter, (D::PARAMETERS, &scales))?,
+        })
+    }
+}
+
+/// What a deviation of 1 adds to a parameter: of a factor, what the device table says; else one of its unit.
+fn scale<D: Parameters<f64>, H: Parameters<f64>>(parameter: &Parameter, model: &DrivenModel<D, H>) -> f64 {
+    if parameter.unit != "1" {
+        return 1.0;
+    }
+    let in_motion = parameter.in_motion.and_then(D::index_of).and_then(|index| model.motion.value(index));
+    let in_readout = parameter.in_readout.and_then(H::index_of).and_then(|index| model.readout.value(index));
+    in_motion.or(in_readout).unwrap_or(1.0)
+}
+
+/// Estimates recordings, part by part.
+struct DrivenEstimator<'a, D: DrivenDevice<M>, const M: usize> {
+    settings: Settings<D, M>,
+    columns: [&'a str; 2],
+    past: Past,
+    progress: &'a dyn Progress,
+}
+
+impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M> {
+    fn around(&self, interval_s: f64) -> Around {
+        let first_s = STARTING_CYCLES / self.settings.model.natural_hz;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let rows = (first_s / interval_s).ceil() as usize;
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before: INTERPOLATED, after: 1, smooths }
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
+        let past = &mut self.past;
+        let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        let data = DrivenSegment::of(&segment, drive_column, past)?;
+        let drive = data.drive.first_sine().copied();
+        let motion = match &drive {
+            Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
+            None => Motion { frequency_hz: settings.model.natural_hz, is_driven: false },
+        };
+        let axes = [(D::STATES[0].0, motion)];
+        let start_s = data.scored_from(settings.skip_s);
+        let mut all = Vec::new();
+        for (index, filter) in settings.filters.iter().enumerate() {
+            let past = past.filter(index);
+            let mut found = filter.follow::<D>(&settings.model, &data, past, self.progress)?;
+            for (answer, trajectory) in found.iter_mut().enumerate() {
+                let judge = &mut past.answer(answer).judge;
+                trajectory.lock = judge.judge(trajectory, &axes, start_s, data.samples.ends);
+            }
+            all.append(&mut found);
+        }
+        let axis = Axis { angle: D::STATES[0].0, motion, drive };
+        Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
+    }
+}
+
+impl<const M: usize> FilterSettings<M> {
+    /// One filter over the new samples.
+    fn follow<D: DrivenDevice<M>>(
+        &self,
+        model: &ModelOf<D, M>,
+        data: &DrivenSegment,
+        past: &mut FilterPast,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let mut lower = Mat::<f64, M, M>::zero();
+        lower.0[D::NOISE.0][D::NOISE.0] = self.density;
+        let noise = NoiseDensity::from_lower(lower);
+        let (tracked, variance) = (&self.basics.tracked, model.noise_variance);
+        if tracked.is_empty() {
+            let plant = Plain { dynamics: model.motion, readout: model.readout, noise };
+            return match self.basics.method {
+                Method::EulerEkf => self.through::<D, _>(&ByEuler(plant), variance, data, past, progress),
+                _ => self.through::<D, _>(&plant, variance, data, past, progress),
+            };
+        }
+        let wrong = |why| self.basics.no_model(why);
+        let readout = ParametricReadout::new(model.readout, tracked, |parameter| parameter.in_readout);
+        let readout = readout.map_err(wrong)?;
+        let plant =
+            WithParameters::new((model.motion, noise), readout, tracked, |parameter| parameter.in_motion);
+        self.through::<D, _>(&plant.map_err(wrong)?, variance, data, past, progress)
+    }
+
+    fn through<D: DrivenDevice<M>, P: Plant>(
+        &self,
+        plant: &P,
+        variance: f64,
+        data: &DrivenSegment,
+        past: &mut FilterPast,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let course = DrivenCourse::new(plant, variance, data);
+        let course = match self.basics.method {
+            Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
+            _ => course,
+        };
+        let mut course = course.map_err(|why| self.basics.no_model(why))?;
+        let motion = self.start.into_iter().zip(self.start_sd);
+        let parameters = self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
+        let start = || Ok(Known::apart(motion.chain(parameters)));
+        let states = self.basics.states(&D::STATES);
+        let mut all = answers((&self.basics, past), start, (&mut course, &data.samples), &states, progress)?;
+        if self.basics.method == Method::Model {
+            all.iter_mut().for_each(Trajectory::mark_model_alone);
+        }
+        Ok(all)
+    }
+}
+
+/// A recording that is computed.
+struct DrivenSimulation<D: DrivenDevice<M>, const M: usize> {
+    model: ModelOf<D, M>,
+    drive: Drive,
+    sources: Vec<Source>,
+    start: [f64; M],
+    simulate: Simulate,
+}
+
+impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
+    fn recorded(&self) -> &'static [Channel] {
+        &RECORDED
+    }
+
+    fn truth(&self) -> &'static [Channel] {
+        D::TRUTH
+    }
+
+    fn samples(&self) -> u64 {
+        self.simulate.samples()
+    }
+
+    fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
+    fn outlook(&self) -> Option<String> {
+        None
+    }
+
+    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+        let Simulate { noise, seed, .. } = self.simulate;
+        let deviation = if noise { self.model.noise_variance.sqrt() } else { 0.0 };
+        let (rate_hz, steps) = (self.simulate.integration_rate.si(), self.simulate.steps_per_sample());
+        let mut simulator = Simulator::new(self.model.motion, self.drive.clone(), rate_hz, self.start);
+        let mut noise = WhiteNoise::new(seed, 0);
+        let converter = self.simulate.adc.as_ref().map(Converter::of);
+        let interval_s = self.simulate.sampling_rate.si().recip();
+        for k in 0..self.samples() {
+            let time_s = k as f64 * interval_s;
+            let state = *simulator.state();
+            if !state.iter().all(|x| x.is_finite()) {
+                return Err(SimulateError::NotFinite { time_s });
+            }
+            let [clean] = self.model.readout.predict(&state);
+            let analogue = clean + deviation * noise.sample();
+            let signal = converter.map_or(analogue, |converter| converter.round(analogue));
+            let recorded = [self.drive.at(time_s), signal];
+            if each(&Sample { time_s, recorded: &recorded, truth: &state }).is_break() {
+                return Err(SimulateError::Interrupted);
+            }
+            for _ in 0..steps {
+                simulator.step();
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,311 @@
+//! Every method of estimation with every published device: accepted and right, or refused for a reason of physics.
+//!
+//! Right is what stays close to the extended Kalman filter of the same device, whose own tests compare it with the truth.
+
+use kalmems_engines::config::Experiment;
+use kalmems_engines::estimate::SegmentEstimate;
+use kalmems_engines::progress::Silent;
+use kalmems_engines::recording::Recording;
+use kalmems_rigs::published;
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// All words of a filter's `method`.
+const METHODS: [&str; 15] = [
+    "model",
+    "ekf",
+    "ukf",
+    "square_root_ekf",
+    "square_root_ukf",
+    "iterated_ekf",
+    "euler_ekf",
+    "hybrid_ekf",
+    "consider_ekf",
+    "bank",
+    "steady_state",
+    "kalman_bucy",
+    "luenberger",
+    "lock_in",
+    "direct_inversion",
+];
+
+/// A device, an example of it, and what its filters are started with.
+struct Device {
+    name: &'static str,
+    file: &'static str,
+    /// The state that the device is for.
+    state: &'static str,
+    start: &'static str,
+    start_sd: &'static str,
+    /// Parameters as states, for methods that ask for them.
+    states: &'static str,
+    /// By how much of its root mean square a method may be off the extended filter.
+    close: f64,
+    /// Accepted methods.
+    accepted: &'static [&'static str],
+}
+
+const DEVICES: [Device; 6] = [
+    Device {
+        name: "shared scanner",
+        file: "shared_scanner/true_stiffness.toml",
+        state: "angle",
+        start: r#"{ angle = "0.05 rad", rate = "0 rad/s" }"#,
+        start_sd: r#"{ angle = "0.15 rad", rate = "15e3 rad/s" }"#,
+        states: r#"{ stiffness = { start_sd = "0.1 %" } }"#,
+        close: 0.03,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "euler_ekf",
+            "hybrid_ekf",
+            "consider_ekf",
+            "bank",
+            "lock_in",
+        ],
+    },
+    Device {
+        name: "two axes",
+        file: "shared_scanner/two_axes.toml",
+        state: "angle_x",
+        start: r#""from_signal""#,
+        start_sd: "",
+        states: r#"{ stiffness_x = { start_sd = "0.1 %" } }"#,
+        close: 0.03,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "hybrid_ekf",
+            "consider_ekf",
+            "bank",
+        ],
+    },
+    Device {
+        name: "threshold scanner",
+        file: "threshold_scanner/experiment.toml",
+        state: "angle",
+        start: r#"{ angle = "-0.102 rad", rate = "413 rad/s" }"#,
+        start_sd: r#"{ angle = "5 mrad", rate = "20 rad/s" }"#,
+        states: r#"{ natural_frequency = { start_sd = "0.1 %" } }"#,
+        close: 0.05,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "hybrid_ekf",
+            "consider_ekf",
+        ],
+    },
+    Device {
+        name: "accelerometer",
+        file: "accelerometer/experiment.toml",
+        state: "acceleration",
+        start: r#"{ displacement = "0 m", velocity = "0 m/s", acceleration = "0 m/s^2", jerk = "0 m/s^3" }"#,
+        start_sd: r#"{ displacement = "10 nm", velocity = "10 um/s", acceleration = "1 gn", jerk = "314 gn/s" }"#,
+        states: r#"{ mass = { start_sd = "1 %" } }"#,
+        close: 0.25,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "hybrid_ekf",
+            "consider_ekf",
+            "bank",
+            "steady_state",
+            "kalman_bucy",
+            "luenberger",
+        ],
+    },
+    Device {
+        name: "micro-stage",
+        file: "micro_stage/experiment.toml",
+        state: "angle",
+        start: r#""from_signal""#,
+        start_sd: r#"{ angle = "50 urad", rate = "1 rad/s" }"#,
+        states: r#"{ natural_frequency = { start_sd = "0.1 %" } }"#,
+        close: 0.03,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "hybrid_ekf",
+            "steady_state",
+            "luenberger",
+        ],
+    },
+    Device {
+        name: "piston mirror",
+        file: "piston_mirror/experiment.toml",
+        state: "position",
+        start: r#""from_signal""#,
+        start_sd: "",
+        states: r#"{ gain = { start_sd = "0.1 %" } }"#,
+        close: 0.03,
+        accepted: &[
+            "model",
+            "ekf",
+            "ukf",
+            "square_root_ekf",
+            "square_root_ukf",
+            "iterated_ekf",
+            "euler_ekf",
+            "hybrid_ekf",
+            "steady_state",
+            "direct_inversion",
+        ],
+    },
+];
+
+fn example(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(file)
+}
+
+/// The text of the example with one filter of this method, or why the rig refuses it.
+fn with_method(device: &Device, text: &str, method: &str) -> String {
+    let mut file: Table = text.parse().unwrap();
+    let mut filter = format!("name = \"{method}\"\nmethod = \"{method}\"\n");
+    let claims = !["model", "lock_in", "direct_inversion"].contains(&method);
+    if !["lock_in", "direct_inversion"].contains(&method) {
+        writeln!(filter, "start = {}", device.start).unwrap();
+    }
+    if claims && !device.start_sd.is_empty() {
+        writeln!(filter, "start_sd = {}", device.start_sd).unwrap();
+    }
+    if ["consider_ekf", "bank"].contains(&method) {
+        writeln!(filter, "states = {}", device.states).unwrap();
+    }
+    if method == "luenberger" {
+        filter.push_str("observer_bandwidth = \"600 Hz\"\n");
+    }
+    // One gain for all times is for one signal.
+    if device.name == "micro-stage" && ["luenberger", "steady_state"].contains(&method) {
+        filter.push_str("channels = [\"1A\"]\n");
+    }
+    let estimate = file["estimate"].as_table_mut().unwrap();
+    estimate.insert("filter".into(), Value::Array(vec![Value::Table(filter.parse().unwrap())]));
+    toml::to_string(&file).unwrap()
+}
+
+/// The example's text with a recording that it simulates, where it has none.
+fn with_recording(device: &Device, folder: &Path) -> (String, PathBuf) {
+    let path = example(device.file);
+    let text = std::fs::read_to_string(&path).unwrap();
+    if text.contains("[[recording]]") {
+        return (text, path);
+    }
+    let experiment = published().parse(&text, &path).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+    let mut csv = String::from("time_s");
+    let mut channels = String::new();
+    for channel in simulation.recorded() {
+        write!(csv, ",{}", channel.column).unwrap();
+        write!(channels, "{} = \"{}\", ", channel.meaning, channel.column).unwrap();
+    }
+    csv.push('\n');
+    simulation
+        .run(&mut |sample| {
+            write!(csv, "{:.9}", sample.time_s).unwrap();
+            sample.recorded.iter().for_each(|value| write!(csv, ",{value:e}").unwrap());
+            csv.push('\n');
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    std::fs::write(folder.join("recording.csv"), csv).unwrap();
+    let recording = format!(
+        "\n[[recording]]\nrole = \"test\"\nfile = \"recording.csv\"\nclock = {{ column = \"time_s\" }}\nchannels = {{ {} }}\n",
+        channels.trim_end_matches(", ")
+    );
+    (text + &recording, folder.join("experiment.toml"))
+}
+
+fn estimate(experiment: &Experiment) -> Result<SegmentEstimate, String> {
+    let rig = published().rig(experiment).map_err(|why| why.to_string())?;
+    let wanted = rig.wanted(experiment).map_err(|why| why.to_string())?;
+    let index = wanted[0];
+    let file = experiment.resolve(&experiment.recording(index).unwrap().file);
+    let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
+    let mut found = rig.estimate(experiment, index, &recording, &Silent).map_err(|why| why.to_string())?;
+    Ok(found.remove(0))
+}
+
+/// The state that the device is for, where the filter has settled.
+fn settled(device: &Device, estimate: &SegmentEstimate) -> Vec<f64> {
+    let trajectory = &estimate.trajectories[0];
+    assert!(trajectory.failure.is_none(), "{}: {:?}", device.name, trajectory.failure);
+    let from = trajectory.time_s.partition_point(|t| *t < estimate.from_s());
+    trajectory.state(device.state).unwrap().mean[from..].to_vec()
+}
+
+#[test]
+fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut accepted = 0;
+    let (mut table, mut problems) = (String::new(), Vec::new());
+    for device in &DEVICES {
+        let (text, path) = with_recording(device, folder.path());
+        let of = |method: &str| {
+            let text = with_method(device, &text, method);
+            published().parse(&text, &path).map_err(|why| why.to_string()).and_then(|e| estimate(&e))
+        };
+        let ekf = settled(device, &of("ekf").unwrap());
+        let size = (ekf.iter().map(|x| x * x).sum::<f64>() / ekf.len() as f64).sqrt();
+        for method in METHODS {
+            match (of(method), device.accepted.contains(&method)) {
+                (Ok(found), true) => {
+                    accepted += 1;
+                    let found = settled(device, &found);
+                    let apart: Vec<f64> = ekf
+                        .iter()
+                        .zip(&found)
+                        .map(|(a, b)| (a - b).powi(2))
+                        .filter(|x| x.is_finite())
+                        .collect();
+                    assert!(apart.len() > ekf.len() / 2, "{} {method}", device.name);
+                    let off = (apart.iter().sum::<f64>() / apart.len() as f64).sqrt() / size;
+                    writeln!(table, "{:18} {method:16} {off:.2e}", device.name).unwrap();
+                    let close = match method {
+                        // Knows nothing of where the motion is.
+                        "model" => f64::INFINITY,
+                        // Adds energy at every step.
+                        "euler_ekf" => 0.2,
+                        _ => device.close,
+                    };
+                    if off >= close {
+                        problems.push(format!("{} {method}: off by {off:.2e}", device.name));
+                    }
+                }
+                (Err(why), false) => {
+                    writeln!(table, "{:18} {method:16} {}", device.name, why.lines().last().unwrap())
+                        .unwrap();
+                    if !why.contains("estimate.filter[0]") {
+                        problems.push(format!("{} {method}: {why}", device.name));
+                    }
+                }
+                (Ok(_), false) => problems.push(format!("{} takes {method}", device.name)),
+                (Err(why), true) => problems.push(format!("{} refuses {method}: {why}", device.name)),
+            }
+        }
+    }
+    println!("{table}{accepted} of {}", DEVICES.len() * METHODS.len());
+    assert!(problems.is_empty(), "{problems:#?}");
+    assert_eq!(accepted, DEVICES.iter().map(|device| device.accepted.len()).sum::<usize>());
+}
