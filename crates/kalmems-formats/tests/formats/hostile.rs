@@ -197,6 +197,9 @@ fn arrays_that_claim_too_much_are_refused() {
     refused(&npy(&header("200,"), 800), &hints, "800 bytes behind the header; expected 1600");
     refused(&npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", 8), &hints, "Python objects");
     refused(&npy(&"[".repeat(60_000), 8), &hints, "fewer brackets");
+    // A parser that tries each bracket in two ways takes 2ⁿ steps.
+    refused(&npy(&format!("{}{}", "[".repeat(15), "]".repeat(15)), 8), &hints, "a header without keys");
+    refused(&npy(&format!("{}{}", "[".repeat(30_000), "]".repeat(30_000)), 8), &hints, "fewer brackets");
     let wide =
         format!("{{'descr': [('a', '<f8', ({0}, {0}))], 'fortran_order': False, 'shape': (1,), }}", 1 << 30);
     refused(&npy(&wide, 8), &hints, "a field `a` of more than");
@@ -376,6 +379,11 @@ fn sound_that_contradicts_itself_is_refused() {
     refused(&altered(34, &[12, 0]), &hints, "code 1 with 12 bits");
     refused(&altered(20, &[2, 0]), &hints, "code 2 with 16 bits");
     refused(&altered(36, b"junk"), &hints, "no data chunk");
+    refused(&altered(32, &[5, 0]), &hints, "2 channels of 16 bits at 48000 Hz in 5 bytes a sample");
+    // Fewer bits than the bytes hold, which stand in their upper part: 20 of 24.
+    let mut extensible = std::fs::read(fixture("i24.wav")).unwrap();
+    extensible[38] = 20;
+    refused(&extensible, &hints, "a kind of sample of its own, 20 of 24 bits,");
 }
 
 #[test]

@@ -139,6 +139,35 @@ fn npy_is_the_text() {
     compare("aligned.npy", &Hints::default(), &["count_1", "cap_V"]);
 }
 
+/// An array of version 1 with a header, and its elements.
+fn npy_array(descr: &[u8], shape: &str, elements: &[u8]) -> Vec<u8> {
+    let rest = format!(", 'fortran_order': False, 'shape': {shape}, }}\n");
+    let header = [b"{'descr': ", descr, rest.as_bytes()].concat();
+    let length = u16::try_from(header.len()).unwrap().to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], &header, elements].concat()
+}
+
+/// A title beside the name of a field, the long integers of Python 2, a name in Latin-1, and numbers of 12 bytes, which are left
+/// out.
+#[test]
+fn headers_of_older_and_other_writers_are_read() {
+    let numbers = [0.25_f64, -1.5];
+    let plain = numbers.map(f64::to_le_bytes).concat();
+    let beside: Vec<u8> = numbers.iter().flat_map(|x| [&[0; 12][..], &x.to_le_bytes()].concat()).collect();
+    for (descr, shape, elements, name) in [
+        (&b"[(('capacitance', 'cap_V'), '<f8')]"[..], "(2,)", &plain, "cap_V"),
+        (b"[('cap_V', '<f8')]", "(2L,)", &plain, "cap_V"),
+        (b"[('cap_\xb5V', '<f8')]", "(2,)", &plain, "cap_\u{b5}V"),
+        (b"[('wide', '<f12'), ('cap_V', '<f8')]", "(2,)", &beside, "cap_V"),
+    ] {
+        let bytes = Cursor::new(npy_array(descr, shape, elements));
+        let mut table = open_reader(bytes, "", &Hints::default()).unwrap();
+        let wanted = [Wanted::Number { column: column(&*table, name), power: 0 }];
+        let found = content(&mut *table, &wanted, 50).unwrap().numbers;
+        assert_eq!(found, [numbers], "{}", descr.escape_ascii());
+    }
+}
+
 #[test]
 fn npz_is_the_text() {
     for name in ["stored.npz", "deflated.npz"] {

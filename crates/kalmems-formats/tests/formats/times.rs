@@ -1,7 +1,7 @@
 //! Times since 1970 from every format that keeps them: `tools/times.py` wrote the fixtures, and the standard library reads
 //! the times from the start on that they stand for.
 
-use super::{column, content, fixture};
+use super::{column, content, fixture, npy_array};
 use kalmems_formats::{Block, Hints, Instant, Table, TimeKind, TimeUnit, Wanted, open, open_reader};
 use std::io::Cursor;
 
@@ -54,6 +54,18 @@ fn dates_of_binary_formats_count_from_the_first_and_lose_nothing() {
     let mut table = open(&fixture("times.npy"), &Hints::default()).unwrap();
     let (found, _) = times(&mut *table, "time", TimeUnit::SECOND, None);
     assert!(found[7].is_nan() && found.iter().filter(|time| time.is_nan()).count() == 1);
+}
+
+/// NumPy counts in multiples of a unit where it is told so.
+#[test]
+fn dates_in_multiples_of_a_unit_are_read() {
+    let ticks: Vec<u8> = (0..100_i64).flat_map(|row| (70_553_376_000_000 + row).to_le_bytes()).collect();
+    let bytes = Cursor::new(npy_array(b"[('time', '<M8[25us]')]", "(100,)", &ticks));
+    let mut table = open_reader(bytes, "", &Hints::default()).unwrap();
+    let (found, origin) = times(&mut *table, "time", TimeUnit::SECOND, None);
+    assert_eq!(origin.to_string(), "1763834400");
+    let expected: Vec<f64> = (0..100).map(|row| microsecond(25 * row)).collect();
+    assert_eq!(found, expected);
 }
 
 #[test]
