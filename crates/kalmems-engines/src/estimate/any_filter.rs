@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 ///
 /// A filter of the core dissolves into the loop that it is used in. That is what makes it fast, and what takes long to
 /// compile where every filter meets every model in every loop. Behind this it is compiled once for each number of states;
-/// a step costs a few calls by a table, in all a fiftieth of it.
+/// a step costs about ten calls by a table.
 pub trait StateFilter<const N: usize>: Send {
     /// What it knows of the state.
     fn known(&self) -> Gaussian<f64, N>;
@@ -210,7 +210,7 @@ pub fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>>
     pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
 }
 
-/// Does something with the number of states of a filter known to the compiler: from a motion and its rate on.
+/// What is written out for each number of states: the filters of the core know theirs when they are compiled.
 macro_rules! for_each_size {
     ($($variant:ident $states:literal)*) => {
         /// The most states that a filter can have.

@@ -58,7 +58,7 @@ static VALUES: [ValueState; 3] = [
 static NO_METHODS: [(Method, &str); 3] = [
     (
         Method::EulerEkf,
-        "the mass settles within a step of Euler's method, which then runs away; use `ekf` or `hybrid_ekf`",
+        "its velocity settles within less than a sample, where Euler's method rings or runs away; use `ekf` or `hybrid_ekf`",
     ),
     (Method::LockIn, "an acceleration has no cycle that could be looked for; use `ekf`"),
     (Method::DirectInversion, "it is not built; use `ekf`"),

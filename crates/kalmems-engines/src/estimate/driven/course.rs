@@ -88,8 +88,8 @@ impl<P: Plant> Onwards for Coming<'_, P> {
     }
 }
 
-/// Steps from sample to sample in which a hybrid filter follows its differential equations: by the method of fourth order in
-/// motions that are sampled some dozen times in a cycle, right to rounding.
+/// Steps from sample to sample in which a hybrid filter follows its differential equations: what the method of fourth order
+/// leaves out is 8⁴ times smaller than in one step.
 pub const HYBRID_STEPS: usize = 8;
 
 impl<P: Plant> Course for DrivenCourse<'_, P> {

@@ -1,11 +1,12 @@
 //! Parameters of a device that are states of a filter, as its models meet them.
 
-use crate::estimate::{Parameter, Sensor, Tracked};
+use crate::estimate::{MOST_STATES, Parameter, Sensor, Tracked};
 use kalmems_core::augmentation::{AddedState, AugmentationError, ParametricMeasurement};
 use kalmems_core::{Dual, Measurement, Parameters};
 
-/// The most parameters that a filter can have as states.
-pub const MOST_PARAMETERS: usize = 8;
+/// The most parameters that a filter can have as states: of a motion with more there is no filter, which is refused before
+/// any step.
+pub const MOST_PARAMETERS: usize = MOST_STATES;
 
 /// Which parameter of one model each state behind those of the motion enters.
 pub(super) struct Places {
