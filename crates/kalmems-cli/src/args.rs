@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// What stands below the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an \
-    estimate; 2 usage; 3 under --strict, a filter failed its consistency test; 4 the connection that samples came over \
+    estimate; 2 usage; 3 under --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over \
     broke; 130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
@@ -113,7 +113,7 @@ pub struct EstimateArguments {
     /// Print the figures as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-    /// End with exit code 3 if a filter failed its consistency test.
+    /// End with exit code 3 if the answer of a filter is doubtful or worse.
     #[arg(long)]
     pub strict: bool,
     /// Do not write the trajectories, which take several times the room of a long recording.

@@ -36,6 +36,8 @@ pub enum Severity {
     Note,
     /// The result is in doubt. Warnings are repeated at the top of the page.
     Warning,
+    /// The result is wrong, or there is none. Repeated likewise.
+    Failure,
 }
 
 /// A piece of a section. All text is plain text.
@@ -187,11 +189,12 @@ impl Numbers {
             Severity::Ok => ("ok", "OK"),
             Severity::Note => ("note", "Note"),
             Severity::Warning => ("warning", "Warning"),
+            Severity::Failure => ("failure", "Failure"),
         };
         let mut anchor = None;
-        if severity == "warning" {
+        if matches!(severity, "warning" | "failure") {
             let name = format!("warning-{}", self.warnings.len() + 1);
-            self.warnings.push(context! { anchor => name.as_str(), text });
+            self.warnings.push(context! { anchor => name.as_str(), text, severity });
             anchor = Some(name);
         }
         context! { kind => "notice", severity, word, text, anchor }

@@ -7,7 +7,8 @@ pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in
 use crate::config::{self, ConfigError, Experiment, Fault, Key};
 use crate::estimate::{EstimateError, SegmentEstimate, StretchSummary};
 use crate::evaluate::{
-    ErrorsByState, MotionErrors, ReferenceError, ReferenceRecording, ValueState, evaluate_values,
+    ErrorsByState, Judgement, MotionErrors, ReferenceError, ReferenceRecording, SegmentJudge, ValueState,
+    evaluate_values,
 };
 use crate::progress::Progress;
 use crate::recording::{ReadError, Recording};
@@ -54,6 +55,8 @@ pub struct SegmentOutcome {
     pub errors: Vec<Option<MotionErrors>>,
     /// How far each is from what the reference knows beside angles.
     pub values: Vec<ErrorsByState>,
+    /// What each says for and against itself in the whole segment; none before its last part.
+    pub judgements: Vec<Judgement>,
 }
 
 /// What can stop the job.
@@ -121,7 +124,7 @@ pub fn estimate(
             &rig.reference(experiment)?,
             &mut |d, n| reading.hear("reading the reference", d, n),
         )?;
-        recordings.push(evaluate(rig, described, recording, estimates, reference)?);
+        recordings.push(evaluate(rig, described, recording, estimates, reference, None)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
@@ -152,17 +155,19 @@ pub fn estimate_unwritten(
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;
-    let outcome = evaluate(rig, described, recording, estimates, reference)?;
+    let outcome = evaluate(rig, described, recording, estimates, reference, None)?;
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
 }
 
-/// Compares what the filters say with the reference.
+/// Compares what the filters say with the reference, and judges their innovations: together with those of the parts before
+/// where a judge is given, with whether the segment ends here.
 fn evaluate(
     rig: &dyn Rig,
     described: &config::Recording,
     recording: Recording,
     (estimates, stretches): (Vec<SegmentEstimate>, StretchSummary),
     reference: Option<ReferenceRecording>,
+    mut judge: Option<(&mut SegmentJudge, bool)>,
 ) -> Result<RecordingOutcome, ReadError> {
     let mut segments = Vec::new();
     for estimate in estimates {
@@ -177,7 +182,14 @@ fn evaluate(
         };
         let from_s = estimate.from_s();
         let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
-        segments.push(SegmentOutcome { estimate, errors, values });
+        let mut of_its_own = SegmentJudge::default();
+        let (judge, ends) = match &mut judge {
+            Some((judge, ends)) => (&mut **judge, *ends),
+            None => (&mut of_its_own, true),
+        };
+        judge.take(&estimate);
+        let judgements = if ends { judge.judgements(&estimate) } else { Vec::new() };
+        segments.push(SegmentOutcome { estimate, errors, values, judgements });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     let (input, values) = (rig.input(), rig.values());

@@ -3,7 +3,7 @@
 
 mod scanner;
 
-use kalmems::evaluate::{MotionErrors, Reference};
+use kalmems::evaluate::{Accuracy, MotionErrors, Reference};
 use kalmems::rigs::published;
 use scanner::{Simulated, TRUTH, WIDE, errors, estimate, filter, quartiles};
 use std::ops::ControlFlow;
@@ -45,7 +45,8 @@ fn simulated(toml: &str, motion_hz: f64) -> Simulated {
             ControlFlow::Continue(())
         })
         .unwrap();
-    let reference = Reference { states: ["angle", "rate"], time_s, angle, rate: Some(rate) };
+    let accuracy = Accuracy::default();
+    let reference = Reference { states: ["angle", "rate"], time_s, angle, rate: Some(rate), accuracy };
     Simulated { drive_v, signal, reference, motion_hz }
 }
 

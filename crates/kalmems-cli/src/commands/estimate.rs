@@ -6,8 +6,8 @@ use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::config::Experiment;
 use kalmems::results::{
-    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, summary_table,
-    write_estimate,
+    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, parameters_table,
+    summary_table, write_estimate,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -31,6 +31,9 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         print(&(json + "\n"))?;
     } else {
         let mut text = summary_table(&metrics, true).to_text();
+        if let Some(parameters) = parameters_table(&metrics) {
+            text += &format!("\n{}", parameters.to_text());
+        }
         for notice in notices(&metrics) {
             text += &format!("\n{notice}\n");
         }
@@ -42,11 +45,10 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";
         return Err(Ending::Wrong(why.to_owned()));
     }
-    let failed: Vec<&str> =
-        metrics.estimators().filter(|e| !e.verdict.passes()).map(|e| e.name.as_str()).collect();
+    let failed: Vec<&str> = metrics.estimators().filter(|e| !e.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {
         let failed = failed.join(", ");
-        return Err(Ending::NotConsistent(format!("failed the consistency test: {failed}")));
+        return Err(Ending::NotConsistent(format!("not every answer can be trusted: {failed}")));
     }
     Ok(())
 }

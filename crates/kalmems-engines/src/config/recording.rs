@@ -4,7 +4,8 @@ use super::column::{FileColumns, usual_unit};
 use super::format::FileFormat;
 use super::kinds::Time;
 use super::quantity::Quantity;
-use super::{Clock, ColumnChoice, Gaps, Name};
+use super::sign::NotNegative;
+use super::{Clock, ColumnChoice, Gaps, Name, Values};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -182,6 +183,12 @@ pub struct Reference {
     /// How much later than the motion the instrument shows it; 0 s if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     delay: Option<Quantity<Time>>,
+    /// The standard deviation of that; exact if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delay_sd: Option<Quantity<Time, NotNegative>>,
+    /// The standard deviation of its own errors, by channel, such as `{ angle = "1 mrad" }`; exact if left out.
+    #[serde(default, skip_serializing_if = "Values::is_empty")]
+    pub sd: Values,
 }
 
 impl Reference {
@@ -192,7 +199,16 @@ impl Reference {
 
     /// A file of its own with these columns, sampled as the recording.
     pub fn of(file: PathBuf, channels: Channels) -> Self {
-        Self { file: Some(file), format: None, segments: None, clock: None, channels, delay: None }
+        Self {
+            file: Some(file),
+            format: None,
+            segments: None,
+            clock: None,
+            channels,
+            delay: None,
+            delay_sd: None,
+            sd: Values::default(),
+        }
     }
 
     /// Puts its file, where it has one of its own, elsewhere.
@@ -234,6 +250,11 @@ impl Reference {
     /// How much later than the motion the instrument shows it, in s.
     pub fn delay_s(&self) -> f64 {
         self.delay.as_ref().map_or(0.0, Quantity::si)
+    }
+
+    /// The standard deviation of that, in s.
+    pub fn delay_sd_s(&self) -> f64 {
+        self.delay_sd.as_ref().map_or(0.0, Quantity::si)
     }
 
     /// States how much later it is.

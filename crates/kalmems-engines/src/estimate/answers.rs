@@ -4,7 +4,8 @@ use super::any_filter::{AnyFilter, StateFilter};
 use super::engine::Followed;
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
-use super::{Course, EstimateError, FilterBasics, Known, SignalSegment, StateName, Trajectory};
+use super::{Course, EstimateError, FilterBasics, Known, SignalSegment, StateName, Tracked, Trajectory};
+use crate::config::Method;
 use crate::progress::Progress;
 use kalmems_core::FilterError;
 use std::ops::Range;
@@ -66,7 +67,10 @@ impl<const N: usize> Run for RunOf<N> {
         progress: &dyn Progress,
     ) -> Option<Vec<Trajectory>> {
         let names = (filter.key.as_str(), filter.name.as_str());
-        let mut trajectories = vec![self.followed.follow(names, course, &samples.fresh, states, progress)?];
+        let mut filtered = self.followed.follow(names, course, &samples.fresh, states, progress)?;
+        filtered.whitens = !matches!(filter.method, Method::ConsiderEkf | Method::Luenberger);
+        filtered.parameters = filter.parameters().iter().map(Tracked::prior).collect();
+        let mut trajectories = vec![filtered];
         for (word, smoother) in &mut self.smoothers {
             let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
             let entry = self.followed.entry();

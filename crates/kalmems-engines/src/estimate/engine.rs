@@ -1,6 +1,7 @@
 //! The one loop that takes a filter through a segment.
 
 use super::any_filter::StateFilter;
+use super::error_memory::ErrorMemory;
 use super::foretell::{Foreteller, Onwards};
 use super::linked::Linked;
 use super::transition::{Sensor, Transition};
@@ -172,6 +173,9 @@ impl Trajectory {
             crossings_log_likelihood: 0.0,
             counts: Counts { samples: n, ..Counts::default() },
             lock: Lock::default(),
+            error_spans: Vec::new(),
+            whitens: true,
+            parameters: Vec::new(),
             mirrored: false,
             failure: None,
             seconds_per_step: f64::NAN,
@@ -216,6 +220,8 @@ impl Trajectory {
             nis: Vec::new(),
             log_likelihood: Vec::new(),
             lock: self.lock.clone(),
+            error_spans: self.error_spans.clone(),
+            parameters: self.parameters.clone(),
             time_s: Vec::new(),
             ..*self
         }
@@ -239,6 +245,7 @@ pub struct Followed<const N: usize> {
     entry: Linked<N>,
     begun: bool,
     failure: Option<Failure>,
+    errors: ErrorMemory<N>,
 }
 
 impl<const N: usize> Followed<N> {
@@ -246,7 +253,7 @@ impl<const N: usize> Followed<N> {
     pub(super) fn new(filter: Box<dyn StateFilter<N>>) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = Linked::new(filter);
-        Self { entry: filter.clone(), filter, begun: false, failure: None }
+        Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
     }
 
     /// From a sample on at which a filter was left with this mean and covariance.
@@ -306,6 +313,8 @@ impl<const N: usize> Followed<N> {
             }
         }
         course.conclude(&mut trajectory);
+        let last_s = trajectory.time_s.last().copied().unwrap_or(f64::NAN);
+        trajectory.error_spans.extend(self.errors.rest(last_s));
         trajectory.seconds_per_step = started.elapsed().as_secs_f64() / n.max(1) as f64;
         if progress.reached(n as u64) == ControlFlow::Break(()) {
             return None;
@@ -329,6 +338,7 @@ impl<const N: usize> Followed<N> {
         if k == 0 {
             self.entry.clone_from(filter);
         }
+        let before = self.errors.is_following().then(|| filter.gaussian().covariance);
         match course.correct(filter, first + k, &mut trajectory.counts)? {
             Some(innovation) => {
                 trajectory.innovation[k] = innovation.residual[0];
@@ -341,6 +351,9 @@ impl<const N: usize> Followed<N> {
         }
         let now = filter.gaussian();
         trajectory.keep(course.derived().as_ref(), k, &now.mean, &|i, j| now.covariance.get(i, j));
+        let covariances = (before.as_ref(), &now.covariance);
+        let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);
+        trajectory.error_spans.extend(span);
         course.foretell(&self.filter, first + k);
         Ok(())
     }

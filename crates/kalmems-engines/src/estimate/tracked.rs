@@ -1,5 +1,6 @@
 //! Parameters of a device that are states of a filter.
 
+use super::TrackedPrior;
 use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::augmentation::{AddedState, Drift};
@@ -13,6 +14,18 @@ pub struct Tracked {
     pub added: AddedState<f64>,
     /// Its first standard deviation.
     pub sd: f64,
+}
+
+impl Tracked {
+    /// What is known of it before.
+    pub(super) fn prior(&self) -> TrackedPrior {
+        let drift = match self.added.drift {
+            Drift::RandomWalk { density } => density,
+            Drift::GaussMarkov { .. } => 0.0,
+        };
+        let is_factor = *self.parameter.kind == kind::RATIO;
+        TrackedPrior { name: self.parameter.name, sd: self.sd, drift, is_factor }
+    }
 }
 
 /// A parameter of the device that can be a state. As one it is the deviation from what the device table says: of a

@@ -1,6 +1,6 @@
 //! What a filter says over time.
 
-use super::Lock;
+use super::{ErrorSpan, Lock};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -35,6 +35,12 @@ pub struct Trajectory {
     pub crossings_log_likelihood: f64,
     /// How many updates there were, and what stood in their way.
     pub counts: Counts,
+    /// How long its errors last, by the filter's own account, part by part of the way; none of what makes no claim.
+    pub error_spans: Vec<ErrorSpan>,
+    /// Whether the innovations of this filter, if it is right, are white; those of one whose gain is not the optimal one are not.
+    pub whitens: bool,
+    /// Which of its states are parameters, and what was known of them before.
+    pub parameters: Vec<TrackedPrior>,
     /// Whether the filter followed the motion.
     pub lock: Lock,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
@@ -71,6 +77,19 @@ pub struct StateSeries {
     pub mean: Vec<f64>,
     /// The standard deviation; empty for a model that claims none.
     pub sd: Vec<f64>,
+}
+
+/// What was known before of a parameter that is a state; it is 0, a deviation from what the device table says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackedPrior {
+    /// The state, by its name.
+    pub name: &'static str,
+    /// Its first standard deviation.
+    pub sd: f64,
+    /// The density of its drift, per s.
+    pub drift: f64,
+    /// Whether it is a factor, whose sign is lost below −1.
+    pub is_factor: bool,
 }
 
 /// What happened to the samples.
@@ -168,6 +187,22 @@ impl Trajectory {
     /// One state by name.
     pub fn state(&self, name: &str) -> Option<&StateSeries> {
         self.states.iter().find(|state| state.name == name)
+    }
+
+    /// How long an error of a state, by its place, lasts between these times, in s, on average over the parts of the way; `None` where
+    /// that is not known. What follows from the states lasts as long as the longest of them.
+    pub fn error_lasts_s(&self, state: usize, from_s: f64, to_s: f64) -> Option<f64> {
+        let (mut passed_s, mut independent) = (0.0, 0.0);
+        for span in &self.error_spans {
+            let overlap_s = span.to_s.min(to_s) - span.from_s.max(from_s);
+            let longest = || span.correlation_s.iter().copied().fold(0.0, f64::max);
+            let lasts_s = span.correlation_s.get(state).copied().unwrap_or_else(longest);
+            if overlap_s > 0.0 && lasts_s > 0.0 {
+                passed_s += overlap_s;
+                independent += overlap_s / lasts_s;
+            }
+        }
+        (independent > 0.0).then(|| passed_s / independent)
     }
 
     /// Whether it says how uncertain it is; the model alone and the lock-in do not.

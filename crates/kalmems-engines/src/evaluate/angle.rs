@@ -1,6 +1,6 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
-use super::{PartErrors, Reference, ReferenceLag};
+use super::{Claim, PartErrors, Reference, ReferenceLag};
 use crate::estimate::{Trajectory, is_the_only_one};
 use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
 use serde::Serialize;
@@ -81,6 +81,9 @@ pub struct AngleErrors {
     pub samples: usize,
     /// The share of them within three standard deviations; `None` for a model that claims none.
     pub within_three_sigma: Option<f64>,
+    /// The errors held against what is claimed of them, likewise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub claim: Option<Claim>,
 }
 
 /// Estimate minus reference at the reference's times.
@@ -118,7 +121,11 @@ pub fn evaluate_motion(
     let (truth, estimated) = (&reference.angle[from..], &estimated[from..]);
     let sd = sd.get(from..).unwrap_or_default();
     let error: Vec<f64> = estimated.iter().zip(truth).map(|(e, r)| e - r).collect();
-    let angle = angle_errors(&error, truth, sd)?;
+
+    let series = ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() };
+    let place = trajectory.states.iter().position(|state| state.name == reference.states[0]);
+    let claim = place.and_then(|place| Claim::of(&series, truth, (trajectory, place), reference.accuracy));
+    let angle = angle_errors(&series.error, truth, claim)?;
 
     let mirrored = rms(estimated.iter().zip(truth).map(|(e, r)| -e - r))?;
     let sign_disagrees = mirrored < 0.5 * angle.rmse_deg.to_radians();
@@ -143,24 +150,24 @@ pub fn evaluate_motion(
         parts: Vec::new(),
         reference_lag: None,
         other_angles: Vec::new(),
-        error: ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() },
+        error: series,
         phase,
     })
 }
 
-fn angle_errors(error: &[f64], truth: &[f64], sd: &[f64]) -> Option<AngleErrors> {
+fn angle_errors(error: &[f64], truth: &[f64], claim: Option<Claim>) -> Option<AngleErrors> {
     let finite = || error.iter().copied().filter(|e| e.is_finite());
     let rmse = rms(finite())?;
     let range =
         |f: fn(f64, f64) -> f64, start| truth.iter().copied().filter(|a| a.is_finite()).fold(start, f);
     let peak_to_peak = range(f64::max, f64::NEG_INFINITY) - range(f64::min, f64::INFINITY);
-    let judged = || error.iter().zip(sd).filter(|(e, s)| e.is_finite() && s.is_finite());
     Some(AngleErrors {
         rmse_deg: rmse.to_degrees(),
         rmse_percent_of_peak_to_peak: 100.0 * rmse / peak_to_peak,
         largest_deg: finite().map(f64::abs).fold(0.0, f64::max).to_degrees(),
         samples: finite().count(),
-        within_three_sigma: mean(judged().map(|(e, s)| f64::from(u8::from(e.abs() <= 3.0 * s)))),
+        within_three_sigma: claim.map(|claim| claim.within),
+        claim,
     })
 }
 
@@ -265,6 +272,7 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Accuracy;
     use super::*;
     use crate::estimate::{Counts, Lock, StateSeries, TrajectoryKind};
     use crate::units::kind;
@@ -299,6 +307,9 @@ mod tests {
             nis: vec![0.0; n],
             log_likelihood: vec![0.0; n],
             crossings_log_likelihood: 0.0,
+            error_spans: Vec::new(),
+            whitens: true,
+            parameters: Vec::new(),
             counts: Counts::default(),
             lock: Lock::default(),
             mirrored: false,
@@ -324,7 +335,13 @@ mod tests {
         let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: Some(&drive) };
         for with_rate in [true, false] {
             let (time_s, angle, rate) = motion(6000, 0.15, 0.0, 0.0);
-            let reference = Reference { states: ANGLE, time_s, angle, rate: with_rate.then_some(rate) };
+            let reference = Reference {
+                states: ANGLE,
+                time_s,
+                angle,
+                rate: with_rate.then_some(rate),
+                accuracy: Accuracy::default(),
+            };
             let errors = evaluate_motion(&trajectory(0.151, 2.0), &reference, extent).unwrap();
             assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 2.0, epsilon = 2e-3);
             assert_abs_diff_eq!(errors.cycle_phase_rmse_deg.unwrap(), 2.0, epsilon = 1e-6);
@@ -352,7 +369,7 @@ mod tests {
         let time_s = time_s.iter().map(|t| t + 0.37e-6).collect();
         let errors = evaluate_motion(
             &trajectory(0.15, 0.0),
-            &Reference { states: ANGLE, time_s, angle, rate: Some(rate) },
+            &Reference { states: ANGLE, time_s, angle, rate: Some(rate), accuracy: Accuracy::default() },
             extent,
         )
         .unwrap();
@@ -368,7 +385,7 @@ mod tests {
         let (time_s, angle, rate) = motion(6000, 0.15, 180.0, 0.0);
         let errors = evaluate_motion(
             &trajectory(0.15, 0.0),
-            &Reference { states: ANGLE, time_s, angle, rate: Some(rate) },
+            &Reference { states: ANGLE, time_s, angle, rate: Some(rate), accuracy: Accuracy::default() },
             extent,
         )
         .unwrap();
@@ -383,7 +400,7 @@ mod tests {
         assert!(
             evaluate_motion(
                 &trajectory(0.15, 0.0),
-                &Reference { states: ANGLE, time_s, angle, rate: None },
+                &Reference { states: ANGLE, time_s, angle, rate: None, accuracy: Accuracy::default() },
                 extent
             )
             .is_none()

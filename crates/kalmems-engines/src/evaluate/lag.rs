@@ -37,6 +37,7 @@ impl ReferenceLag {
                 time_s: picked.iter().map(|k| reference.time_s[*k] - lag_s).collect(),
                 angle: Vec::new(),
                 rate: None,
+                accuracy: reference.accuracy,
             };
             let (estimated, _) = shifted.estimate_at(trajectory);
             let squares = estimated.iter().zip(&picked).map(|(e, k)| (e - reference.angle[*k]).powi(2));

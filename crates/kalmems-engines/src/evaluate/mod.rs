@@ -5,8 +5,13 @@
 mod angle;
 mod beam;
 mod channels;
+mod claim;
 mod edge;
+mod grade;
+mod innovations;
+mod judge;
 mod lag;
+mod parameter;
 mod parts;
 mod pool;
 mod reference;
@@ -16,9 +21,20 @@ mod value;
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
 pub use channels::{Instruments, ReferenceChannels};
+pub use claim::{Accuracy, Claim, Explained};
 pub use edge::EdgeVelocity;
+pub use grade::Grade;
+pub use innovations::{InnovationRecord, InnovationTest, Place as TestPlace, TestResult, WRONG};
+pub use judge::{Judgement, SegmentJudge};
 pub use lag::ReferenceLag;
+pub use parameter::{ParameterAnswer, ParameterFault};
 pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
 pub use reference_parts::ReferenceParts;
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};
+
+/// More digits of a probability mean nothing, and are not the same on every machine.
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn three_digits<S: serde::Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(format!("{value:.2e}").parse().unwrap_or(*value))
+}

@@ -42,8 +42,11 @@ impl AngleErrors {
         self.rmse_deg = rms((self.rmse_deg, self.samples), (later.rmse_deg, later.samples));
         self.rmse_percent_of_peak_to_peak = 100.0 * self.rmse_deg / largest_swing;
         self.largest_deg = self.largest_deg.max(later.largest_deg);
-        let within = |e: &Self| (e.within_three_sigma, e.samples);
-        self.within_three_sigma = of_both(within(self), within(later), mean);
+        self.claim = match (self.claim, later.claim) {
+            (Some(own), Some(later)) => Some(own.pooled(later)),
+            (own, later) => own.or(later),
+        };
+        self.within_three_sigma = self.claim.map(|claim| claim.within);
         self.samples += later.samples;
     }
 }
@@ -92,8 +95,11 @@ impl ValueErrors {
         self.snr_db = signals.map(|signal| 20.0 * (signal / self.rmse).log10()).filter(|db| db.is_finite());
         self.scale_factor = None;
         self.offset = None;
-        let within = |e: &Self| (e.within_three_sigma, e.samples);
-        self.within_three_sigma = of_both(within(self), within(later), mean);
+        self.claim = match (self.claim, later.claim) {
+            (Some(own), Some(later)) => Some(own.pooled(later)),
+            (own, later) => own.or(later),
+        };
+        self.within_three_sigma = self.claim.map(|claim| claim.within);
         self.samples += later.samples;
     }
 }

@@ -1,7 +1,9 @@
 //! What is known of the motion independently.
 
-use super::{BeamPosition, EdgeVelocity, Instruments, ReferenceChannels, ValueReference, ValueState};
-use crate::config::{ConfigError, Experiment, Fault, Key};
+use super::{
+    Accuracy, BeamPosition, EdgeVelocity, Instruments, ReferenceChannels, ValueReference, ValueState,
+};
+use crate::config::{ConfigError, Experiment, Fault, Key, Sign};
 use crate::estimate::Trajectory;
 use crate::recording::{Instant, Layout, ReadError, Recording, Restarts, Segment};
 use crate::signal::{GAP, hermite, usual_interval};
@@ -19,6 +21,8 @@ pub struct Reference {
     pub angle: Vec<f64>,
     /// The rate in rad/s or m/s, where the reference has one.
     pub rate: Option<Vec<f64>>,
+    /// How accurate the angle is.
+    pub accuracy: Accuracy,
 }
 
 /// The recording of a reference, with the columns that are meant.
@@ -34,6 +38,7 @@ pub(super) struct ReferenceColumns {
     angles: Vec<AngleColumns>,
     values: Vec<ValueColumn>,
     pub(super) delay_s: f64,
+    delay_sd_s: f64,
     /// Whether its rows are the recording's, so that its clock goes back where the recording's does.
     same_rows: bool,
 }
@@ -44,6 +49,8 @@ struct AngleColumns {
     states: [&'static str; 2],
     angle: String,
     rate: Option<String>,
+    /// The standard deviation of the angle.
+    sd: f64,
     /// What turns the column into an angle, where it holds the position of a beam.
     beam: Option<BeamPosition>,
 }
@@ -57,6 +64,8 @@ const EDGE: &str = "edge_velocity";
 struct ValueColumn {
     state: &'static ValueState,
     column: String,
+    /// The standard deviation of the quantity.
+    sd: f64,
     /// What turns the column into an angular rate, where it holds the velocity of an edge.
     edge: Option<EdgeVelocity>,
 }
@@ -136,6 +145,16 @@ impl ReferenceColumns {
             let why = format!("`{other}` is not a channel of this reference; known are {names}");
             return Err(experiment.error(key().child(other), Fault::Value { why }).into());
         }
+        let at = || Key::from("recording").index(index).child("reference").child("sd");
+        let all = angles.iter().map(|states| states[0]).chain(values.iter().map(|value| value.name));
+        if let Some(name) = reference.sd.keys().find(|name| !all.clone().any(|known| known == name.as_str()))
+        {
+            return Err(experiment.error(at().child(name), Fault::unknown_key(name, all)).into());
+        }
+        let sd = |name: &str, kind: &'static Kind| match reference.sd.get(name) {
+            Some(sd) => experiment.value(at().child(name), sd, kind, Sign::NotNegative),
+            None => Ok(0.0),
+        };
         let angles = angles.iter().map(|&states| {
             let [angle, rate] = states.map(|name| reference.channels.column(name).map(str::to_owned));
             let position = reference.channels.column(POSITION).map(str::to_owned);
@@ -148,21 +167,26 @@ impl ReferenceColumns {
                 let remedy = format!("name its column, such as `{name} = \"{name}_rad\"`");
                 experiment.error(key().child(name), Fault::MissingKey { remedy })
             })?;
-            Ok(AngleColumns { states, angle, rate, beam })
+            Ok(AngleColumns { states, angle, rate, sd: sd(states[0], kinds(states)[0])?, beam })
         });
         let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
         let of_values = values.iter().enumerate().filter_map(|(i, state)| {
             let column = reference.channels.column(state.name).map(str::to_owned);
             if i > 0 {
-                return column.map(|column| Ok(ValueColumn { state, column, edge: None }));
+                return column.map(|column| {
+                    Ok(ValueColumn { state, column, sd: sd(state.name, state.kind)?, edge: None })
+                });
             }
             let of_edge = edge.filter(|_| column.is_none());
             let column = column.or_else(|| of_edge.and(reference.channels.column(EDGE).map(str::to_owned)));
-            Some(column.map(|column| ValueColumn { state, column, edge: of_edge }).ok_or_else(|| {
+            let column = column.ok_or_else(|| {
                 let name = state.name;
                 let remedy = format!("name its column, such as `{name} = \"true_{name}\"`");
                 experiment.error(key().child(name), Fault::MissingKey { remedy })
-            }))
+            });
+            let of_column =
+                |column| Ok(ValueColumn { state, column, sd: sd(state.name, state.kind)?, edge: of_edge });
+            Some(column.and_then(of_column))
         });
         let values = of_values.collect::<Result<Vec<_>, ConfigError>>()?;
         let of_angles = angles.iter().flat_map(|a| [Some(&a.angle), a.rate.as_ref()]).flatten();
@@ -171,7 +195,21 @@ impl ReferenceColumns {
         let same_rows = reference.is_in_recording() && reference.clock(described) == &described.clock;
         let restarts = same_rows.then_some(Restarts::WHERE_THE_CLOCK_GOES_BACK);
         let layout = Layout { restarts, ..described.reference_layout(reference, &columns) };
-        Ok(Some((layout, Self { angles, values, delay_s: reference.delay_s(), same_rows })))
+        Ok(Some((
+            layout,
+            Self {
+                angles,
+                values,
+                delay_s: reference.delay_s(),
+                delay_sd_s: reference.delay_sd_s(),
+                same_rows,
+            },
+        )))
+    }
+
+    /// How accurate a channel of this standard deviation is.
+    const fn accuracy(&self, sd: f64) -> Accuracy {
+        Accuracy { sd, delay_sd_s: self.delay_sd_s }
     }
 
     /// Whether a segment of the reference goes with one of the recording.
@@ -224,6 +262,7 @@ impl ReferenceRecording {
                     None => angle.of(segment).to_vec(),
                 },
                 rate: rate.map(|rate| rate.of(segment).to_vec()),
+                accuracy: self.columns.accuracy(columns.sd),
             }))
         };
         self.columns.angles.iter().filter_map(|columns| one(columns).transpose()).collect()
@@ -251,7 +290,12 @@ impl ReferenceRecording {
                 (Some(edge), Some(interval_s)) => edge.rates(&time_s, values, interval_s),
                 _ => values.to_vec(),
             };
-            Ok(ValueReference { state: known.state, time_s, value })
+            Ok(ValueReference {
+                state: known.state,
+                time_s,
+                value,
+                accuracy: self.columns.accuracy(known.sd),
+            })
         };
         self.columns.values.iter().map(one).collect()
     }

@@ -1,7 +1,7 @@
 //! Errors of a quantity that is no angle: an acceleration, a position.
 
-use super::ErrorSeries;
 use super::reference::{Place, place};
+use super::{Accuracy, Claim, ErrorSeries};
 use crate::estimate::{StateSeries, Trajectory};
 use crate::signal::{cubic_between, hermite, usual_interval};
 use crate::units::Kind;
@@ -28,6 +28,8 @@ pub struct ValueReference {
     pub time_s: Vec<f64>,
     /// The quantity in SI; not a number where it is missing.
     pub value: Vec<f64>,
+    /// How accurate that is.
+    pub accuracy: Accuracy,
 }
 
 /// The error of a quantity, in its SI unit.
@@ -53,6 +55,9 @@ pub struct ValueErrors {
     pub samples: usize,
     /// The share of them within three standard deviations; `None` for a model that claims none.
     pub within_three_sigma: Option<f64>,
+    /// The errors held against what is claimed of them, likewise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub claim: Option<Claim>,
     /// The error over time, for plots.
     #[serde(skip)]
     pub error: ErrorSeries,
@@ -69,17 +74,18 @@ pub fn evaluate_values(trajectory: &Trajectory, references: &[ValueReference], f
         }
         let state = trajectory.state(reference.state.name)?;
         let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
-        Some((state.name, errors(&trajectory.time_s, (state, rate), reference, from_s)?))
+        Some((state.name, errors(trajectory, (state, rate), reference, from_s)?))
     };
     references.iter().filter_map(one).collect()
 }
 
 fn errors(
-    times: &[f64],
+    trajectory: &Trajectory,
     (state, rate): (&StateSeries, Option<&StateSeries>),
     reference: &ValueReference,
     from_s: f64,
 ) -> Option<ValueErrors> {
+    let times = &trajectory.time_s[..];
     let usual = usual_interval(times);
     let ends = |values: &[f64], next: usize| values.get(next - 1).copied().zip(values.get(next).copied());
     // Between two samples the cubic by the rates, or that through the four samples around where there are none: a straight
@@ -123,9 +129,9 @@ fn errors(
     let average = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples as f64;
     let square = average(&mut series.error.iter().map(|e| e * e));
     let snr_db = 10.0 * (average(&mut truth.iter().map(|t| t * t)) / square).log10();
-    let judged = series.sd.iter().filter(|s| s.is_finite()).count();
     let line = line(&truth, &series.error);
-    let within = series.error.iter().zip(&series.sd).filter(|(e, s)| e.abs() <= 3.0 * **s).count();
+    let place = trajectory.states.iter().position(|own| own.name == state.name);
+    let claim = place.and_then(|place| Claim::of(&series, &truth, (trajectory, place), reference.accuracy));
     (samples > 0).then(|| ValueErrors {
         unit: state.unit,
         rmse: square.sqrt(),
@@ -135,7 +141,8 @@ fn errors(
         scale_factor: line.map(|[slope, _]| 1.0 + slope),
         offset: line.map(|[_, offset]| offset),
         samples,
-        within_three_sigma: (judged > 0).then(|| within as f64 / judged as f64),
+        within_three_sigma: claim.map(|claim| claim.within),
+        claim,
         error: series,
     })
 }
@@ -183,7 +190,7 @@ mod tests {
             trajectory.states[0].sd[k] = 0.5e-9;
         }
         let value = time_s.iter().map(|t| 1e-3 + 1e-6 * t).collect();
-        let references = [ValueReference { state: &POSITION, time_s, value }];
+        let references = [ValueReference { state: &POSITION, time_s, value, accuracy: Accuracy::default() }];
         let all = evaluate_values(&trajectory, &references, 10.0);
         let errors = &all["position"];
         assert!((errors.rmse - 5_f64.sqrt() * 1e-9).abs() < 1e-15, "{errors:?}");
@@ -206,7 +213,11 @@ mod tests {
         }
         let time_s: Vec<f64> = time_s[..49].iter().map(|t| t + 0.05).collect();
         let value = time_s.iter().map(|t| t.sin()).collect();
-        let all = evaluate_values(&trajectory, &[ValueReference { state: &POSITION, time_s, value }], 0.0);
+        let all = evaluate_values(
+            &trajectory,
+            &[ValueReference { state: &POSITION, time_s, value, accuracy: Accuracy::default() }],
+            0.0,
+        );
         // The cubic is off by h⁴/384; the straight line were, by h²/8.
         let bound = 0.1_f64.powi(4) / 384.0;
         assert!(

@@ -5,7 +5,7 @@ use super::misprinted_ukf::{Misprint, MisprintedUkf};
 use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Beside, EstimateError, FilterPast, Past, Trajectory};
-use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::evaluate::{Accuracy, Extent, MotionErrors, Reference, evaluate_motion};
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::signal::extremes_of_rate;
@@ -133,7 +133,13 @@ impl Bench {
                 simulator.step();
             }
         }
-        let truth = Reference { states: ["angle", "rate"], time_s: time_s.clone(), angle, rate: Some(rate) };
+        let truth = Reference {
+            states: ["angle", "rate"],
+            time_s: time_s.clone(),
+            angle,
+            rate: Some(rate),
+            accuracy: Accuracy::default(),
+        };
         Steady { drive_hz, time_s, volts, clean, truth }
     }
 

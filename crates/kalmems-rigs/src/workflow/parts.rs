@@ -3,7 +3,7 @@
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
 use crate::estimate::{Around, EstimateError, Part, SegmentEstimate, StretchJudge, StretchSummary};
-use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording};
+use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording, SegmentJudge};
 use crate::progress::Progress;
 use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, Workbench};
@@ -126,7 +126,7 @@ impl Work<'_> {
             stopped.reached.set(done);
             progress.reached(done)
         };
-        let (mut any, mut judge) = (false, StretchJudge::default());
+        let (mut any, mut judge, mut innovations) = (false, StretchJudge::default(), SegmentJudge::default());
         loop {
             if let Some(interval_s) = stretches.beginning(&mut hear)? {
                 stretches.give(around_part(estimator.around(interval_s)));
@@ -138,6 +138,9 @@ impl Work<'_> {
                 continue;
             }
             any = true;
+            if stretch.begins {
+                innovations = SegmentJudge::default();
+            }
             let part = Part {
                 recording: &stretch.recording,
                 segment,
@@ -152,7 +155,7 @@ impl Work<'_> {
                         Some(reference) => reference,
                         closed => closed.insert(self.reference(stretch.recording.origin())?),
                     };
-                    let outcome = self.part(estimate, &part, reference.as_mut())?;
+                    let outcome = self.part(estimate, &part, reference.as_mut(), &mut innovations)?;
                     let (begins, ends) = (stretch.begins, stretch.ends);
                     taken(PartOutcome { index: self.place, outcome, begins, ends })
                         .map_err(PartsError::Taken)?;
@@ -180,6 +183,7 @@ impl Work<'_> {
         estimate: SegmentEstimate,
         part: &Part,
         reference: Option<&mut ReferenceParts>,
+        judge: &mut SegmentJudge,
     ) -> Result<RecordingOutcome, WorkflowError> {
         let ends = |pick: fn(&[f64]) -> Option<&f64>| {
             let times = estimate.trajectories.iter().filter_map(move |t| pick(&t.time_s).copied());
@@ -195,7 +199,7 @@ impl Work<'_> {
         };
         let described = self.experiment.recording(self.index)?;
         let estimates = (vec![estimate], StretchSummary::default());
-        Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known)?)
+        Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known, Some((judge, part.ends)))?)
     }
 }
 

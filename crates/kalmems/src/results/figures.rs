@@ -2,8 +2,9 @@
 
 use super::Verdict;
 use super::long::{FilterFigures, PartFigures};
-use super::metrics::{angles_of, verdict, words_with};
+use super::metrics::consistency;
 use super::summary::shown as shown_unit;
+use super::verdict::{angles_of, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::Recording;
@@ -327,7 +328,9 @@ pub(super) fn course(parts: &[PartFigures], prefix: &str) -> Figure {
 fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
-    match verdict(trajectory, errors, &segment.estimate) {
+    let consistency = consistency(trajectory, &segment.estimate);
+    let stopped = trajectory.failure.is_some();
+    match Verdict::of(trajectory.kind, (stopped, &trajectory.lock), errors, consistency.as_ref()) {
         bad @ (Verdict::LostLock | Verdict::Failed | Verdict::WrongSign | Verdict::Astray) => {
             let angles = angles_of(bad, &trajectory.lock, errors);
             match angle {

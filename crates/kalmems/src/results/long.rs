@@ -184,6 +184,7 @@ impl<'a> LongEstimate<'a> {
         }
         let rig = self.rig;
         let metrics = Metrics {
+            schema_version: Metrics::SCHEMA_VERSION,
             experiment: self.experiment.name.to_string(),
             rig: rig.name(),
             values: rig.values(),

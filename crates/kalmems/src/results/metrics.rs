@@ -1,18 +1,22 @@
 //! The figures of an estimate.
 
+use super::Verdict;
 use crate::estimate::{
-    Consistency, Counts, Lock, LockEvent, SegmentEstimate, StretchSummary, Trajectory, TrajectoryKind,
-    is_the_only_one,
+    Consistency, Counts, Lock, SegmentEstimate, StretchSummary, Trajectory, TrajectoryKind,
 };
-use crate::evaluate::{ErrorsByState, MotionErrors, ValueState};
+use crate::evaluate::{
+    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, TestResult, ValueState,
+};
 use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// All figures of an experiment; durations are not among them, so that the same input gives the same bytes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
+    /// Counts up where a key of `metrics.json` changes its meaning or goes; new keys may come without.
+    pub schema_version: u32,
     /// The experiment's name.
     pub experiment: String,
     /// The rig's.
@@ -79,7 +83,7 @@ pub struct SegmentMetrics {
     /// What a reader of the figures has to know and cannot see from them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// The filter whose innovations of signal and crossings are the likeliest, where there are crossings.
+    /// Of several filters whose answers pass the one whose predictions of signal and crossings are the likeliest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likeliest: Option<Likeliest>,
     /// One per filter.
@@ -93,28 +97,38 @@ pub struct Likeliest {
     pub key: String,
     /// The filter, for people.
     pub name: String,
-    /// Σ ln p of what it was shown, given what came before: the signal, and the angle at the crossings.
+    /// Σ ln p of what it was shown, given what came before: the signal, and the angle at the crossings. Each sample is predicted
+    /// before the filter sees it, so that states and parameters have no part of what they are judged by.
     pub log_likelihood: f64,
-    /// By how much that of the next filter is smaller.
-    pub ahead: f64,
+    /// By how much that of the next filter is smaller; `None` where no other passes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ahead: Option<f64>,
 }
 
-/// The choice between those filters that claim something, none of which failed; where at least one was told of crossings.
+impl Likeliest {
+    /// Whether the next filter is as good as told by these numbers: less than a factor of 20 in the likelihood is no difference.
+    pub fn is_tied(&self) -> bool {
+        self.ahead.is_some_and(|ahead| ahead < 20_f64.ln())
+    }
+}
+
+/// The choice between those filters whose answer passes; `None` where there is but one filter, or none passes.
 fn likeliest(estimators: &[EstimatorMetrics]) -> Option<Likeliest> {
-    if estimators.iter().all(|estimator| estimator.counts.crossings == 0) {
+    let predicts = |e: &&EstimatorMetrics| e.kind == TrajectoryKind::Filtered && e.grade.is_some();
+    let claims = |e: &EstimatorMetrics| {
+        predicts(&e) && e.passes() && e.counts.without_signal == estimators[0].counts.without_signal
+    };
+    if estimators.iter().filter(predicts).count() < 2 {
         return None;
     }
-    let claims = |e: &EstimatorMetrics| {
-        e.failure.is_none() && e.counts.without_signal == estimators[0].counts.without_signal
-    };
     let mut all: Vec<(f64, &EstimatorMetrics)> = (estimators.iter())
         .filter(|e| claims(e))
         .filter_map(|e| e.log_likelihood().map(|l| (l, e)))
         .collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let [(first, best), (second, _), ..] = all[..] else { return None };
-    let (key, name) = (best.key.clone(), best.name.clone());
-    Some(Likeliest { key, name, log_likelihood: first, ahead: first - second })
+    let (log_likelihood, best) = *all.first()?;
+    let ahead = all.get(1).map(|(next, _)| log_likelihood - next);
+    Some(Likeliest { key: best.key.clone(), name: best.name.clone(), log_likelihood, ahead })
 }
 
 /// One axis of several.
@@ -149,8 +163,16 @@ pub struct EstimatorMetrics {
     /// What its answer rests on.
     #[serde(skip)]
     pub kind: TrajectoryKind,
-    /// Whether to trust it.
+    /// What its mean NIS, its lock and its sign say.
     pub verdict: Verdict,
+    /// How far its answer can be trusted, by all that is known; `None` of what makes no claim.
+    pub grade: Option<Grade>,
+    /// What the tests of its innovations find after the settling time; none of what makes no claim.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_test")]
+    pub tests: Vec<TestResult>,
+    /// What became of its parameters that are states.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
+    pub parameters: Vec<ParameterAnswer>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of what is no angle, likewise, by the state.
@@ -172,54 +194,6 @@ pub struct EstimatorMetrics {
     /// How long a step took, in s; a measurement, and no part of the figures.
     #[serde(skip)]
     pub seconds_per_step: f64,
-}
-
-/// Whether a filter's answer may be trusted, from the recording alone but for the sign.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The mean NIS lies in its 95 % interval.
-    Consistent,
-    /// It lies below: the filter is more careful than it needs to be.
-    Cautious,
-    /// It lies above: the filter claims more than it knows, or the model is wrong.
-    Overconfident,
-    /// It lost the signal or changed branch on the way. No figure of it is a good estimate.
-    LostLock,
-    /// It stopped before the end.
-    Failed,
-    /// The reference has the opposite sign of what the experiment states.
-    WrongSign,
-    /// It makes no claim that could be tested: the model alone, and the lock-in.
-    NoClaim,
-    /// The model alone, where it does not follow the signal. It had no lock to lose.
-    Astray,
-}
-
-impl Verdict {
-    /// In a word or two.
-    pub const fn words(self) -> &'static str {
-        match self {
-            Self::Consistent => "consistent",
-            Self::Cautious => "cautious",
-            Self::Overconfident => "overconfident",
-            Self::LostLock => "LOST LOCK",
-            Self::Failed => "FAILED",
-            Self::WrongSign => "WRONG SIGN",
-            Self::NoClaim => "no claim",
-            Self::Astray => "astray",
-        }
-    }
-
-    /// Whether what it is about is an estimate of the motion, be it a good one or not.
-    pub const fn is_of_an_estimate(self) -> bool {
-        !matches!(self, Self::LostLock | Self::Failed | Self::Astray)
-    }
-
-    /// Whether a strict run may pass with it.
-    pub const fn passes(self) -> bool {
-        matches!(self, Self::Consistent | Self::NoClaim | Self::Astray)
-    }
 }
 
 impl EstimatorMetrics {
@@ -249,6 +223,13 @@ impl SegmentMetrics {
 }
 
 impl EstimatorMetrics {
+    /// Draws the verdict and the grade from all that is known.
+    fn judge(&mut self) {
+        let (errors, consistency) = (self.errors.as_ref(), self.consistency.as_ref());
+        self.verdict = Verdict::of(self.kind, (self.failure.is_some(), &self.lock), errors, consistency);
+        self.grade = self.graded();
+    }
+
     fn pool(&mut self, later: Self) {
         let weight = |counts: &Counts| counts.samples as f64;
         let (own, others) = (weight(&self.counts), weight(&later.counts));
@@ -275,13 +256,18 @@ impl EstimatorMetrics {
         self.crossings_log_likelihood += later.crossings_log_likelihood;
         self.mirrored |= later.mirrored;
         self.failure = self.failure.take().or(later.failure);
-        self.verdict = verdict_by(
-            self.kind,
-            (self.failure.is_some(), &self.lock),
-            self.errors.as_ref(),
-            self.consistency.as_ref(),
-        );
+        // They are of the whole, and come with its last part.
+        (self.tests, self.parameters) = (later.tests, later.parameters);
+        self.judge();
     }
+}
+
+fn by_test<S: Serializer>(tests: &[TestResult], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(tests.iter().map(|found| (found.test, found)))
+}
+
+fn by_name<S: Serializer>(parameters: &[ParameterAnswer], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(parameters.iter().map(|parameter| (parameter.name, parameter)))
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
@@ -289,45 +275,10 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// The angles that a bad verdict is about, by their names among the states; none where it is about all there are.
-pub(super) fn angles_of(verdict: Verdict, lock: &Lock, errors: Option<&MotionErrors>) -> Vec<&'static str> {
-    let mut angles = Vec::new();
-    match verdict {
-        Verdict::LostLock | Verdict::Astray => {
-            for event in &lock.events {
-                match event {
-                    LockEvent::Lost { .. } => return Vec::new(),
-                    LockEvent::Flipped { of, .. } if !angles.contains(of) => angles.push(of),
-                    LockEvent::Flipped { .. } => {}
-                }
-            }
-        }
-        Verdict::WrongSign => {
-            let wrong = errors.into_iter().flat_map(MotionErrors::each).filter(|e| e.sign_disagrees);
-            angles.extend(wrong.map(|e| e.of));
-        }
-        _ => {}
-    }
-    angles.retain(|angle| !is_the_only_one(angle));
-    angles
-}
-
-impl EstimatorMetrics {
-    /// The verdict in a word or two, with the angles that it is about where others are not concerned.
-    pub(super) fn verdict_words(&self) -> String {
-        words_with(self.verdict, &angles_of(self.verdict, &self.lock, self.errors.as_ref()))
-    }
-}
-
-/// A verdict in words, about these angles, or about all where none is named.
-pub(super) fn words_with(verdict: Verdict, angles: &[&str]) -> String {
-    match angles {
-        [] => verdict.words().to_owned(),
-        angles => format!("{} of {}", verdict.words(), angles.join(" and ")),
-    }
-}
-
 impl Metrics {
+    /// That of what is written now.
+    pub const SCHEMA_VERSION: u32 = 1;
+
     /// Takes the figures from an outcome.
     pub fn of(outcome: &Outcome) -> Self {
         let recordings = outcome.recordings.iter().map(|recording| RecordingMetrics {
@@ -342,6 +293,7 @@ impl Metrics {
             segments: recording.segments.iter().map(segment).collect(),
         });
         Self {
+            schema_version: Self::SCHEMA_VERSION,
             experiment: outcome.experiment.name.to_string(),
             rig: outcome.rig,
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
@@ -366,7 +318,8 @@ pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
     let time = &estimate.segment.time;
     let errors = outcome.errors.iter().zip(&outcome.values);
     let estimators: Vec<EstimatorMetrics> = (estimate.trajectories.iter().zip(errors))
-        .map(|(trajectory, (errors, values))| estimator(trajectory, (errors, values), estimate))
+        .enumerate()
+        .map(|(i, (trajectory, errors))| estimator(trajectory, errors, outcome.judgements.get(i), estimate))
         .collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
@@ -392,62 +345,28 @@ fn drive(sine: Sine) -> DriveMetrics {
     DriveMetrics { offset_v: sine.offset, amplitude_v: sine.amplitude, frequency_hz: sine.frequency_hz }
 }
 
-fn consistency(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Option<Consistency> {
+pub(super) fn consistency(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Option<Consistency> {
     if !trajectory.claims() {
         return None;
     }
     trajectory.consistency(trajectory.scored_after(estimate.start_s, estimate.skip_s))
 }
 
-/// Whether to trust a trajectory.
-pub(super) fn verdict(
-    trajectory: &Trajectory,
-    errors: Option<&MotionErrors>,
-    estimate: &SegmentEstimate,
-) -> Verdict {
-    let consistency = consistency(trajectory, estimate);
-    verdict_by(
-        trajectory.kind,
-        (trajectory.failure.is_some(), &trajectory.lock),
-        errors,
-        consistency.as_ref(),
-    )
-}
-
-fn verdict_by(
-    kind: TrajectoryKind,
-    (failed, lock): (bool, &Lock),
-    errors: Option<&MotionErrors>,
-    consistency: Option<&Consistency>,
-) -> Verdict {
-    if failed {
-        return Verdict::Failed;
-    }
-    if !lock.held() {
-        let alone = kind == TrajectoryKind::ModelAlone;
-        return if alone { Verdict::Astray } else { Verdict::LostLock };
-    }
-    if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
-        return Verdict::WrongSign;
-    }
-    match consistency {
-        None => Verdict::NoClaim,
-        Some(c) if c.holds() => Verdict::Consistent,
-        Some(c) if c.mean_nis < c.lower => Verdict::Cautious,
-        Some(_) => Verdict::Overconfident,
-    }
-}
-
 fn estimator(
     trajectory: &Trajectory,
     (errors, values): (&Option<MotionErrors>, &ErrorsByState),
+    judgement: Option<&Judgement>,
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
-    EstimatorMetrics {
+    let Judgement { tests, parameters } = judgement.cloned().unwrap_or_default();
+    let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
         kind: trajectory.kind,
-        verdict: verdict(trajectory, errors.as_ref(), estimate),
+        verdict: Verdict::NoClaim,
+        grade: None,
+        tests,
+        parameters,
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),
@@ -457,5 +376,7 @@ fn estimator(
         mirrored: trajectory.mirrored,
         failure: trajectory.failure.map(|f| format!("stopped at {} s: {}", f.time_s, f.why)),
         seconds_per_step: trajectory.seconds_per_step,
-    }
+    };
+    metrics.judge();
+    metrics
 }

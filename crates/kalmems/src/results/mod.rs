@@ -12,6 +12,7 @@ mod outlook;
 mod page;
 mod simulation;
 mod summary;
+mod verdict;
 
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
@@ -25,8 +26,8 @@ pub use kalmems_store::{
 pub use long::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
-    Verdict,
 };
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
-pub use summary::{Notice, notices, summary_table};
+pub use summary::{Notice, notices, parameters_table, summary_table};
+pub use verdict::Verdict;

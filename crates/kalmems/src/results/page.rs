@@ -4,9 +4,12 @@ use super::figures::figures;
 use super::long::PICTURED;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
-use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, summary_table};
+use super::{
+    EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, parameters_table, summary_table,
+};
 use crate::config::{Experiment, Peak};
-use crate::evaluate::{MotionErrors, ValueErrors};
+use crate::estimate::TrajectoryKind;
+use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::workflow::{Outcome, SegmentOutcome};
 use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
 
@@ -40,7 +43,7 @@ pub(super) fn page_with(
             for figure in drawn.get(index).into_iter().flatten() {
                 section = section.figure(figure.clone());
             }
-            page = page.with(section.table(details(segment)));
+            page = page.with(section.table(details(segment)).table(tests(segment)));
         }
     }
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
@@ -84,17 +87,22 @@ fn overview(experiment: &Experiment, metrics: &Metrics) -> Section {
         None => "The experiment does not state it, so it is that of each filter's start and means nothing."
             .to_owned(),
     };
-    let section = section.table(summary_table(metrics, false));
+    let mut section = section.table(summary_table(metrics, false));
+    if let Some(parameters) = parameters_table(metrics) {
+        section = section.table(parameters);
+    }
     if !metrics.values.is_empty() {
         return section.paragraph(
             "Errors are estimate minus reference, after the settling time. The mean NIS of a filter that is right lies \
-             in its interval 95 times in 100.",
+             in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and of its \
+             errors against the reference finds what a filter that is right shows less than once in a million times.",
         );
     }
     section.paragraph(format!(
         "Errors are root mean squares after the settling time, against the reference. The phase is the timing from \
          a drive peak to the angle peak after it, in degrees of the motion's cycle. The mean NIS of a filter that is \
-         right lies in its interval 95 times in 100. The sign of the motion cannot be known from this signal, which \
+         right lies in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and \
+         of its errors against the reference finds what a filter that is right shows less than once in a million times. The sign of the motion cannot be known from this signal, which \
          is even in the angle. {sign}"
     ))
 }
@@ -165,6 +173,30 @@ type Detail = fn(&EstimatorMetrics) -> Option<f64>;
 type ValueDetail = fn(&ValueErrors) -> f64;
 /// One figure of an angle's errors, where they have it.
 type AngleDetail = fn(&MotionErrors) -> Option<f64>;
+
+/// How probable the finding of each test of the innovations is: a row per test, a column per filter.
+fn tests(segment: &SegmentMetrics) -> Table {
+    let tested: Vec<&EstimatorMetrics> = segment
+        .estimators
+        .iter()
+        .filter(|e| !e.tests.is_empty() && e.kind != TrajectoryKind::Smoothed)
+        .collect();
+    let columns =
+        std::iter::once(Column::text("test")).chain(tested.iter().map(|e| Column::number(&e.name, "")));
+    let caption = "Tests of the innovations: how probable what they find is for a filter that is right; one fails below 1e-6";
+    let mut table = Table::new(caption, columns);
+    let mut all: Vec<InnovationTest> = tested.iter().flat_map(|e| &e.tests).map(|found| found.test).collect();
+    all.sort_unstable();
+    all.dedup();
+    for test in all {
+        let of = |e: &&EstimatorMetrics| {
+            let found = e.tests.iter().find(|found| found.test == test);
+            found.map_or_else(|| "–".to_owned(), |found| format!("{:.1e}", found.p_value))
+        };
+        table.push(std::iter::once(test.words().to_owned()).chain(tested.iter().map(of)));
+    }
+    table
+}
 
 /// What the summary leaves out: a row per figure, a column per filter.
 fn details(segment: &SegmentMetrics) -> Table {

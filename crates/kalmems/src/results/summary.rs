@@ -1,8 +1,9 @@
 //! The figures as a table, and the sentences that must not be missed.
 
-use super::metrics::angles_of;
-use super::{EstimatorMetrics, Metrics, SegmentMetrics, Verdict};
-use crate::evaluate::{MotionErrors, PartErrors};
+use super::verdict::angles_of;
+use super::{EstimatorMetrics, Likeliest, Metrics, SegmentMetrics, Verdict};
+use crate::estimate::{Consistency, TrajectoryKind};
+use crate::evaluate::{Claim, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult};
 use kalmems_figures::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
@@ -22,6 +23,7 @@ impl fmt::Display for Notice {
             Severity::Ok => "ok",
             Severity::Note => "note",
             Severity::Warning => "WARNING",
+            Severity::Failure => "FAILURE",
         };
         write!(f, "{mark}: {}", self.text)
     }
@@ -230,12 +232,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                 say(Severity::Note, format!("{place}: the reference {reference} {text}"));
             }
             if let Some(likeliest) = &segment.likeliest {
-                let text = format!(
-                    "{place}: of these filters `{}` predicts signal and crossings best: its log-likelihood is {:.1}, {:.1} above the \
-                     next",
-                    likeliest.name, likeliest.log_likelihood, likeliest.ahead
-                );
-                say(Severity::Note, text);
+                say(Severity::Note, format!("{place}: {}", of_the_choice(likeliest)));
             }
             for remark in &segment.remarks {
                 say(Severity::Note, format!("{place}: {remark}"));
@@ -248,9 +245,10 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         }
     }
     notices.sort_by_key(|notice| match notice.severity {
-        Severity::Warning => 0,
-        Severity::Note => 1,
-        Severity::Ok => 2,
+        Severity::Failure => 0,
+        Severity::Warning => 1,
+        Severity::Note => 2,
+        Severity::Ok => 3,
     });
     notices
 }
@@ -258,7 +256,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
 fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     let mut said = Vec::new();
     if let Some(failure) = &estimator.failure {
-        said.push((Severity::Warning, failure.clone()));
+        said.push((Severity::Failure, failure.clone()));
     }
     if let Some(first) = estimator.lock.events.first() {
         let more = match estimator.lock.events.len() - 1 {
@@ -271,7 +269,7 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
                 format!("does not follow the signal, and has nothing to correct it: {first}{more}"),
             ));
         } else {
-            said.push((Severity::Warning, format!("{first}{more}; this is no estimate of the motion")));
+            said.push((Severity::Failure, format!("{first}{more}; this is no estimate of the motion")));
         }
     }
     if let Some(lag) = estimator.errors.as_ref().and_then(|errors| errors.reference_lag) {
@@ -285,39 +283,19 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
             ),
         ));
     }
-    let nis = estimator.consistency.as_ref().map(|c| (c.mean_nis, c.lower, c.upper));
-    match (estimator.verdict, nis) {
-        (Verdict::WrongSign, _) => {
-            let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
-            let of = if angles.is_empty() { String::new() } else { format!(" in {}", angles.join(" and ")) };
-            said.push((
-                Severity::Warning,
-                format!(
-                    "the reference moves the other way{of}; the sign of the motion cannot be seen in the signal, so \
-                     correct `estimate.first_peak`{}",
-                    if of.is_empty() { "" } else { " of that axis" }
-                ),
-            ));
-        }
-        (Verdict::Overconfident, Some((mean, _, upper))) => said.push((
-            Severity::Note,
+    if estimator.verdict == Verdict::WrongSign {
+        let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
+        let of = if angles.is_empty() { String::new() } else { format!(" in {}", angles.join(" and ")) };
+        said.push((
+            Severity::Failure,
             format!(
-                "the mean NIS of {mean:.3} lies above {upper:.3}: the errors are larger than the filter claims, so \
-                 the model or its noise is not right"
+                "the reference moves the other way{of}; the sign of the motion cannot be seen in the signal, so \
+                 correct `estimate.first_peak`{}",
+                if of.is_empty() { "" } else { " of that axis" }
             ),
-        )),
-        (Verdict::Cautious, Some((mean, lower, _))) => said.push((
-            Severity::Note,
-            format!(
-                "the mean NIS of {mean:.3} lies below {lower:.3}: the filter claims less than it knows; a smaller \
-                 process noise, or measurement noise, would fit"
-            ),
-        )),
-        (Verdict::Consistent, Some((mean, ..))) => {
-            said.push((Severity::Ok, format!("consistent: the mean NIS is {mean:.3}")));
-        }
-        _ => {}
+        ));
     }
+    said.extend(of_the_grade(estimator));
     let counts = &estimator.counts;
     let counted = [
         (counts.without_signal, "samples without a signal, predicted and not corrected"),
@@ -341,4 +319,115 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
         }
     }
     said
+}
+
+/// Which of several filters to take.
+fn of_the_choice(likeliest: &Likeliest) -> String {
+    let Likeliest { name, log_likelihood, .. } = likeliest;
+    match likeliest.ahead {
+        None => format!("of these filters `{name}` is the only one whose answer passes"),
+        Some(ahead) if likeliest.is_tied() => format!(
+            "of the filters that pass `{name}` and the next predict the signal equally well: their log-likelihoods are \
+             {log_likelihood:.1} and {:.1}",
+            log_likelihood - ahead
+        ),
+        Some(ahead) => format!(
+            "of the filters that pass `{name}` predicts the signal best: its log-likelihood is {log_likelihood:.1}, {ahead:.1} above \
+             the next"
+        ),
+    }
+}
+
+/// What became of the parameters that are states; `None` where none is.
+pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
+    let words = ["estimator", "parameter", "known before", "at the end"].map(Column::text);
+    let change = Column::number("change", "sd of before");
+    let mut table = Table::new("Parameters as states", words.into_iter().chain([change]));
+    for recording in &metrics.recordings {
+        for segment in &recording.segments {
+            for estimator in segment.estimators.iter().filter(|e| e.kind != TrajectoryKind::Smoothed) {
+                for parameter in &estimator.parameters {
+                    let ParameterAnswer { name, unit, start_sd, end, end_sd, .. } = parameter;
+                    let (unit, factor) = if *unit == "1" { ("%", 100.0) } else { shown(unit) };
+                    let number = |value: f64| format!("{} {unit}", significant(value * factor));
+                    let numbers =
+                        [number(*start_sd), number(*end), number(*end_sd), significant(end / start_sd)];
+                    table.push([estimator.name.clone(), (*name).to_owned()].into_iter().chain(numbers));
+                }
+            }
+        }
+    }
+    (!table.rows.is_empty()).then_some(table)
+}
+
+/// What its grade is for: what a reference shows, what its parameters and its innovations tell.
+fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+    let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
+    let severity = match grade {
+        Grade::Passes => Severity::Ok,
+        Grade::PassesWithRemarks => Severity::Note,
+        Grade::Doubtful => Severity::Warning,
+        Grade::Failed | Grade::NoEstimate => Severity::Failure,
+    };
+    // Of a motion that goes the other way the errors are what they are.
+    let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
+    let claims = estimator.broken_claims().filter(|_| !goes_the_other_way);
+    let mut why: Vec<String> = claims.map(|(name, claim)| of_the_claim(name, &claim)).collect();
+    why.extend(estimator.parameters.iter().filter_map(|parameter| {
+        let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
+        fault.map(|fault| format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {fault}"))
+    }));
+    why.extend(of_the_innovations(estimator));
+    if why.is_empty() && !goes_the_other_way {
+        why.extend(estimator.consistency.as_ref().map(|consistency| of_the_mean_nis(estimator, consistency)));
+    }
+    why.into_iter().map(|why| (severity, format!("{grade}: {why}"))).collect()
+}
+
+/// What the innovations show, in one sentence: what tells most of a cause, and what else.
+fn of_the_innovations(estimator: &EstimatorMetrics) -> Option<String> {
+    let mut failing = estimator.failing();
+    let first = failing.next()?;
+    let others: Vec<String> = failing.map(TestResult::in_short).collect();
+    let also =
+        if others.is_empty() { String::new() } else { format!(". Found as well: {}", others.join(", ")) };
+    Some(format!("{first}{also}"))
+}
+
+/// What a reference shows of a claim that does not hold.
+fn of_the_claim(name: &str, claim: &Claim) -> String {
+    let larger = claim.mean_square.sqrt();
+    let mut text = format!(
+        "the errors of the {name} against the reference are {larger:.1} times as large as claimed, {:.0} % of them within three \
+         standard deviations",
+        100.0 * claim.within
+    );
+    if let Some(Explained { scale, early_s, share, .. }) = claim.explained.filter(|found| found.share > 0.5) {
+        let size = if scale < 0.0 { "small" } else { "large" };
+        let late = if early_s < 0.0 { "late" } else { "early" };
+        text += &format!(
+            "; {:.0} % of them is explained by an estimate that is {:.2} % too {size} and {:.2} us {late}, beside an offset",
+            100.0 * share,
+            100.0 * scale.abs(),
+            1e6 * early_s.abs()
+        );
+    }
+    text
+}
+
+/// What its mean NIS says, where nothing is found.
+fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> String {
+    let Consistency { mean_nis, lower, upper, .. } = consistency;
+    match (estimator.grade, estimator.verdict) {
+        (Some(Grade::Passes), _) => {
+            let tests = estimator.tests.len();
+            format!("{tests} tests of the innovations find nothing; the mean NIS is {mean_nis:.3}")
+        }
+        (_, Verdict::Cautious) => format!(
+            "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
+        ),
+        _ => format!(
+            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as that of a filter that is right does 25 times in 1000"
+        ),
+    }
 }

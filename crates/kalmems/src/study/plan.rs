@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use toml::Table;
 
 /// Names that the results have already.
-pub(super) const FIXED: [&str; 11] = [
+pub(super) const FIXED: [&str; 12] = [
     "point",
     "repeat",
     "seed",
@@ -27,12 +27,13 @@ pub(super) const FIXED: [&str; 11] = [
     "estimator",
     "estimator_name",
     "verdict",
+    "grade",
     "mirrored",
     "failure",
 ];
 
 /// Counts up where the same input gives other results, so that no journal is continued across it.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// A study, ready to run.
 #[derive(Clone, Debug)]

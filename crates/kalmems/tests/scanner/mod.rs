@@ -4,7 +4,7 @@
 
 use kalmems::estimate::SegmentEstimate;
 use kalmems::estimate::Trajectory;
-use kalmems::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use kalmems::evaluate::{Accuracy, Extent, MotionErrors, Reference, evaluate_motion};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs::published;
@@ -124,6 +124,7 @@ where
         time_s: Vec::new(),
         angle: Vec::new(),
         rate: Some(Vec::new()),
+        accuracy: Accuracy::default(),
     };
     let (mut drive_v, mut signal) = (Vec::new(), Vec::new());
     for k in 0..samples {

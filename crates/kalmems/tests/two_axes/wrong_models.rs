@@ -5,7 +5,7 @@
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Past, Trajectory};
-use kalmems::evaluate::{Extent, Reference, evaluate_motion};
+use kalmems::evaluate::{Accuracy, Extent, Reference, evaluate_motion};
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate, first_tones};
@@ -119,6 +119,7 @@ fn reached(trajectory: &Trajectory, recorded: &Recorded) -> [Reached; 2] {
             time_s: recorded.time_s.clone(),
             angle: of(2 * axis),
             rate: Some(of(2 * axis + 1)),
+            accuracy: Accuracy::default(),
         };
         let extent =
             Extent { from_s: recorded.time_s[0] + SKIP_S, motion_hz: 0.5 * DRIVES_HZ[axis], drive: None };

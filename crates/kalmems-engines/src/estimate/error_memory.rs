@@ -1,0 +1,318 @@
+//! How long the error of an estimate lasts, by the filter's own account.
+
+use kalmems_core::{Covariance, Ldl, Link};
+
+/// A part of a trajectory, and how long the errors of its first states last there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ErrorSpan {
+    /// From here, in s.
+    pub from_s: f64,
+    /// To here, in s.
+    pub to_s: f64,
+    /// ∫ρ² over the time between two errors, in s, one for each of the first states: so much time holds one independent square
+    /// of an error.
+    pub correlation_s: Vec<f64>,
+}
+
+/// States that are followed: those of the motion come first.
+const FOLLOWED: usize = 4;
+
+/// The correlation that counts as none.
+const FORGOTTEN: f64 = 0.05;
+
+/// How many times as long as it was followed an error is taken to last likewise, before another one is followed.
+const REST: u32 = 3;
+
+/// Updates of a span at least.
+const SPAN: u32 = 1024;
+
+/// Follows how an error of now shows in the errors to come.
+///
+/// With the gain K and the step F the error goes over as \\((1 - K H) F\\), and \\((1 - K H) = P^+ (P^-)^{-1}\\) of a filter whose gain is
+/// the optimal one. So the covariance of the error at the beginning with that of now is carried on column by column, and
+/// its square, normalised, is summed up over time. Nothing of it knows what the errors are: an error that does not go away,
+/// such as that of a wrong scale, does not excuse itself by lasting.
+#[derive(Clone)]
+pub(super) struct ErrorMemory<const N: usize> {
+    state: State,
+    /// Cov(x_now, x_i then) of each state i that is followed.
+    columns: [[f64; N]; FOLLOWED],
+    variance: [f64; FOLLOWED],
+    /// Σ ρ²·Δt since the beginning.
+    sums_s: [f64; FOLLOWED],
+    began_s: f64,
+    before_s: f64,
+    /// What is not given yet: when it began, and over the errors that were followed their time over how long each lasts.
+    span_began_s: f64,
+    updates: u32,
+    followed_s: f64,
+    independent: [f64; FOLLOWED],
+}
+
+/// What is going on.
+#[derive(Clone, Copy)]
+enum State {
+    /// An error is to be followed from the next update on.
+    Begins,
+    /// One is followed, for so many updates.
+    Follows(u32),
+    /// None is, for so many updates more.
+    Rests(u32),
+}
+
+impl<const N: usize> ErrorMemory<N> {
+    pub(super) const fn new() -> Self {
+        Self {
+            state: State::Begins,
+            columns: [[0.0; N]; FOLLOWED],
+            variance: [0.0; FOLLOWED],
+            sums_s: [0.0; FOLLOWED],
+            began_s: 0.0,
+            before_s: 0.0,
+            span_began_s: f64::NAN,
+            updates: 0,
+            followed_s: 0.0,
+            independent: [0.0; FOLLOWED],
+        }
+    }
+
+    /// Whether the covariance before the update will be asked for.
+    pub(super) const fn is_following(&self) -> bool {
+        matches!(self.state, State::Follows(_))
+    }
+
+    /// Takes a step and its update: how the state hangs on the one before, and its covariance before and after the update.
+    /// What is known of a part of the way, where enough of it is.
+    pub(super) fn take(
+        &mut self,
+        time_s: f64,
+        link: Option<&Link<f64, N>>,
+        (before, after): (Option<&Covariance<f64, N>>, &Covariance<f64, N>),
+    ) -> Option<ErrorSpan> {
+        if self.span_began_s.is_nan() {
+            self.span_began_s = time_s;
+        }
+        self.updates += 1;
+        match (self.state, link, before) {
+            (State::Follows(steps), Some(link), Some(before)) => {
+                let lasts = self.carry(link, before, after, time_s - self.before_s);
+                self.state = State::Follows(steps.saturating_add(1));
+                if !lasts {
+                    self.end(time_s);
+                    self.state = State::Rests(steps.saturating_add(1).saturating_mul(REST));
+                }
+            }
+            (State::Rests(left), ..) if left > 0 => self.state = State::Rests(left - 1),
+            _ => self.begin(time_s, after),
+        }
+        self.before_s = time_s;
+        (self.updates >= SPAN && self.followed_s > 0.0).then(|| self.give(time_s))
+    }
+
+    /// What is known of the way since what was given last, at the end of a part. An error that has not gone away yet lasts, as far
+    /// as is known, from its beginning to here.
+    pub(super) fn rest(&mut self, time_s: f64) -> Option<ErrorSpan> {
+        if self.followed_s > 0.0 {
+            return Some(self.give(time_s));
+        }
+        let mut until_now = self.clone();
+        until_now.end(time_s);
+        (self.span_began_s, self.updates) = (time_s, 0);
+        (until_now.followed_s > 0.0).then(|| until_now.give(time_s))
+    }
+
+    fn begin(&mut self, time_s: f64, covariance: &Covariance<f64, N>) {
+        for (i, column) in self.columns.iter_mut().take(N).enumerate() {
+            *column = std::array::from_fn(|j| covariance.get(i, j));
+            self.variance[i] = covariance.get(i, i);
+        }
+        self.sums_s = [0.0; FOLLOWED];
+        self.began_s = time_s;
+        self.state = State::Follows(0);
+    }
+
+    /// Carries the covariances on; whether something of them is left.
+    fn carry(
+        &mut self,
+        link: &Link<f64, N>,
+        before: &Covariance<f64, N>,
+        after: &Covariance<f64, N>,
+        interval_s: f64,
+    ) -> bool {
+        let solver = Ldl::of(before);
+        let mut left: f64 = 0.0;
+        for (i, column) in self.columns.iter_mut().take(N).enumerate() {
+            let moved: [f64; N] =
+                std::array::from_fn(|r| link.transition.0[r].iter().zip(&*column).map(|(f, v)| f * v).sum());
+            let weighted = solver.solve(&moved);
+            *column = std::array::from_fn(|r| (0..N).map(|c| after.get(r, c) * weighted[c]).sum());
+            let square = |j: usize| column[j] * column[j] / (self.variance[i] * after.get(j, j));
+            self.sums_s[i] += square(i) * interval_s;
+            // What is not a number ends it as well.
+            left = (0..N).map(square).filter(|s| s.is_finite()).fold(left, f64::max);
+        }
+        left > FORGOTTEN * FORGOTTEN
+    }
+
+    /// Counts what was followed.
+    fn end(&mut self, time_s: f64) {
+        let State::Follows(steps) = self.state else { return };
+        let passed_s = time_s - self.began_s;
+        if steps == 0 || passed_s <= 0.0 {
+            return;
+        }
+        self.followed_s += passed_s;
+        // Both ways in time, and the error itself.
+        let itself_s = passed_s / f64::from(steps);
+        for (independent, sum_s) in self.independent.iter_mut().zip(&self.sums_s) {
+            *independent += passed_s / (2.0 * sum_s + itself_s);
+        }
+    }
+
+    fn give(&mut self, time_s: f64) -> ErrorSpan {
+        let states = N.min(FOLLOWED);
+        let lasting = |independent: &f64| self.followed_s / independent;
+        let correlation_s = self.independent.iter().take(states).map(lasting).collect();
+        let span = ErrorSpan { from_s: self.span_began_s, to_s: time_s, correlation_s };
+        (self.span_began_s, self.updates, self.followed_s) = (time_s, 0, 0.0);
+        self.independent = [0.0; FOLLOWED];
+        span
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::WhiteNoise;
+    use kalmems_core::Mat;
+
+    const INTERVAL_S: f64 = 1e-3;
+
+    /// A filter of a swing of two states that reads the first one, step by step, from its transition and noises.
+    struct Swing {
+        transition: [[f64; 2]; 2],
+        process: f64,
+        measured: f64,
+        covariance: [[f64; 2]; 2],
+    }
+
+    impl Swing {
+        fn new(turn: f64, decay: f64) -> Self {
+            let (sin, cos) = turn.sin_cos();
+            let transition = [[decay * cos, decay * sin], [-decay * sin, decay * cos]];
+            Self { transition, process: 1e-4, measured: 1.0, covariance: [[1.0, 0.0], [0.0, 1.0]] }
+        }
+
+        /// Covariance before the update, gain, and covariance after it.
+        fn step(&mut self) -> (Covariance<f64, 2>, [f64; 2], Covariance<f64, 2>) {
+            let (f, p) = (self.transition, self.covariance);
+            let spread = |i: usize, j: usize| {
+                let sum = (0..2).flat_map(|a| (0..2).map(move |b| (a, b)));
+                sum.map(|(a, b)| f[i][a] * p[a][b] * f[j][b]).sum::<f64>()
+            };
+            let before =
+                [[spread(0, 0) + self.process, spread(0, 1)], [spread(1, 0), spread(1, 1) + self.process]];
+            let gain = [0, 1].map(|i| before[i][0] / (before[0][0] + self.measured));
+            self.covariance = [0, 1].map(|i| [0, 1].map(|j| before[i][j] - gain[i] * before[0][j]));
+            (Covariance::from_lower(Mat(before)), gain, Covariance::from_lower(Mat(self.covariance)))
+        }
+
+        fn link(&self) -> Link<f64, 2> {
+            let noise = Covariance::from_variances([self.process; 2]);
+            Link { transition: Mat(self.transition), noise, taken: true }
+        }
+    }
+
+    /// How long an error of the first state lasts, over so many steps.
+    fn lasts_s(swing: &mut Swing, steps: usize) -> f64 {
+        let mut memory = ErrorMemory::<2>::new();
+        let (mut passed_s, mut independent) = (0.0, 0.0);
+        let mut count = |span: Option<ErrorSpan>| {
+            if let Some(span) = span {
+                passed_s += span.to_s - span.from_s;
+                independent += (span.to_s - span.from_s) / span.correlation_s[0];
+            }
+        };
+        for k in 0..steps {
+            let (before, _, after) = swing.step();
+            count(memory.take(k as f64 * INTERVAL_S, Some(&swing.link()), (Some(&before), &after)));
+        }
+        count(memory.rest((steps - 1) as f64 * INTERVAL_S));
+        // What follows the last error that was followed to its end is not told of.
+        assert!(passed_s > 0.9 * steps as f64 * INTERVAL_S, "{passed_s}");
+        passed_s / independent
+    }
+
+    #[test]
+    fn of_a_level_it_is_that_of_a_geometric_series() {
+        // ρ = a^l, so that 1 + 2·Σρ² = (1 + a²)/(1 − a²) steps.
+        let mut memory = ErrorMemory::<1>::new();
+        let (mut p, q, r) = (1.0_f64, 1e-3, 1.0);
+        let mut spans = Vec::new();
+        let mut remains = 0.0;
+        for k in 0..40_000 {
+            let before = p + q;
+            remains = r / (before + r);
+            p = before * remains;
+            let [before, after] = [before, p].map(|p| Covariance::from_variances([p]));
+            let noise = Covariance::from_variances([q]);
+            let link = Link { transition: Mat([[1.0]]), noise, taken: true };
+            spans.extend(memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&before), &after)));
+        }
+        let square = remains * remains;
+        let expected_s = INTERVAL_S * (1.0 + square) / (1.0 - square);
+        let found_s = spans.last().unwrap().correlation_s[0];
+        // What is left of an error when it counts as forgotten is 0.05² of a sum.
+        assert!((found_s / expected_s - 1.0).abs() < 0.01, "{found_s} for {expected_s}");
+    }
+
+    #[test]
+    fn of_a_swing_it_says_how_much_a_mean_square_of_errors_varies() {
+        let steps = 20_000;
+        let mut swing = Swing::new(0.3, 0.9999);
+        for _ in 0..5000 {
+            swing.step();
+        }
+        let lasts_s = lasts_s(&mut swing, steps);
+        // The mean over a time T of squares that last τ has the variance 2τ/T: simulated errors of the same filter.
+        let mut noise = WhiteNoise::new(5, 1);
+        let sets = 400;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for _ in 0..sets {
+            let mut e = [0, 1].map(|i: usize| swing.covariance[i][i].sqrt() * noise.sample());
+            let mut mean = 0.0;
+            for _ in 0..steps {
+                let (_, gain, after) = swing.step();
+                let f = swing.transition;
+                let w =
+                    [0, 1].map(|i| f[i][0] * e[0] + f[i][1] * e[1] + swing.process.sqrt() * noise.sample());
+                let residual = w[0] + swing.measured.sqrt() * noise.sample();
+                e = [0, 1].map(|i| w[i] - gain[i] * residual);
+                mean += e[0] * e[0] / after.get(0, 0) / steps as f64;
+            }
+            sum += mean;
+            squares += mean * mean;
+        }
+        let n = f64::from(sets);
+        let variance = squares / n - (sum / n).powi(2);
+        let expected = 2.0 * lasts_s / (steps as f64 * INTERVAL_S);
+        // A variance of 400 numbers has a standard deviation of 7 %.
+        assert!((variance / expected - 1.0).abs() < 0.25, "{variance} for {expected}");
+        assert!((sum / n - 1.0).abs() < 4.0 * (expected / n).sqrt(), "{}", sum / n);
+    }
+
+    #[test]
+    fn an_error_that_stays_lasts_as_long_as_the_way() {
+        // Two states that are never told apart, nor read: no process noise, no decay.
+        let mut memory = ErrorMemory::<2>::new();
+        let covariance = Covariance::from_variances([1.0, 4.0]);
+        let link =
+            Link { transition: Mat::identity(), noise: Covariance::from_variances([0.0; 2]), taken: true };
+        for k in 0..5000 {
+            let span = memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&covariance), &covariance));
+            assert_eq!(span, None);
+        }
+        let span = memory.rest(4.999).unwrap();
+        assert!(span.correlation_s.iter().all(|lasts_s| (lasts_s / 10.0 - 1.0).abs() < 1e-3), "{span:?}");
+    }
+}

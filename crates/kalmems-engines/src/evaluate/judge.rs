@@ -1,0 +1,96 @@
+//! The filters of a segment, judged by what they say themselves, part by part.
+
+use super::innovations::{InnovationRecord, TestResult};
+use super::parameter::{ParameterAnswer, ParameterRecord};
+use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
+
+/// Judges the filters of one segment, in memory that does not grow with it.
+#[derive(Clone, Default)]
+pub struct SegmentJudge {
+    /// One for each filter; a smoother has its filter's.
+    filters: Vec<FilterJudge>,
+}
+
+/// What a filter says against itself, or for itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Judgement {
+    /// What the tests of its innovations find.
+    pub tests: Vec<TestResult>,
+    /// What became of the parameters that are states.
+    pub parameters: Vec<ParameterAnswer>,
+}
+
+/// One filter.
+#[derive(Clone)]
+struct FilterJudge {
+    innovations: InnovationRecord,
+    whitens: bool,
+    parameters: Vec<ParameterRecord>,
+}
+
+impl SegmentJudge {
+    /// Takes what the filters say of new samples; the innovations of the settling time are not judged.
+    pub fn take(&mut self, estimate: &SegmentEstimate) {
+        let own = estimate.trajectories.iter().filter(|trajectory| is_of_its_own(trajectory));
+        for (place, trajectory) in own.enumerate() {
+            if self.filters.len() <= place {
+                self.filters.push(FilterJudge::new(trajectory, estimate));
+            }
+            self.filters[place].take(trajectory, estimate);
+        }
+    }
+
+    /// What is known until now, for each trajectory; nothing of what makes no claim.
+    pub fn judgements(&self, estimate: &SegmentEstimate) -> Vec<Judgement> {
+        let found: Vec<Judgement> = self.filters.iter().map(FilterJudge::judgement).collect();
+        let mut filters = found.iter();
+        let mut last = None;
+        let each = estimate.trajectories.iter().map(|trajectory| {
+            if is_of_its_own(trajectory) {
+                last = filters.next();
+            }
+            last.filter(|_| trajectory.claims()).cloned().unwrap_or_default()
+        });
+        each.collect()
+    }
+}
+
+/// Whether a trajectory's innovations are its own: those of a smoother are its filter's, which comes before it.
+fn is_of_its_own(trajectory: &Trajectory) -> bool {
+    trajectory.kind == TrajectoryKind::Filtered && trajectory.claims()
+}
+
+impl FilterJudge {
+    fn new(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Self {
+        let axes = estimate.other_axes.iter().map(|axis| axis.motion);
+        let motions = std::iter::once(estimate.motion).chain(axes).map(|motion| motion.frequency_hz);
+        let parameters = trajectory.parameters.iter().filter_map(|prior| {
+            trajectory.state(prior.name).map(|state| ParameterRecord::new(*prior, state.unit))
+        });
+        Self {
+            innovations: InnovationRecord::new(motions, estimate.start_s),
+            whitens: trajectory.whitens,
+            parameters: parameters.collect(),
+        }
+    }
+
+    fn take(&mut self, trajectory: &Trajectory, estimate: &SegmentEstimate) {
+        let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
+        let [time_s, innovation, sd] =
+            [&trajectory.time_s, &trajectory.innovation, &trajectory.innovation_sd]
+                .map(|all| &all[scored.clone()]);
+        self.innovations.take(time_s, innovation, sd);
+        for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {
+            if let Some(state) = trajectory.state(prior.name) {
+                record.take(&trajectory.time_s, state);
+            }
+        }
+    }
+
+    fn judgement(&self) -> Judgement {
+        Judgement {
+            tests: self.innovations.tests(self.whitens),
+            parameters: self.parameters.iter().filter_map(ParameterRecord::answer).collect(),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Whether a filter's answer may be trusted.
+
+use super::metrics::EstimatorMetrics;
+use crate::estimate::{Consistency, Lock, LockEvent, TrajectoryKind, is_the_only_one};
+use crate::evaluate::{Claim, Grade, InnovationTest, MotionErrors, TestResult};
+use serde::Serialize;
+
+/// What a filter's mean NIS, its lock and the sign of its answer say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The mean NIS lies in its 95 % interval.
+    Consistent,
+    /// It lies below: the filter is more careful than it needs to be.
+    Cautious,
+    /// It lies above: the filter claims more than it knows, or the model is wrong.
+    Overconfident,
+    /// It lost the signal or changed branch on the way. No figure of it is a good estimate.
+    LostLock,
+    /// It stopped before the end.
+    Failed,
+    /// The reference has the opposite sign of what the experiment states.
+    WrongSign,
+    /// It makes no claim that could be tested: the model alone, and the lock-in.
+    NoClaim,
+    /// The model alone, where it does not follow the signal. It had no lock to lose.
+    Astray,
+}
+
+impl Verdict {
+    /// In a word or two.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Cautious => "cautious",
+            Self::Overconfident => "overconfident",
+            Self::LostLock => "LOST LOCK",
+            Self::Failed => "FAILED",
+            Self::WrongSign => "WRONG SIGN",
+            Self::NoClaim => "no claim",
+            Self::Astray => "astray",
+        }
+    }
+
+    /// Whether what it is about is an estimate of the motion, be it a good one or not.
+    pub const fn is_of_an_estimate(self) -> bool {
+        !matches!(self, Self::LostLock | Self::Failed | Self::Astray)
+    }
+
+    pub(super) fn of(
+        kind: TrajectoryKind,
+        (failed, lock): (bool, &Lock),
+        errors: Option<&MotionErrors>,
+        consistency: Option<&Consistency>,
+    ) -> Self {
+        if failed {
+            return Self::Failed;
+        }
+        if !lock.held() {
+            let alone = kind == TrajectoryKind::ModelAlone;
+            return if alone { Self::Astray } else { Self::LostLock };
+        }
+        if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
+            return Self::WrongSign;
+        }
+        match consistency {
+            None => Self::NoClaim,
+            Some(c) if c.holds() => Self::Consistent,
+            Some(c) if c.mean_nis < c.lower => Self::Cautious,
+            Some(_) => Self::Overconfident,
+        }
+    }
+}
+
+/// The mean NIS from which on a claim is not doubtful but wrong: errors of the prediction that are 1.4 times as large as claimed.
+const WRONG_NIS: f64 = 2.0;
+
+impl EstimatorMetrics {
+    /// How far its answer can be trusted; `None` of what makes no claim.
+    pub(super) fn graded(&self) -> Option<Grade> {
+        match self.verdict {
+            Verdict::Failed | Verdict::LostLock => return Some(Grade::NoEstimate),
+            Verdict::WrongSign => return Some(Grade::Failed),
+            Verdict::NoClaim | Verdict::Astray => return None,
+            Verdict::Consistent | Verdict::Cautious | Verdict::Overconfident => {}
+        }
+        let is_wrong = |found: &TestResult| found.test == InnovationTest::MeanNis && found.size > WRONG_NIS;
+        let has_fault = self.parameters.iter().any(|parameter| parameter.fault.is_some());
+        Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
+            Grade::Failed
+        } else if self.failing().next().is_some() || has_fault {
+            Grade::Doubtful
+        } else if self.verdict == Verdict::Consistent {
+            Grade::Passes
+        } else {
+            Grade::PassesWithRemarks
+        })
+    }
+
+    /// What a reference shows to be further off than claimed, by the name of the state.
+    pub fn broken_claims(&self) -> impl Iterator<Item = (&'static str, Claim)> {
+        let angles = self.errors.iter().flat_map(MotionErrors::each).map(|e| (e.of, e.angle.claim));
+        let values = self.values.iter().map(|(name, errors)| (*name, errors.claim));
+        let claims = angles.chain(values).filter_map(|(name, claim)| Some((name, claim?)));
+        claims.filter(|(_, claim)| claim.fails())
+    }
+
+    /// What the tests of its innovations find that is not by chance.
+    pub fn failing(&self) -> impl Iterator<Item = &TestResult> {
+        self.tests.iter().filter(|found| found.fails())
+    }
+
+    /// Whether a strict run may pass with it.
+    pub fn passes(&self) -> bool {
+        self.grade.is_none_or(|grade| grade < Grade::Doubtful)
+    }
+
+    /// The verdict in a word or two, with the angles that it is about where others are not concerned.
+    pub(super) fn verdict_words(&self) -> String {
+        let why = words_with(self.verdict, &angles_of(self.verdict, &self.lock, self.errors.as_ref()));
+        match (self.grade, self.verdict) {
+            (None, _) => why,
+            (Some(grade), Verdict::Failed | Verdict::LostLock | Verdict::WrongSign) => {
+                format!("{grade}: {why}")
+            }
+            (Some(grade), _) => grade.to_string(),
+        }
+    }
+}
+
+/// The angles that a bad verdict is about, by their names among the states; none where it is about all there are.
+pub(super) fn angles_of(verdict: Verdict, lock: &Lock, errors: Option<&MotionErrors>) -> Vec<&'static str> {
+    let mut angles = Vec::new();
+    match verdict {
+        Verdict::LostLock | Verdict::Astray => {
+            for event in &lock.events {
+                match event {
+                    LockEvent::Lost { .. } => return Vec::new(),
+                    LockEvent::Flipped { of, .. } if !angles.contains(of) => angles.push(of),
+                    LockEvent::Flipped { .. } => {}
+                }
+            }
+        }
+        Verdict::WrongSign => {
+            let wrong = errors.into_iter().flat_map(MotionErrors::each).filter(|e| e.sign_disagrees);
+            angles.extend(wrong.map(|e| e.of));
+        }
+        _ => {}
+    }
+    angles.retain(|angle| !is_the_only_one(angle));
+    angles
+}
+
+/// A verdict in words, about these angles, or about all where none is named.
+pub(super) fn words_with(verdict: Verdict, angles: &[&str]) -> String {
+    match angles {
+        [] => verdict.words().to_owned(),
+        angles => format!("{} of {}", verdict.words(), angles.join(" and ")),
+    }
+}
