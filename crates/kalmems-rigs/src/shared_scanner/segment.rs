@@ -7,8 +7,8 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant};
 use crate::estimate::{
-    AnyFilter, BankCourse, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
-    Known, Models, Past, StateFilter, StateName, Trajectory, follow,
+    AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Known, Past,
+    StateFilter, StateName, Swing, Trajectory, Windows, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -229,18 +229,8 @@ impl Follower<'_> {
             Ok(Box::new(course.map_err(|why| self.filter.no_model(why))?))
         };
         let courses = plants.iter().map(course).collect::<Result<Vec<_>, _>>()?;
-        let known = past.left().cloned().map_or_else(start, Ok)?;
-        let member = |_| self.filter.begin(None, || Ok(known.clone()));
-        let models = match past.course.take::<Models>() {
-            Some(models) => *models,
-            None => Models::new(plants.iter().map(member).collect::<Result<_, _>>()?),
-        };
-        let mut bank = BankCourse::new(courses, models);
-        let way = (&mut bank as _, &self.data.samples);
-        let begin = |left| self.filter.begin(left, || Ok(known.clone()));
-        let told = follow((self.filter, past), begin, way, states, self.progress);
-        past.course.put(Box::new(bank.into_models()));
-        told
+        let way = (courses, &self.data.samples);
+        answers_of_bank((self.filter, past), start, way, states, self.progress)
     }
 
     /// Follows the filter that `begin` makes.
@@ -325,13 +315,19 @@ impl Task<'_> {
     }
 
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
-        let mut kept = past.course.take().unwrap_or_default();
-        let states = self.filter.states();
-        let mut trajectory = self.detector()?.trajectory(names, &states, self.data, &mut kept);
-        past.course.put(kept);
-        trajectory.claim_nothing();
-        Ok(vec![trajectory])
+        let (detector, data) = (self.detector()?, self.data);
+        let windows = Windows {
+            time_s: data.time_s,
+            signals: &[data.signal],
+            samples: &data.samples,
+            start_s: data.start_s,
+            length_s: detector.cycle_s(),
+        };
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            Some(vec![detector.swing(time_s, signals.first()?, before.first())?])
+        };
+        let filter = (&self.filter.basics, past);
+        Ok(vec![lock_in(filter, &windows, &self.filter.states(), detect)])
     }
 
     fn detector(&self) -> Result<LockIn<'_>, EstimateError> {

@@ -3,11 +3,16 @@
 use super::course::ThresholdCourse;
 use super::crossings::Crossing;
 use super::filters::FilterSettings;
-use super::plant::MirrorPlant;
+use super::lock_in::swing;
+use super::plant::{MirrorPlant, by_euler};
 use super::settings::Settings;
+use super::without_drive;
 use crate::config::Method;
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{EstimateError, FilterPast, Motion, Past, Trajectory, answers};
+use crate::estimate::driven::{DrivenSegment, Plant};
+use crate::estimate::{
+    Course, EstimateError, FilterPast, Motion, Past, Swing, Trajectory, Windows, answers, answers_of_bank,
+    lock_in,
+};
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 
@@ -59,25 +64,68 @@ struct Task<'a> {
 
 impl Task<'_> {
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = self.filter;
+        let (filter, hardware) = (self.filter, &self.settings.hardware);
         let wrong = |why: AugmentationError| filter.basics.no_model(why);
-        let plant = MirrorPlant::new(&self.settings.hardware, filter).map_err(wrong)?;
-        let course = ThresholdCourse::new(
-            &plant,
-            (self.settings.hardware.noise_variance, self.settings.judged_angle()),
-            self.samples.data,
-            self.samples.drive_slope,
-            filter,
-            (self.samples.crossings, self.samples.first),
-        );
-        let mut course = course.map_err(wrong)?;
-        let way = (&mut course as _, &self.samples.data.samples);
-        let states = filter.states();
-        let start = || Ok(filter.start());
-        let mut trajectories = answers((&filter.basics, past), start, way, &states, self.progress)?;
-        if filter.basics.method == Method::Model {
+        let method = filter.basics.method;
+        if method == Method::LockIn {
+            return Ok(vec![self.lock_in(past)]);
+        }
+        let (states, start) = (filter.states(), || Ok(filter.start()));
+        let (basics, taken) = ((&filter.basics, past), &self.samples.data.samples);
+        if method == Method::Bank {
+            let plants = MirrorPlant::side_by_side(hardware, filter).map_err(wrong)?;
+            let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
+                Ok(Box::new(self.course(plant, plant)?))
+            };
+            let courses = plants.iter().map(course).collect::<Result<_, _>>()?;
+            return answers_of_bank(basics, start, (courses, taken), &states, self.progress);
+        }
+        let plant = MirrorPlant::new(hardware, filter).map_err(wrong)?;
+        let euler = by_euler(hardware, filter);
+        let mut course = match method {
+            Method::EulerEkf => self.course(&plant, &euler)?,
+            _ => self.course(&plant, &plant)?,
+        };
+        let mut trajectories = answers(basics, start, (&mut course, taken), &states, self.progress)?;
+        if method == Method::Model {
             trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
+    }
+
+    fn course<'a, P: Plant>(
+        &'a self,
+        plant: &'a MirrorPlant,
+        moving: &'a P,
+    ) -> Result<ThresholdCourse<'a>, EstimateError> {
+        let course = ThresholdCourse::new(
+            (plant, moving),
+            (self.settings.hardware.noise_variance, self.settings.judged_angle()),
+            self.samples.data,
+            self.samples.drive_slope,
+            self.filter,
+            (self.samples.crossings, self.samples.first),
+        );
+        course.map_err(|why| self.filter.basics.no_model(why))
+    }
+
+    /// Cycle by cycle of the motion, on the signal without what the drive adds to it.
+    fn lock_in(&self, past: &mut FilterPast) -> Trajectory {
+        let (data, hardware) = (self.samples.data, &self.settings.hardware);
+        // By the first rows, so that the windows do not depend on what comes later.
+        let drive = data.drive.first_sine();
+        let motion_hz = drive.map_or(hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz);
+        let windows = Windows {
+            time_s: data.time_s,
+            signals: &[&without_drive(self.settings, data, self.samples.drive_slope)],
+            samples: &data.samples,
+            start_s: data.start_s,
+            length_s: 1.0 / motion_hz,
+        };
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            let samples = (time_s, *signals.first()?);
+            Some(vec![swing(&hardware.readout.comb, motion_hz, samples, before.first())?])
+        };
+        lock_in((&self.filter.basics, past), &windows, &self.filter.states(), detect)
     }
 }

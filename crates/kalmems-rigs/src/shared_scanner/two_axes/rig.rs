@@ -24,16 +24,8 @@ pub struct TwoAxesRig;
 const ANGLES: [[&str; 2]; 2] = [["angle_x", "rate_x"], ["angle_y", "rate_y"]];
 
 /// What a signal that is even in both angles, and in which they are mixed, does not allow.
-static NO_METHODS: [(Method, &str); 6] = [
+static NO_METHODS: [(Method, &str); 4] = [
     (Method::DirectInversion, "its one signal is even in each of two angles; use `ekf` or `ukf`"),
-    (
-        Method::LockIn,
-        "it is not built: the lines of both axes and of their products would have to be taken apart; use `ekf` or `ukf`",
-    ),
-    (
-        Method::EulerEkf,
-        "Euler's method adds energy to motions that lose it as slowly as these; use `ekf` or `hybrid_ekf`",
-    ),
     (Method::SteadyState, NO_GAIN),
     (Method::KalmanBucy, NO_GAIN),
     (Method::Luenberger, NO_GAIN),

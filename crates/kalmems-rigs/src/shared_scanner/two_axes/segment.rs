@@ -3,11 +3,11 @@
 use super::filters::{FilterSettings, STATES, Start};
 use super::plant::{both, both_models, both_with};
 use super::settings::Settings;
-use super::start::{BatchStart, StartError};
+use super::start::{BatchStart, StartError, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
-use crate::estimate::driven::{DrivenSegment, Plant};
-use crate::estimate::{EstimateError, FilterPast, Known, Past, Trajectory};
+use crate::estimate::driven::{ByEuler, DrivenSegment, Plant};
+use crate::estimate::{EstimateError, FilterPast, Known, Past, Swing, Trajectory, Windows, lock_in};
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
 use std::f64::consts::TAU;
@@ -84,15 +84,45 @@ impl Task<'_> {
     /// Chooses the model: once per segment, so that the loops inside know their types.
     fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (hardware, filter) = (&self.settings.hardware, self.filter);
-        if filter.basics.method == Method::Bank {
-            let states = filter.basics.states(&STATES);
-            return self.follower().bank(&both_models(hardware, filter), &states, past, || self.start());
+        match filter.basics.method {
+            Method::LockIn => self.lock_in(past),
+            Method::Bank => {
+                let states = filter.basics.states(&STATES);
+                self.follower().bank(&both_models(hardware, filter), &states, past, || self.start())
+            }
+            Method::EulerEkf => self.run(&ByEuler(both(hardware, filter)), past),
+            _ if filter.basics.tracked.is_empty() => self.run(&both(hardware, filter), past),
+            _ => {
+                let plant = both_with(hardware, filter).map_err(|why| filter.basics.no_model(why))?;
+                self.run(&plant, past)
+            }
         }
-        if filter.basics.tracked.is_empty() {
-            return self.run(&both(hardware, filter), past);
+    }
+
+    /// Both axes at once, in windows that tell the lines of one drive apart from those of the other.
+    fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (readout, data) = (&self.settings.hardware.readout, self.data);
+        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        let length_s = separating_s(drives_hz);
+        if length_s > WINDOW_S {
+            let why = format!(
+                "the lock-in `{}` would need windows of {:.2e} s to tell the lines of the two drives and of their harmonics apart; \
+                 both axes are taken to swing steadily for {WINDOW_S:.0e} s at most: move the drives apart, or use `ekf`",
+                self.filter.basics.name, length_s
+            );
+            return Err(EstimateError::Unfit { place: self.place.to_owned(), why });
         }
-        let plant = both_with(hardware, filter).map_err(|why| filter.basics.no_model(why))?;
-        self.run(&plant, past)
+        let windows = Windows {
+            time_s: data.time_s,
+            signals: &[data.signal],
+            samples: &data.samples,
+            start_s: data.start_s,
+            length_s,
+        };
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            swings(readout, (time_s, signals.first()?), drives_hz, before)
+        };
+        Ok(vec![lock_in((&self.filter.basics, past), &windows, &STATES, detect)])
     }
 
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
