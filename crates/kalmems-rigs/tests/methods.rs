@@ -115,7 +115,7 @@ const DEVICES: [Device; 6] = [
         euler: "",
         corrected: &[],
         close: 0.03,
-        refused: &["euler_ekf", "consider_ekf", "bank", "kalman_bucy", "lock_in", "direct_inversion"],
+        refused: &["direct_inversion"],
     },
     Device {
         name: "piston mirror",
@@ -156,7 +156,7 @@ fn with_method(device: &Device, text: &str, method: &str) -> String {
         filter.push_str("observer_bandwidth = \"600 Hz\"\n");
     }
     // One gain for all times is for one signal.
-    if device.name == "micro-stage" && ["luenberger", "steady_state"].contains(&method) {
+    if device.name == "micro-stage" && ["luenberger", "steady_state", "kalman_bucy"].contains(&method) {
         filter.push_str("channels = [\"1A\"]\n");
     }
     let estimate = file["estimate"].as_table_mut().unwrap();
@@ -244,11 +244,15 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
                     assert!(apart.len() > ekf.len() / 2, "{} {method}", device.name);
                     let off = (apart.iter().sum::<f64>() / apart.len() as f64).sqrt() / size;
                     writeln!(table, "{:18} {method:16} {off:.2e}", device.name).unwrap();
-                    let close = match method {
+                    let close = match (method, device.name) {
                         // Knows nothing of where the motion is.
-                        "model" => f64::INFINITY,
+                        ("model", _) => f64::INFINITY,
                         // Adds energy at every step.
-                        "euler_ekf" => 0.2,
+                        ("euler_ekf", _) => 0.2,
+                        // Takes the motion to be steady within a window: a decay of 4 % in a cycle leaves 1.2 %.
+                        ("lock_in", _) => 0.02,
+                        // Holds each sample for the 6.4 us until the next: late by half of that, 35 mrad of the motion.
+                        ("kalman_bucy", "micro-stage") => 0.04,
                         _ => device.close,
                     };
                     if off >= close {
@@ -269,5 +273,5 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     }
     println!("{table}{accepted} of {}", DEVICES.len() * METHODS.len());
     assert!(problems.is_empty(), "{problems:#?}");
-    assert_eq!(accepted, 64);
+    assert_eq!(accepted, 69);
 }

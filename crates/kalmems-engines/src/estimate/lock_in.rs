@@ -148,31 +148,43 @@ pub fn current_line(current: impl Fn(f64, f64) -> f64, harmonic: u32, rate: f64,
 
 /// The factor between two amplitudes of the search outwards.
 const STRIDE: f64 = 1.25;
-/// Halvings that separate all amplitudes between two of them.
-const HALVINGS: usize = 60;
+/// Steps between two of them, at most; each but the first few doubles the digits.
+const STEPS: usize = 60;
+/// How near to the size the line of the amplitude is, relative to it.
+const NEAR: f64 = 1e-14;
 
 /// The least amplitude whose line has this size, where the line grows with the amplitude: from `unit`, below which it is taken to
 /// grow, up to `limit`. `None` where the line stops to grow before it has that size.
 pub fn amplitude_of_line(size: f64, [unit, limit]: [f64; 2], line: impl Fn(f64) -> f64) -> Option<f64> {
-    let line = |amplitude: f64| line(amplitude).abs();
-    let (mut low, mut high) = (0.0, unit.min(limit));
-    let mut at_high = line(high);
-    while at_high < size {
-        let next = (high * STRIDE).min(limit);
-        let at_next = line(next);
-        if next <= high || at_next.is_nan() || at_next <= at_high {
-            return None;
-        }
-        (low, high, at_high) = (high, next, at_next);
-    }
-    if !(size > 0.0 && at_high.is_finite()) {
+    let above = |amplitude: f64| line(amplitude).abs() - size;
+    if size.is_nan() || size <= 0.0 {
         return None;
     }
-    for _ in 0..HALVINGS {
-        let middle = low.midpoint(high);
-        if line(middle) < size { low = middle } else { high = middle }
+    let (mut low, mut high) = (0.0, unit.min(limit));
+    let (mut at_low, mut at_high) = (-size, above(high));
+    while at_high < 0.0 {
+        let next = (high * STRIDE).min(limit);
+        let at_next = above(next);
+        if next <= high || at_next <= at_high {
+            return None;
+        }
+        (low, at_low, high, at_high) = (high, at_high, next, at_next);
     }
-    Some(low.midpoint(high))
+    // By secants, of which the end that stays counts half (the Illinois method: Dowell and Jarratt, BIT 11, 168, 1971).
+    let mut middle = high;
+    for _ in 0..STEPS {
+        middle = high - at_high * (high - low) / (at_high - at_low);
+        let at_middle = above(middle);
+        if at_middle.is_nan() || at_middle.abs() <= NEAR * size {
+            break;
+        }
+        if at_middle < 0.0 {
+            (low, at_low, at_high) = (middle, at_middle, 0.5 * at_high);
+        } else {
+            (high, at_high, at_low) = (middle, at_middle, 0.5 * at_low);
+        }
+    }
+    middle.is_finite().then_some(middle)
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ use crate::simulate::{
 };
 use crate::units::kind;
 use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
-use kalmems_core::{Mat, Measurement, NoiseDensity, Parameters};
+use kalmems_core::{Mat, Measurement, NoiseDensity};
 use std::ops::ControlFlow;
 
 /// A device of `M` states that a recorded voltage drives and one recorded voltage shows.
@@ -247,7 +247,8 @@ impl<const M: usize> FilterSettings<M> {
         };
         let claims = filter.method.claims();
         let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let scales: Vec<f64> = D::PARAMETERS.iter().map(|parameter| scale(parameter, model)).collect();
+        let scale = |parameter: &Parameter| parameter.scale(&model.motion, &model.readout);
+        let scales: Vec<f64> = D::PARAMETERS.iter().map(scale).collect();
         let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };
         Ok(Self {
             start: values("start", start, Sign::Any)?,
@@ -260,16 +261,6 @@ impl<const M: usize> FilterSettings<M> {
             basics: FilterBasics::of(experiment, &at, filter, (D::PARAMETERS, &scales))?,
         })
     }
-}
-
-/// What a deviation of 1 adds to a parameter: of a factor, what the device table says; else one of its unit.
-fn scale<D: Parameters<f64>, H: Parameters<f64>>(parameter: &Parameter, model: &DrivenModel<D, H>) -> f64 {
-    if parameter.unit != "1" {
-        return 1.0;
-    }
-    let in_motion = parameter.in_motion.and_then(D::index_of).and_then(|index| model.motion.value(index));
-    let in_readout = parameter.in_readout.and_then(H::index_of).and_then(|index| model.readout.value(index));
-    in_motion.or(in_readout).unwrap_or(1.0)
 }
 
 /// Estimates recordings, part by part.

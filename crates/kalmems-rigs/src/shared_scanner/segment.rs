@@ -8,7 +8,7 @@ use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant};
 use crate::estimate::{
     AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Known, Past,
-    StateFilter, StateName, Swing, Trajectory, Windows, answers_of_bank, follow, lock_in,
+    StateFilter, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -316,13 +316,8 @@ impl Task<'_> {
 
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (detector, data) = (self.detector()?, self.data);
-        let windows = Windows {
-            time_s: data.time_s,
-            signals: &[data.signal],
-            samples: &data.samples,
-            start_s: data.start_s,
-            length_s: detector.cycle_s(),
-        };
+        let signals = [data.signal];
+        let windows = data.windows(&signals, detector.cycle_s());
         let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
             Some(vec![detector.swing(time_s, signals.first()?, before.first())?])
         };

@@ -10,8 +10,7 @@ use super::without_drive;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenSegment, Plant};
 use crate::estimate::{
-    Course, EstimateError, FilterPast, Motion, Past, Swing, Trajectory, Windows, answers, answers_of_bank,
-    lock_in,
+    Course, EstimateError, FilterPast, Motion, Past, Swing, Trajectory, answers, answers_of_bank, lock_in,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -115,13 +114,9 @@ impl Task<'_> {
         // By the first rows, so that the windows do not depend on what comes later.
         let drive = data.drive.first_sine();
         let motion_hz = drive.map_or(hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz);
-        let windows = Windows {
-            time_s: data.time_s,
-            signals: &[&without_drive(self.settings, data, self.samples.drive_slope)],
-            samples: &data.samples,
-            start_s: data.start_s,
-            length_s: 1.0 / motion_hz,
-        };
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        let signals = [&signal[..]];
+        let windows = data.windows(&signals, 1.0 / motion_hz);
         let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
             let samples = (time_s, *signals.first()?);
             Some(vec![swing(&hardware.readout.comb, motion_hz, samples, before.first())?])

@@ -7,7 +7,7 @@ use super::start::{BatchStart, StartError, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenSegment, Plant};
-use crate::estimate::{EstimateError, FilterPast, Known, Past, Swing, Trajectory, Windows, lock_in};
+use crate::estimate::{EstimateError, FilterPast, Known, Past, Swing, Trajectory, lock_in};
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
 use std::f64::consts::TAU;
@@ -112,13 +112,8 @@ impl Task<'_> {
             );
             return Err(EstimateError::Unfit { place: self.place.to_owned(), why });
         }
-        let windows = Windows {
-            time_s: data.time_s,
-            signals: &[data.signal],
-            samples: &data.samples,
-            start_s: data.start_s,
-            length_s,
-        };
+        let signals = [data.signal];
+        let windows = data.windows(&signals, length_s);
         let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
             swings(readout, (time_s, signals.first()?), drives_hz, before)
         };
