@@ -127,7 +127,7 @@ const DEVICES: [Device; 6] = [
         euler: "",
         corrected: &[],
         close: 0.03,
-        refused: &["consider_ekf", "bank", "kalman_bucy", "luenberger", "lock_in"],
+        refused: &[],
     },
 ];
 
@@ -153,7 +153,9 @@ fn with_method(device: &Device, text: &str, method: &str) -> String {
         filter.push_str(device.euler);
     }
     if method == "luenberger" {
-        filter.push_str("observer_bandwidth = \"600 Hz\"\n");
+        // A phase-locked loop is much slower than the motion that it follows.
+        let bandwidth = if device.name == "piston mirror" { "5 Hz" } else { "600 Hz" };
+        writeln!(filter, "observer_bandwidth = \"{bandwidth}\"").unwrap();
     }
     // One gain for all times is for one signal.
     if device.name == "micro-stage" && ["luenberger", "steady_state", "kalman_bucy"].contains(&method) {
@@ -273,5 +275,5 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     }
     println!("{table}{accepted} of {}", DEVICES.len() * METHODS.len());
     assert!(problems.is_empty(), "{problems:#?}");
-    assert_eq!(accepted, 69);
+    assert_eq!(accepted, 74);
 }

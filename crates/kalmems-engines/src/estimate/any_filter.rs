@@ -100,6 +100,22 @@ impl Known {
         self
     }
 
+    /// The same with the state of this index, of this standard deviation and behind those it is correlated with, part of each of
+    /// these: so much of it is added to each.
+    pub fn correlate(&mut self, source: usize, parts: &[(usize, f64)], sd: f64) {
+        let mut add = |i: usize, j: usize, value: f64| {
+            if let Some(entry) = self.lower.get_mut(i * (i + 1) / 2 + j) {
+                *entry += value;
+            }
+        };
+        for (i, part) in parts {
+            add(source, *i, part * sd * sd);
+            for (j, other) in parts.iter().filter(|(j, _)| j <= i) {
+                add(*i, *j, part * other * sd * sd);
+            }
+        }
+    }
+
     /// As the core has them; what is missing is not a number.
     pub fn gaussian<const N: usize>(&self) -> Gaussian<f64, N> {
         let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);

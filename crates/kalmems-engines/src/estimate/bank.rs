@@ -4,7 +4,8 @@ use super::any_filter::AnyFilter;
 use super::engine::Filtering;
 use super::transition::{Sensor, Transition};
 use super::{
-    Counts, Course, EstimateError, FilterBasics, FilterPast, Known, Samples, StateName, Trajectory, follow,
+    Counts, Course, Derived, EstimateError, FilterBasics, FilterPast, Known, Samples, StateName, Trajectory,
+    follow,
 };
 use crate::progress::Progress;
 use kalmems_core::{FilterError, Innovation};
@@ -15,22 +16,23 @@ pub const MOST_MODELS: usize = 27;
 /// Takes a filter for each of these models through new samples, side by side along the course of each: the trajectory of what
 /// they say together, each weighed by the likelihood of the samples.
 ///
-/// They go on where the past left them; `start` says what each knows at the first sample of the segment.
+/// They go on where the past left them; `start` says what the model of each index knows at the first sample of the segment.
 pub fn answers_of_bank(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    start: impl FnOnce() -> Result<Known, EstimateError>,
+    start: impl Fn(usize) -> Result<Known, EstimateError>,
     (courses, samples): (Vec<Box<dyn Course + '_>>, &Samples),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let known = past.left().cloned().map_or_else(start, Ok)?;
-    let member = |_| filter.begin(None, || Ok(known.clone()));
     let models = match past.course.take::<Models>() {
         Some(models) => *models,
-        None => Models::new(courses.iter().map(member).collect::<Result<_, _>>()?),
+        None => {
+            let member = |model| filter.begin(past.left().cloned(), || start(model));
+            Models::new((0..courses.len()).map(member).collect::<Result<_, _>>()?)
+        }
     };
     let mut bank = BankCourse::new(courses, models);
-    let begin = |left| filter.begin(left, || Ok(known.clone()));
+    let begin = |left| filter.begin(left, || start(0));
     let told = follow((filter, past), begin, (&mut bank, samples), states, progress);
     past.course.put(Box::new(bank.models));
     told
@@ -112,6 +114,10 @@ impl Course for BankCourse<'_> {
 
     fn signal(&self) -> &[f64] {
         self.courses.first().map_or(&[], |course| course.signal())
+    }
+
+    fn derived(&self) -> Option<Derived> {
+        self.courses.first().and_then(|course| course.derived())
     }
 
     /// What is known of the whole is the mean over the models, each with its weight at the end: a mean of log-likelihoods, which is

@@ -47,6 +47,11 @@ impl Parameter {
         Self::new(name, (&kind::VOLTAGE, "V", &kind::VOLTAGE_DRIFT))
     }
 
+    /// A capacitance.
+    pub const fn farads(name: &'static str) -> Self {
+        Self::new(name, (&kind::CAPACITANCE, "F", &kind::CAPACITANCE_DRIFT))
+    }
+
     const fn new(
         name: &'static str,
         (kind, unit, drift): (&'static Kind, &'static str, &'static Kind),

@@ -185,7 +185,7 @@ impl Task<'_> {
             |plants| -> Result<Box<dyn Course + '_>, EstimateError> { Ok(Box::new(self.course(plants)?)) };
         let courses = models.iter().map(|model| course(model)).collect::<Result<_, _>>()?;
         let (way, states) = ((courses, &self.samples.taken), basics.states(&STATES));
-        answers_of_bank((basics, past), || self.start(), way, &states, self.progress)
+        answers_of_bank((basics, past), |_| self.start(), way, &states, self.progress)
     }
 
     /// Cycle by cycle of the drive, over all channels.

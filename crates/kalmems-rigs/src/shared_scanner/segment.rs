@@ -222,7 +222,7 @@ impl Follower<'_> {
         plants: &[P],
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        start: impl Fn() -> Result<Known, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
             let course = DrivenCourse::new(plant, self.noise_variance, self.data);
@@ -230,7 +230,7 @@ impl Follower<'_> {
         };
         let courses = plants.iter().map(course).collect::<Result<Vec<_>, _>>()?;
         let way = (courses, &self.data.samples);
-        answers_of_bank((self.filter, past), start, way, states, self.progress)
+        answers_of_bank((self.filter, past), |_| start(), way, states, self.progress)
     }
 
     /// Follows the filter that `begin` makes.

@@ -77,7 +77,7 @@ impl Task<'_> {
                 Ok(Box::new(self.course(plant, plant)?))
             };
             let courses = plants.iter().map(course).collect::<Result<_, _>>()?;
-            return answers_of_bank(basics, start, (courses, taken), &states, self.progress);
+            return answers_of_bank(basics, |_| start(), (courses, taken), &states, self.progress);
         }
         let plant = MirrorPlant::new(hardware, filter).map_err(wrong)?;
         let euler = by_euler(hardware, filter);

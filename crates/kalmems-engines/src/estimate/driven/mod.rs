@@ -10,6 +10,6 @@ mod segment;
 pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
 pub use drive::{BLOCK, Drive, DrivePast};
 pub use models::{Enters, combinations, shifted, side_by_side};
-pub use parameters::{OfMotion, ParametricReadout};
+pub use parameters::{Beside, Held, OfMotion, ParametricReadout};
 pub use plant::{ByEuler, Plain, Plant, WithParameters, step};
 pub use segment::DrivenSegment;
