@@ -103,7 +103,7 @@ const DEVICES: [Device; 6] = [
         euler: "",
         corrected: &[],
         close: 0.25,
-        refused: &["euler_ekf", "lock_in", "direct_inversion"],
+        refused: &["lock_in"],
     },
     Device {
         name: "micro-stage",
@@ -126,7 +126,7 @@ const DEVICES: [Device; 6] = [
         states: r#"{ gain = { start_sd = "0.1 %" } }"#,
         euler: "",
         corrected: &[],
-        close: 0.03,
+        close: 5e-4,
         refused: &[],
     },
 ];
@@ -252,7 +252,9 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
                         // Adds energy at every step.
                         ("euler_ekf", _) => 0.2,
                         // Takes the motion to be steady within a window: a decay of 4 % in a cycle leaves 1.2 %.
-                        ("lock_in", _) => 0.02,
+                        ("lock_in", _) => device.close.min(0.02),
+                        // Takes the mass to follow at once: at 10 Hz, on a spring of 241 Hz with so much damping, 41 mrad late.
+                        ("direct_inversion", "accelerometer") => 0.045,
                         // Holds each sample for the 6.4 us until the next: late by half of that, 35 mrad of the motion.
                         ("kalman_bucy", "micro-stage") => 0.04,
                         _ => device.close,
@@ -275,5 +277,5 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     }
     println!("{table}{accepted} of {}", DEVICES.len() * METHODS.len());
     assert!(problems.is_empty(), "{problems:#?}");
-    assert_eq!(accepted, 74);
+    assert_eq!(accepted, 76);
 }

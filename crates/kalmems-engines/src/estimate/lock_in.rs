@@ -126,6 +126,29 @@ pub fn lock_in(
     trajectory
 }
 
+/// Each new sample by itself: the states that `invert` makes of the number of a sample and its signal, each with its standard
+/// deviation. A sample of which it makes none counts as a missing one.
+pub fn inversion<const N: usize>(
+    filter: &FilterBasics,
+    (time_s, signal, samples): (&[f64], &[f64], &Samples),
+    states: &[StateName; N],
+    invert: impl Fn(usize, f64) -> Option<[(f64, f64); N]>,
+) -> Trajectory {
+    let names = (filter.key.as_str(), filter.name.as_str());
+    let rows = (time_s, signal, &samples.fresh);
+    let mut trajectory = Trajectory::blank(names, TrajectoryKind::LockIn, rows, states);
+    for (k, sample) in samples.fresh.clone().enumerate() {
+        let Some(found) = invert(sample, signal[sample]) else {
+            trajectory.counts.without_signal += 1;
+            continue;
+        };
+        for (state, (mean, sd)) in trajectory.states.iter_mut().zip(found) {
+            (state.mean[k], state.sd[k]) = (mean, sd);
+        }
+    }
+    trajectory
+}
+
 /// Points of a cycle over which a line is summed. What a sum of trapezoids leaves of a periodic function falls
 /// exponentially with them.
 const POINTS: u32 = 256;

@@ -37,7 +37,7 @@ pub use filter_basics::{FilterBasics, process_noise};
 pub use foretell::{Beside, Foreteller, Foretelling, Foretold, ForetoldCounts, Onwards};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
-pub use lock_in::{Swing, Windows, amplitude_of_line, current_line, lock_in};
+pub use lock_in::{Swing, Windows, amplitude_of_line, current_line, inversion, lock_in};
 pub use model_alone::ModelAlone;
 pub use part::{Around, Part};
 pub use past::{FilterPast, Past, PastState, Slot};

@@ -1,7 +1,9 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::uncertainty;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Quantity, Sign, Start};
+use crate::config::{
+    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+};
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
 use std::collections::BTreeMap;
@@ -38,6 +40,9 @@ const STATES: [StateName; 7] = [
     ("mass_deviation", "1", &kind::RATIO),
 ];
 
+/// Those that direct inversion gives.
+pub const INVERTED: [StateName; 2] = [STATES[0], STATES[2]];
+
 /// The first `N` states, as tables of values name them.
 pub const fn entries<const N: usize>(sign: Sign) -> [Entry; N] {
     const { assert!(N <= STATES.len(), "there are no more") };
@@ -63,10 +68,11 @@ impl FilterSettings {
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
             return refuse(name, "the accelerometer's filters have no such setting; leave it out");
         }
-        let Some(Start::Values(start)) = &filter.start else {
-            return refuse("start", "an accelerometer's filter starts from values, such as those of rest");
-        };
         let known = filter.known_acceleration;
+        let inverts = filter.method == Method::DirectInversion;
+        if known && inverts {
+            return refuse("known_acceleration", "what is inverted is the acceleration; leave it out");
+        }
         let values = |name: &str, values, sign| {
             let key = at.clone().child(name);
             if known {
@@ -75,7 +81,14 @@ impl FilterSettings {
             }
             experiment.values(key, values, entries::<4>(sign))
         };
-        let start = values("start", start, Sign::Any)?;
+        let start = match &filter.start {
+            Some(Start::Values(start)) => values("start", start, Sign::Any)?,
+            // It has no start.
+            None if inverts => [0.0; 4],
+            _ => {
+                return refuse("start", "an accelerometer's filter starts from values, such as those of rest");
+            }
+        };
         // An observer does not ask how uncertain its start is.
         let start_sd = if filter.method.claims() {
             values("start_sd", &filter.start_sd, Sign::NotNegative)?

@@ -128,6 +128,15 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
         kalman_bucy((self.dynamics, self.readout), noise, interval_s, Input::NONE)
     }
 
+    /// The sampling rate in Hz from which on Euler's method lets every motion of the mass at rest decay: |1 + λ·h| < 1 for both
+    /// eigenvalues.
+    pub fn euler_rate_hz(&self) -> f64 {
+        let rate = |(re, im): &(f64, f64)| {
+            if *re < 0.0 { (re * re + im * im) / (-2.0 * re) } else { f64::INFINITY }
+        };
+        self.eigenvalues.iter().map(rate).fold(0.0, f64::max)
+    }
+
     /// The fastest motion of the mass at rest in 1/s.
     pub fn fastest(&self) -> f64 {
         self.eigenvalues.iter().map(|(re, im)| re.hypot(*im)).fold(0.0, f64::max)

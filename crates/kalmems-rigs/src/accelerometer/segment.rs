@@ -3,18 +3,20 @@
 use super::bank::BankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Prediction};
 use super::data::{Input, SegmentData};
-use super::filters::{FilterSettings, states};
+use super::filters::{FilterSettings, INVERTED, states};
 use super::instrument::Instrument;
 use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
     AnyFilter, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Samples, StateFilter,
-    StateSeries, Trajectory, follow,
+    StateSeries, Trajectory, follow, inversion,
 };
 use crate::progress::Progress;
 use crate::units::kind;
-use kalmems_core::{Covariance, Dynamics, Ekf, FixedGain, Gaussian, Scales, SchmidtEkf};
+use kalmems_core::{
+    Covariance, Dual, Dynamics, Ekf, Euler, FixedGain, Gaussian, Process, Scales, SchmidtEkf,
+};
 use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
@@ -35,7 +37,9 @@ pub fn estimate(
         let task = Task { filter, data, samples, progress };
         let past = past.filter(index);
         let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
-        let mut trajectories = if filter.basics.method == Method::ConsiderEkf {
+        let mut trajectories = if filter.basics.method == Method::DirectInversion {
+            vec![task.inversion(&settings.hardware)]
+        } else if filter.basics.method == Method::ConsiderEkf {
             task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, past)?
         } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
@@ -48,7 +52,7 @@ pub fn estimate(
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let (judge, axes) = (&mut past.answer(answer).judge, [("acceleration", motion(settings))]);
             trajectory.lock = judge.judge(trajectory, &axes, start_s, samples.ends);
-            if !filter.basics.method.claims() {
+            if filter.basics.method == Method::Model {
                 trajectory.mark_model_alone();
             }
         }
@@ -90,6 +94,16 @@ impl Task<'_> {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
                 self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
             }
+            Method::EulerEkf => {
+                let rate_hz = instrument.euler_rate_hz();
+                if h * rate_hz >= 1.0 {
+                    let filter = self.filter.basics.name.clone();
+                    return Err(EstimateError::EulerUnstable { filter, interval_s: h, rate_hz });
+                }
+                let noise = *instrument.over(h).noise().covariance();
+                let step = Euler::new(instrument.dynamics, h, noise);
+                self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
+            }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
@@ -109,6 +123,23 @@ impl Task<'_> {
                 self.filter.basics.begin(left, || Ok(known))
             }),
         }
+    }
+
+    /// Each sample by itself: the displacement that its voltage means, and the acceleration that holds the mass there against spring
+    /// and plates under the feedback until then. It is that of the device as far as it changes slowly against the mass.
+    fn inversion(&self, hardware: &Hardware) -> Trajectory {
+        let (data, device) = (self.data, &hardware.sensed.device);
+        let noise = hardware.noise_variance.sqrt();
+        let rows = (data.time_s, data.signal, self.samples);
+        inversion(&self.filter.basics, rows, &INVERTED, |k, volts| {
+            let x = Dual::<f64, 1>::variable(hardware.readout.displacement(volts), 0);
+            let [per_metre] = hardware.readout.voltage(x).gradient();
+            let still = Dual::constant(0.0);
+            let held = -device.response(x, still, still, data.feedback(k.saturating_sub(1)));
+            let [stiffness] = held.gradient();
+            let sd = noise / per_metre;
+            volts.is_finite().then_some([(x.value(), sd.abs()), (held.value(), (stiffness * sd).abs())])
+        })
     }
 
     /// What is known at first, in scaled states.

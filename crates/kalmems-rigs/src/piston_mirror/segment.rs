@@ -12,7 +12,7 @@ use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
     self, Course, EstimateError, FilterPast, Known, Past, Reading, Samples, StateFilter, StateName, Swing,
-    Tracked, Trajectory, TrajectoryKind, Windows, answers, answers_of_bank, follow, lock_in,
+    Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -358,25 +358,14 @@ impl Task<'_> {
     /// out and counted as a missing signal.
     fn inversion(&self) -> Trajectory {
         let plates = &self.settings.hardware.plates;
-        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
         let PartData { data, samples, .. } = self.part;
-        let mut trajectory = Trajectory::blank(
-            names,
-            TrajectoryKind::LockIn,
-            (data.time_s, data.signal, &samples.fresh),
-            &POSITION[..1],
-        );
         let noise = data.noise_variance.sqrt();
-        for (k, capacitance) in data.signal[samples.fresh.clone()].iter().enumerate() {
-            match distance_at(plates, *capacitance) {
-                Some(distance) => {
-                    trajectory.states[0].mean[k] = distance;
-                    trajectory.states[0].sd[k] = noise / plates.slope(distance).abs();
-                }
-                None => trajectory.counts.without_signal += 1,
-            }
-        }
-        trajectory
+        let [position, _] = POSITION;
+        let rows = (data.time_s, data.signal, samples);
+        inversion(&self.filter.basics, rows, &[position], |_, capacitance| {
+            let distance = distance_at(plates, capacitance)?;
+            Some([(distance, noise / plates.slope(distance).abs())])
+        })
     }
 }
 
