@@ -4,7 +4,7 @@ use super::answers::{Begun, Run};
 use super::engine::Filtering;
 use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
-use super::{ConstantGain, ModelAlone};
+use super::{ConstantGain, GainOf, ModelAlone};
 use crate::config::Method;
 use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
@@ -184,22 +184,8 @@ impl FilterKind {
     }
 }
 
-/// What one gain for all times is to do.
-#[derive(Clone, Copy, Debug)]
-pub enum ConstantGainOf {
-    /// That in which the Kalman filter settles.
-    Settled,
-    /// Give the error the poles of a Butterworth low-pass of this corner in rad/s, sampled in this interval in s.
-    Poles {
-        /// The corner.
-        corner: f64,
-        /// The interval.
-        interval_s: f64,
-    },
-}
-
 fn constant_gain<const N: usize>(
-    gain: ConstantGainOf,
+    gain: (GainOf, f64),
     at: &Known,
     start: &Known,
     (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
@@ -208,11 +194,12 @@ fn constant_gain<const N: usize>(
     let noise = Covariance::from_variances([variance]);
     let point = OperatingPoint::of(&Numbers::<N>::of(transition), (&Seen(sensor), noise), (&at, &()));
     let gain = match gain {
-        ConstantGainOf::Settled => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
-        ConstantGainOf::Poles { corner, interval_s } => {
+        (GainOf::Settled, _) => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
+        (GainOf::Poles(corner), interval_s) => {
             let poles: Vec<Pole<f64>> = butterworth(N, corner).map(|pole| pole.sampled(interval_s)).collect();
             FixedGain::luenberger(mean, &poles, &point).map_err(|why| why.to_string())?
         }
+        (GainOf::Continuous, _) => return Err("the continuous filter is a process of its own".to_owned()),
     };
     Ok(ConstantGain::new(&gain, &point))
 }
@@ -258,9 +245,9 @@ macro_rules! for_each_size {
                 }
             }
 
-            /// A filter with one gain for all times: that for the model linearised at a mean.
+            /// A filter with one gain for all times: that for the model linearised at a mean, with poles sampled in this interval in s.
             pub fn of_constant_gain(
-                gain: ConstantGainOf,
+                gain: (GainOf, f64),
                 (at, start): (&Known, &Known),
                 (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
             ) -> Result<Self, String> {

@@ -87,8 +87,20 @@ where
     Ok((process, point))
 }
 
-/// Takes no correction.
-struct Never;
+/// Which gain for all times.
+#[derive(Clone, Copy, Debug)]
+pub enum GainOf {
+    /// That in which the Kalman filter settles.
+    Settled,
+    /// That of the continuous Kalman filter, with what each sample says held until the next.
+    Continuous,
+    /// That which gives the error poles of this corner in rad/s.
+    Poles(f64),
+}
+
+/// Takes no correction: for the innovation alone, of a filter that corrects by a gain of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Never;
 
 impl<const N: usize> Policy<f64, N> for Never {
     fn take<const M: usize>(&self, _: &Innovation<f64, M>, _: &Correction<f64, N>) -> bool {

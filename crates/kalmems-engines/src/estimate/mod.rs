@@ -27,10 +27,10 @@ mod trajectory;
 mod transition;
 
 pub use answers::{Samples, answers, follow};
-pub use any_filter::{AnyFilter, ConstantGainOf, FilterKind, Known, MOST_STATES, StateFilter, butterworth};
+pub use any_filter::{AnyFilter, FilterKind, Known, MOST_STATES, StateFilter, butterworth};
 pub use bank::{MOST_MODELS, answers_of_bank};
 pub use bridge::{Bridge, MOST_STEPS};
-pub use constant_gain::{ConstantGain, HeldSamples, kalman_bucy};
+pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
 pub use engine::{Compute, Course, Derived, Filtering, StateName, by_signal};
 pub use error::EstimateError;
 pub use filter_basics::{FilterBasics, process_noise};

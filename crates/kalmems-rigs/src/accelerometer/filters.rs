@@ -7,7 +7,6 @@ use crate::config::{
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 /// What one `[[estimate.filter]]` says of a filter of the accelerometer.
 #[derive(Clone, Debug)]
@@ -20,8 +19,6 @@ pub struct FilterSettings {
     pub start: [f64; 4],
     /// Their standard deviations, 0 for what claims none.
     pub start_sd: [f64; 4],
-    /// The corner of a Luenberger observer's poles in rad/s.
-    pub observer_rate: f64,
     /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
     /// that or choose among models.
     pub spread: [f64; 3],
@@ -86,7 +83,10 @@ impl FilterSettings {
             // It has no start.
             None if inverts => [0.0; 4],
             _ => {
-                return refuse("start", "an accelerometer's filter starts from values, such as those of rest");
+                return refuse(
+                    "start",
+                    "an accelerometer's filter starts from values, such as those of rest",
+                );
             }
         };
         // An observer does not ask how uncertain its start is.
@@ -109,7 +109,6 @@ impl FilterSettings {
             start_sd,
             spread,
             noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),
-            observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
         })
     }
 }

@@ -4,7 +4,6 @@ use super::hardware::Hardware;
 use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Sign, Start, Values};
 use crate::estimate::{FilterBasics, Parameter, process_noise};
 use crate::units::kind;
-use std::f64::consts::TAU;
 
 /// One filter.
 #[derive(Clone, Debug)]
@@ -19,8 +18,6 @@ pub struct FilterSettings {
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
-    /// The corner of a Luenberger observer's poles in rad/s.
-    pub observer_rate: f64,
 }
 
 /// The parameters that can be states. Gap and gain are off by one ratio for all electrodes.
@@ -95,7 +92,6 @@ impl FilterSettings {
             |parameter: &Parameter| plate.map_or(1.0, |current| parameter.scale(&hardware.stage, &current));
         let basics =
             FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &PARAMETERS.each_ref().map(scale)))?;
-        let observer_rate = filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si());
-        Ok(Self { basics, electrodes, start, start_sd, density, observer_rate })
+        Ok(Self { basics, electrodes, start, start_sd, density })
     }
 }

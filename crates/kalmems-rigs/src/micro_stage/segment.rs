@@ -9,7 +9,7 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, Enters, Plain, Plant, side_by_side};
 use crate::estimate::{
-    self, AnyFilter, ConstantGain, ConstantGainOf, Course, EstimateError, FilterPast, Known, Motion, Past,
+    self, AnyFilter, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past,
     StateFilter, StateName, Swing, Trajectory, Windows, answers_of_bank, follow, kalman_bucy, lock_in,
 };
 use crate::progress::Progress;
@@ -101,7 +101,7 @@ impl Task<'_> {
         let basics = &filter.basics;
         let wrong = |why: AugmentationError| basics.no_model(why);
         if basics.method.has_fixed_gain() && self.channels.len() > 1 {
-            return Err(self.no_gain("it is for one signal; name one in `channels`"));
+            return Err(basics.no_gain("it is for one signal; name one in `channels`"));
         }
         let of_each = |channel: &Channel| stage(self.settings.hardware.stage, filter, channel);
         let stages: Vec<Stage> = self.channels.iter().map(of_each).collect();
@@ -122,22 +122,18 @@ impl Task<'_> {
         }
         let plants: Vec<_> = stages.into_iter().map(Exactly).collect();
         let interval_s = self.samples.taken.interval_s;
-        let gain = match basics.method {
-            Method::SteadyState => ConstantGainOf::Settled,
-            Method::Luenberger => ConstantGainOf::Poles { corner: filter.observer_rate, interval_s },
-            Method::KalmanBucy => {
-                let Plain { dynamics, readout, noise } = plants[0].0;
-                let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
-                let (observer, point) = found.map_err(|why| self.no_gain(&why))?;
-                return self.follow(&plants, Some(observer), past, |left| {
-                    let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
-                    let none = ConstantGain::without_update(mean, &point);
-                    let none: Box<dyn StateFilter<2>> = Box::new(none.map_err(|why| self.no_gain(&why))?);
-                    Ok(none.into())
-                });
-            }
-            _ => return self.follow(&plants, None, past, begin),
-        };
+        let Some(gain) = basics.gain() else { return self.follow(&plants, None, past, begin) };
+        if let GainOf::Continuous = gain {
+            let Plain { dynamics, readout, noise } = plants[0].0;
+            let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
+            let (observer, point) = found.map_err(|why| basics.no_gain(why))?;
+            return self.follow(&plants, Some(observer), past, |left| {
+                let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
+                let none = ConstantGain::without_update(mean, &point);
+                let none: Box<dyn StateFilter<2>> = Box::new(none.map_err(|why| basics.no_gain(why))?);
+                Ok(none.into())
+            });
+        }
         self.follow(&plants, None, past, |left| {
             let known = left.map_or_else(|| self.start(), Ok)?;
             let process = plants[0].over(interval_s).map_err(wrong)?;
@@ -146,8 +142,8 @@ impl Task<'_> {
             // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
             let at_rest = Known::apart([(0.0, 0.0); 2]);
             let point = (&rest as _, &sensor as _, first.noise_variance);
-            let filtering = AnyFilter::of_constant_gain(gain, (&at_rest, &known), point);
-            filtering.map_err(|why| self.no_gain(&why))
+            let filtering = AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point);
+            filtering.map_err(|why| basics.no_gain(why))
         })
     }
 
@@ -208,10 +204,6 @@ impl Task<'_> {
         let mean = filter.start.map_or_else(|| start_from(&self.channels, self.samples, filter), Ok)?;
         let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
         Ok(Known::apart(mean.into_iter().zip(filter.start_sd).chain(parameters)))
-    }
-
-    fn no_gain(&self, why: impl ToString) -> EstimateError {
-        EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
     }
 }
 

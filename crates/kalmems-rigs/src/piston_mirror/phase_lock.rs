@@ -2,10 +2,10 @@
 
 use super::phasor::{Drifting, Phasor};
 use super::plates::COEFFICIENTS;
-use crate::estimate::butterworth;
+use crate::estimate::{GainOf, Never, butterworth};
 use kalmems_core::filter::{Pole, place_poles};
 use kalmems_core::riccati::{continuous_riccati, kalman_bucy_gain};
-use kalmems_core::update::{Correction, Policy};
+use kalmems_core::update::Policy;
 use kalmems_core::{
     Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Lu, Mat, NoiseDensity,
     NumericMeasurement, NumericProcess, OperatingPoint,
@@ -24,18 +24,6 @@ pub struct PhaseLock {
     noise: Covariance<f64, 5>,
 }
 
-/// Which gain a loop has.
-#[derive(Clone, Copy, Debug)]
-pub enum LoopGain {
-    /// That in which the Kalman filter of the mixed signal settles.
-    Settled,
-    /// That of the continuous Kalman filter, with what each sample says of the error held until the next.
-    Continuous,
-    /// That which gives the error of amplitude, of phase and of rest position the poles of Butterworth low-passes of this
-    /// corner in rad/s.
-    Poles(f64),
-}
-
 /// How many times faster than the loop the motion has to be at least: what is left of the mean over its cycle turns at twice its
 /// frequency, of which the loop then passes a twentieth.
 const FASTER: f64 = 10.0;
@@ -45,27 +33,25 @@ impl PhaseLock {
     pub fn new(
         detector: PhasorDetector<f64, COEFFICIENTS>,
         drifting: &Drifting,
-        gain: LoopGain,
+        gain: GainOf,
         mean: [f64; 5],
         (interval_s, noise_variance): (f64, f64),
     ) -> Result<Self, String> {
         let point = detector.operating_point(&drifting.over(interval_s), &mean, noise_variance);
         let lock = match gain {
-            LoopGain::Settled => FixedGain::steady_state(mean, &point),
-            LoopGain::Continuous => {
+            GainOf::Settled => FixedGain::steady_state(mean, &point),
+            GainOf::Continuous => {
                 let gain = continuous(&point, &drifting.density, interval_s)?;
                 FixedGain::from_gain(mean, gain, &point)
             }
-            LoopGain::Poles(corner) if corner * FASTER > TAU * mean[1] => {
+            GainOf::Poles(corner) if corner * FASTER > TAU * mean[1] => {
                 return Err(format!(
                     "the signal is mixed over cycles of the motion, {:.6} Hz, and a loop of {:.6} Hz is not {FASTER} times slower",
                     mean[1],
                     corner / TAU
                 ));
             }
-            LoopGain::Poles(corner) => {
-                FixedGain::from_gain(mean, placed(&point, corner, interval_s)?, &point)
-            }
+            GainOf::Poles(corner) => FixedGain::from_gain(mean, placed(&point, corner, interval_s)?, &point),
         };
         let lock = lock.map_err(|why| why.to_string())?;
         Ok(Self { lock, detector, transition: point.transition, noise: point.process_noise })
@@ -105,15 +91,6 @@ fn placed(point: &OperatingPoint<f64, 5, 3>, corner: f64, interval_s: f64) -> Re
     }
     gain.0[3][2] = 1.0 - (-corner * interval_s).exp();
     Ok(gain.times(&apart.inverse()))
-}
-
-/// Takes no correction.
-struct Never;
-
-impl Policy<f64, 5> for Never {
-    fn take<const M: usize>(&self, _: &Innovation<f64, M>, _: &Correction<f64, 5>) -> bool {
-        false
-    }
 }
 
 impl Filter<f64, 5> for PhaseLock {

@@ -3,7 +3,7 @@
 use super::course::PhasorCourse;
 use super::data::SegmentData;
 use super::observability::{Unseen, amplitude_per_rest};
-use super::phase_lock::{LoopGain, PhaseLock};
+use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, Phasor, STATES, Steady};
 use super::plates::distance_at;
 use super::settings::{FilterSettings, Motion, Settings};
@@ -11,8 +11,8 @@ use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
-    self, Course, EstimateError, FilterPast, Known, Past, Reading, Samples, StateFilter, StateName, Swing,
-    Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
+    self, Course, EstimateError, FilterPast, GainOf, Known, Past, Reading, Samples, StateFilter, StateName,
+    Swing, Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -141,18 +141,17 @@ impl Task<'_> {
             Motion::Drifting { density, start } => {
                 let drifting = Drifting::new(plates, density);
                 let basics = &self.filter.basics;
-                let gain = match basics.method {
-                    Method::SteadyState => LoopGain::Settled,
-                    Method::KalmanBucy => LoopGain::Continuous,
-                    Method::Luenberger => LoopGain::Poles(self.filter.observer_rate),
-                    Method::Bank => return self.bank(&drifting, past, start),
-                    _ if !basics.tracked.is_empty() => return self.with_parameters(&drifting, past, start),
+                if let Some(gain) = basics.gain() {
+                    return self.lock(&drifting, gain, past, start.map(|(mean, _)| mean));
+                }
+                match basics.method {
+                    Method::Bank => self.bank(&drifting, past, start),
+                    _ if !basics.tracked.is_empty() => self.with_parameters(&drifting, past, start),
                     _ => {
                         let known = || Ok(self.started(start)?.into());
-                        return self.follow::<_, 5>(&drifting, &STATES, past, known);
+                        self.follow::<_, 5>(&drifting, &STATES, past, known)
                     }
-                };
-                self.lock(&drifting, gain, past, start.map(|(mean, _)| mean))
+                }
             }
         }
     }
@@ -276,7 +275,7 @@ impl Task<'_> {
     fn lock(
         &self,
         drifting: &Drifting,
-        gain: LoopGain,
+        gain: GainOf,
         past: &mut FilterPast,
         start: Option<[f64; 5]>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -291,8 +290,7 @@ impl Task<'_> {
             let detector = PhasorDetector { series: self.settings.hardware.plates };
             let samples = (data.interval_s, data.noise_variance);
             let lock = PhaseLock::new(detector, drifting, gain, mean, samples);
-            let filter = self.filter.basics.name.clone();
-            let lock = lock.map_err(|why| EstimateError::NoGain { filter, why })?;
+            let lock = lock.map_err(|why| self.filter.basics.no_gain(why))?;
             let lock: Box<dyn StateFilter<5>> = Box::new(lock);
             Ok(lock.into())
         };

@@ -9,7 +9,6 @@ use crate::config::{
 use crate::estimate::{FilterBasics, Parameter, process_noise};
 use crate::piston_mirror::device::PistonMirror;
 use crate::units::kind;
-use std::f64::consts::TAU;
 
 /// What an experiment says of a piston mirror and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
@@ -44,8 +43,6 @@ pub struct FilterSettings {
     pub basics: FilterBasics,
     /// Its states and where they start.
     pub motion: Motion,
-    /// The corner of a Luenberger observer's poles in rad/s.
-    pub observer_rate: f64,
 }
 
 /// What of the readout can be a state: its gain on all that varies with the distance, and a capacitance beside the plates.
@@ -169,9 +166,8 @@ impl FilterSettings {
                        `process_noise` an `amplitude_rate`";
             return refuse("states", why);
         }
-        let observer_rate = filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si());
         let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &[1.0; 2]))?;
-        Ok(Self { basics, motion, observer_rate })
+        Ok(Self { basics, motion })
     }
 }
 

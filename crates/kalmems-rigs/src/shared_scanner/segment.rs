@@ -5,12 +5,15 @@ use super::lock_in::LockIn;
 use super::plant::{affine, affine_models, affine_with, staged, staged_models, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
-use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant};
+use crate::estimate::driven::{
+    ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
+};
 use crate::estimate::{
-    AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, Known, Past,
-    StateFilter, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
+    AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, GainOf,
+    Known, Past, StateFilter, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
+use crate::signal::Sine;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, Gaussian};
 use std::f64::consts::{PI, TAU};
@@ -174,6 +177,7 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
     match (poles, filter.basics.tracked.is_empty()) {
         _ if method == Method::LockIn => task.lock_in(past),
+        _ if let Some(gain) = filter.basics.gain() => task.turning(gain, past),
         (None, _) if method == Method::Bank => task.bank(&affine_models(hardware, filter), past),
         (Some(poles), _) if method == Method::Bank => {
             task.bank(&staged_models(hardware, filter, poles), past)
@@ -234,7 +238,7 @@ impl Follower<'_> {
     }
 
     /// Follows the filter that `begin` makes.
-    fn follow<P: Plant>(
+    pub fn follow<P: Plant>(
         &self,
         plant: &P,
         states: &[StateName],
@@ -289,7 +293,10 @@ impl Task<'_> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let motion = match filter.start {
             Some(start) => start,
-            None => self.first_swing()?,
+            None => {
+                let (swing, _) = self.first_swing()?;
+                swing.at(self.data.time_s.first().copied().unwrap_or(0.0))
+            }
         };
         // The stages start where a mirror at rest at this angle would have them.
         let volts =
@@ -300,18 +307,35 @@ impl Task<'_> {
         Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }
 
-    /// The motion at the first sample that the first cycles of the signal show.
-    fn first_swing(&self) -> Result<[f64; 2], EstimateError> {
+    /// The motion that the first cycles of the signal show, and how long they last in s.
+    fn first_swing(&self) -> Result<(Swing, f64), EstimateError> {
         let lock_in = self.detector()?;
         let cycle_s = 1.0 / self.data.motion(self.settings.hardware.natural_hz()).frequency_hz;
         let first_s = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t < first_s + START_CYCLES * cycle_s);
         let swing = lock_in.swing(&self.data.time_s[..end], &self.data.signal[..end], None);
-        swing.map(|swing| swing.at(first_s)).ok_or_else(|| EstimateError::NoStart {
+        swing.map(|swing| (swing, START_CYCLES * cycle_s)).ok_or_else(|| EstimateError::NoStart {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: "its first cycles show no amplitude that the electrodes could make".to_owned(),
         })
+    }
+
+    /// With a gain that is constant but for the phase, that for the motion at the segment's beginning.
+    fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (filter, hardware) = (self.filter, &self.settings.hardware);
+        let plant = affine(hardware, filter);
+        let begin = |left: Option<Known>| {
+            let (mean, drive) = (left.map_or_else(|| self.start(), Ok)?.gaussian().mean, self.drive()?);
+            let (swing, length_s) = self.first_swing()?;
+            let over_s = [self.data.time_s.first().copied().unwrap_or(0.0), length_s];
+            let motion = SteadySwing { swings: &[swing], drive: &|time_s| drive.at(time_s), over_s };
+            let samples = (self.data.interval_s, hardware.noise_variance);
+            let found = TurningGain::<2>::new(gain, &plant, motion, mean, samples);
+            let found: Box<dyn StateFilter<2>> = Box::new(found.map_err(|why| filter.basics.no_gain(why))?);
+            Ok(found.into())
+        };
+        self.follower().follow(&plant, &filter.states(), past, begin)
     }
 
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
@@ -328,11 +352,15 @@ impl Task<'_> {
     fn detector(&self) -> Result<LockIn<'_>, EstimateError> {
         let hardware = &self.settings.hardware;
         let poles = hardware.poles.filter(|_| self.filter.demodulator_sd.is_some());
-        let drive = self.data.drive.first_sine().ok_or_else(|| EstimateError::NoSteadyDrive {
+        Ok(LockIn::new(hardware, self.drive()?, poles))
+    }
+
+    /// The sine of the drive, which has to be steady.
+    fn drive(&self) -> Result<&Sine, EstimateError> {
+        self.data.drive.first_sine().ok_or_else(|| EstimateError::NoSteadyDrive {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
-        })?;
-        Ok(LockIn::new(hardware, drive, poles))
+        })
     }
 }
 

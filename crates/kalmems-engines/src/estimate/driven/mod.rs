@@ -6,6 +6,7 @@ mod models;
 mod parameters;
 mod plant;
 mod segment;
+mod turning_gain;
 
 pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
 pub use drive::{BLOCK, Drive, DrivePast};
@@ -13,3 +14,4 @@ pub use models::{Enters, combinations, shifted, side_by_side};
 pub use parameters::{Beside, Held, OfMotion, ParametricReadout};
 pub use plant::{ByEuler, Plain, Plant, WithParameters, step};
 pub use segment::DrivenSegment;
+pub use turning_gain::{SteadySwing, TurningGain};

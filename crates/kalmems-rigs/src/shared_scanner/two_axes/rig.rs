@@ -12,7 +12,7 @@ use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::shared_scanner::device::SharedScanner;
-use crate::shared_scanner::{NO_GAIN, STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
+use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crate::{Estimator, Rig};
@@ -24,12 +24,10 @@ pub struct TwoAxesRig;
 const ANGLES: [[&str; 2]; 2] = [["angle_x", "rate_x"], ["angle_y", "rate_y"]];
 
 /// What a signal that is even in both angles, and in which they are mixed, does not allow.
-static NO_METHODS: [(Method, &str); 4] = [
-    (Method::DirectInversion, "its one signal is even in each of two angles; use `ekf` or `ukf`"),
-    (Method::SteadyState, NO_GAIN),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-];
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "its one signal is the sum of two parts, each even in an angle of its own; use `lock_in` or `ekf`",
+)];
 
 impl Rig for TwoAxesRig {
     fn name(&self) -> &'static str {

@@ -6,8 +6,10 @@ use super::settings::Settings;
 use super::start::{BatchStart, StartError, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
-use crate::estimate::driven::{ByEuler, DrivenSegment, Plant};
-use crate::estimate::{EstimateError, FilterPast, Known, Past, Swing, Trajectory, lock_in};
+use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
+use crate::estimate::{
+    EstimateError, FilterPast, GainOf, Known, Past, StateFilter, Swing, Trajectory, lock_in,
+};
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
 use std::f64::consts::TAU;
@@ -86,6 +88,7 @@ impl Task<'_> {
         let (hardware, filter) = (&self.settings.hardware, self.filter);
         match filter.basics.method {
             Method::LockIn => self.lock_in(past),
+            _ if let Some(gain) = filter.basics.gain() => self.turning(gain, past),
             Method::Bank => {
                 let states = filter.basics.states(&STATES);
                 self.follower().bank(&both_models(hardware, filter), &states, past, || self.start())
@@ -97,6 +100,26 @@ impl Task<'_> {
                 self.run(&plant, past)
             }
         }
+    }
+
+    /// With a gain that is constant but for the phases, that for the motion at the segment's beginning.
+    fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (basics, hardware) = (&self.filter.basics, &self.settings.hardware);
+        let plant = both(hardware, self.filter);
+        let begin = |left: Option<Known>| {
+            let mean = left.map_or_else(|| self.start(), Ok)?.gaussian().mean;
+            let (time_s, signal) = self.window();
+            let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+            let found = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
+            let swings = found.ok_or_else(|| basics.no_gain(StartError::Inseparable))?;
+            let over_s = [time_s.first().copied().unwrap_or(0.0), WINDOW_S];
+            let motion = SteadySwing { swings: &swings, drive: &|time_s| self.drive.at(time_s), over_s };
+            let samples = (self.data.interval_s, hardware.noise_variance);
+            let found = TurningGain::<4>::new(gain, &plant, motion, mean, samples);
+            let found: Box<dyn StateFilter<4>> = Box::new(found.map_err(|why| basics.no_gain(why))?);
+            Ok(found.into())
+        };
+        self.follower().follow(&plant, &STATES, past, begin)
     }
 
     /// Both axes at once, in windows that tell the lines of one drive apart from those of the other.
@@ -146,11 +169,16 @@ impl Task<'_> {
         Ok(Known::from(motion).with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
-    fn batch_start(&self) -> Result<BatchStart, StartError> {
+    /// The samples that a start takes in.
+    fn window(&self) -> (&[f64], &[f64]) {
         let first = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
+        (&self.data.time_s[..end], &self.data.signal[..end])
+    }
+
+    fn batch_start(&self) -> Result<BatchStart, StartError> {
         let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
-        let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
+        let (time_s, signal) = self.window();
         BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
     }
 }
