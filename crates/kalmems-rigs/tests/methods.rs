@@ -43,7 +43,8 @@ struct Device {
     states: &'static str,
     /// Process noise that covers what Euler's method leaves out, where that of the example does not.
     euler: &'static str,
-    /// What the example has wrong about the sensor on purpose, and what is right: a lock-in cannot find it out.
+    /// What the example has wrong on purpose, and what is right. A lock-in takes the sensor as it is told, and a loop of 40 Hz
+    /// follows a resonance that is 5 Hz off with an error of 0.12 rad: both are compared where they are told right.
     corrected: &'static [[&'static str; 2]],
     /// By how much of its root mean square a method may be off the extended filter.
     close: f64,
@@ -91,7 +92,7 @@ const DEVICES: [Device; 6] = [
             ["54.5 1/rad", "76 1/rad"],
         ],
         close: 0.05,
-        refused: &["steady_state", "kalman_bucy", "luenberger", "direct_inversion"],
+        refused: &["direct_inversion"],
     },
     Device {
         name: "accelerometer",
@@ -153,8 +154,12 @@ fn with_method(device: &Device, text: &str, method: &str) -> String {
         filter.push_str(device.euler);
     }
     if method == "luenberger" {
-        // A phase-locked loop is much slower than the motion that it follows.
-        let bandwidth = if device.name == "piston mirror" { "5 Hz" } else { "600 Hz" };
+        // A loop on the mean over the cycles of the motion is much slower than they are.
+        let bandwidth = match device.name {
+            "piston mirror" => "5 Hz",
+            "threshold scanner" => "40 Hz",
+            _ => "600 Hz",
+        };
         writeln!(filter, "observer_bandwidth = \"{bandwidth}\"").unwrap();
     }
     // One gain for all times is for one signal.
@@ -216,6 +221,23 @@ fn settled(device: &Device, estimate: &SegmentEstimate) -> Vec<f64> {
     trajectory.state(device.state).unwrap().mean[from..].to_vec()
 }
 
+/// The root mean square of what it claims of that state, where it has settled.
+fn claimed(device: &Device, estimate: &SegmentEstimate) -> f64 {
+    let trajectory = &estimate.trajectories[0];
+    let from = trajectory.time_s.partition_point(|t| *t < estimate.from_s());
+    root_mean_square(&trajectory.state(device.state).unwrap().sd[from..])
+}
+
+fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// What a method says of the example with this text.
+fn found(device: &Device, (text, path): (&str, &Path), method: &str) -> Result<SegmentEstimate, String> {
+    let text = with_method(device, text, method);
+    published().parse(&text, path).map_err(|why| why.to_string()).and_then(|e| estimate(&e))
+}
+
 #[test]
 fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     let folder = tempfile::tempdir().unwrap();
@@ -223,28 +245,21 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     let (mut table, mut problems) = (String::new(), Vec::new());
     for device in &DEVICES {
         let (text, path) = with_recording(device, folder.path());
-        let of = |text: &str, method: &str| {
-            let text = with_method(device, text, method);
-            published().parse(&text, &path).map_err(|why| why.to_string()).and_then(|e| estimate(&e))
-        };
+        let of = |text: &str, method: &str| found(device, (text, &path), method);
         let correct = |text: String, [wrong, right]: &[&str; 2]| text.replace(wrong, right);
         let corrected = device.corrected.iter().fold(text.clone(), correct);
         for method in METHODS {
-            let text = if method == "lock_in" { &corrected } else { &text };
+            let text = if ["lock_in", "luenberger"].contains(&method) { &corrected } else { &text };
             let ekf = settled(device, &of(text, "ekf").unwrap());
-            let size = (ekf.iter().map(|x| x * x).sum::<f64>() / ekf.len() as f64).sqrt();
+            let size = root_mean_square(&ekf);
             match (of(text, method), !device.refused.contains(&method)) {
                 (Ok(found), true) => {
                     accepted += 1;
                     let found = settled(device, &found);
-                    let apart: Vec<f64> = ekf
-                        .iter()
-                        .zip(&found)
-                        .map(|(a, b)| (a - b).powi(2))
-                        .filter(|x| x.is_finite())
-                        .collect();
+                    let apart: Vec<f64> =
+                        ekf.iter().zip(&found).map(|(a, b)| a - b).filter(|x| x.is_finite()).collect();
                     assert!(apart.len() > ekf.len() / 2, "{} {method}", device.name);
-                    let off = (apart.iter().sum::<f64>() / apart.len() as f64).sqrt() / size;
+                    let off = root_mean_square(&apart) / size;
                     writeln!(table, "{:18} {method:16} {off:.2e}", device.name).unwrap();
                     let close = match (method, device.name) {
                         // Knows nothing of where the motion is.
@@ -277,5 +292,44 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     }
     println!("{table}{accepted} of {}", DEVICES.len() * METHODS.len());
     assert!(problems.is_empty(), "{problems:#?}");
-    assert_eq!(accepted, 82);
+    assert_eq!(accepted, 85);
+}
+
+/// A settled gain claims what the extended filter claims once it has settled, where the motion is steady.
+#[test]
+fn a_gain_that_turns_with_the_swing_claims_what_the_filter_settles_at() {
+    let folder = tempfile::tempdir().unwrap();
+    for device in DEVICES.iter().filter(|device| ["shared scanner", "two axes"].contains(&device.name)) {
+        let (text, path) = with_recording(device, folder.path());
+        let of = |method: &str| claimed(device, &found(device, (&text, &path), method).unwrap());
+        let ekf = of("ekf");
+        for method in ["steady_state", "kalman_bucy"] {
+            let ratio = of(method) / ekf;
+            println!("{} {method}: {ratio:.4}", device.name);
+            assert!((ratio - 1.0).abs() < 0.05, "{} {method}: {ratio}", device.name);
+        }
+    }
+}
+
+/// With a parallel plate a gain that is off moves the position and shows in no innovation: a filter that considers the gain
+/// claims as much as a wrong gain does to the extended filter, and so do models with other gains, none of which the signal
+/// prefers.
+#[test]
+fn what_a_gain_does_to_the_position_is_in_what_filters_of_uncertain_gains_claim() {
+    let device = DEVICES.iter().find(|device| device.name == "piston mirror").unwrap();
+    let (text, path) = with_recording(device, Path::new("."));
+    let of = |text: &str, method: &str| found(device, (text, &path), method).unwrap();
+    let right = of(&text, "ekf");
+    // Off by the 0.1 % that the filters are told.
+    let wrong = of(&text.replace("109.3 fF", "109.4093 fF"), "ekf");
+    let apart: Vec<f64> =
+        settled(device, &right).iter().zip(settled(device, &wrong)).map(|(a, b)| a - b).collect();
+    let apart = root_mean_square(&apart);
+    assert!(claimed(device, &right) < 0.02 * apart);
+    // Of models at 0 and at both sides, equally likely, the variance is two thirds of that of either side.
+    for (method, share) in [("consider_ekf", 1.0), ("bank", (2.0_f64 / 3.0).sqrt())] {
+        let ratio = claimed(device, &of(&text, method)) / (share * apart);
+        println!("{method}: {ratio:.4} of {apart:.2e} m");
+        assert!((ratio - 1.0).abs() < 0.02, "{method}: {ratio}");
+    }
 }

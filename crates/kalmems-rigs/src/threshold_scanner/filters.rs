@@ -105,6 +105,18 @@ impl FilterSettings {
                  `threshold` out",
             );
         }
+        let more = [
+            ("states", !filter.states.is_empty()),
+            ("threshold", filter.threshold.is_some()),
+            ("variant", filter.variant.is_some()),
+            ("signal_variance", filter.signal_variance.is_some()),
+        ];
+        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given && filter.method.has_fixed_gain())
+        {
+            let why = "the gain for all of a swing is that of angle and rate, for samples of the readout's noise alone; leave it out, \
+                       or use `ekf`";
+            return refuse(name, why);
+        }
         if let Some(threshold) = &filter.threshold
             && threshold.lag.is_some()
             && threshold.applied == Applied::InPlace

@@ -53,20 +53,11 @@ const MEANINGS: [&str; 2] = ["drive", "signal"];
 /// A channel that a recording may hold beside them: what a position detector shows.
 const POSITION: &str = "position";
 
-/// What a current that turns over at the comb does not allow.
-static NO_METHODS: [(Method, &str); 4] = [
-    (
-        Method::DirectInversion,
-        "one sample is the product of the rate and of a function of the angle, and tells neither; use `ekf` or `lock_in`",
-    ),
-    (Method::SteadyState, NO_GAIN),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-];
-
-/// Why there is no gain for all times.
-const NO_GAIN: &str = "what the rate adds to its signal has opposite signs on the two sides of the comb, so that a gain that lessens the \
-                       error on one side enlarges it on the other; use `ekf`";
+/// What a current does not allow.
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "one sample is the product of the rate and of a function of the angle, and tells neither; use `lock_in` or `ekf`",
+)];
 
 impl Rig for ThresholdScannerRig {
     fn name(&self) -> &'static str {

@@ -11,8 +11,12 @@ use kalmems_core::{Nodes, NoiseDensity};
 use kalmems_models::dynamics::CombDrivenMirror;
 use kalmems_models::readout::CurrentReadout;
 
+/// Angle and rate.
+pub type Mirror = Plain<CombDrivenMirror<f64>, CurrentReadout<f64>, 2>;
+
 /// Angle and rate with parameters as states behind them.
-type Mirror = WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
+type MirrorWithParameters =
+    WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
 
 /// The noise of the angular acceleration.
 fn noise(filter: &FilterSettings) -> NoiseDensity<f64, 2> {
@@ -29,7 +33,7 @@ pub fn by_euler(
 
 /// The mirror, and what its drive adds to the signal.
 pub struct MirrorPlant {
-    mirror: Mirror,
+    mirror: MirrorWithParameters,
     /// R_s in Ω and C_ft in F.
     feedthrough: (f64, f64),
     /// The state that is the deviation of C_ft, and its scale in F.
@@ -71,7 +75,7 @@ impl MirrorPlant {
         let motion = (hardware.mirror, noise(filter));
         let feedthrough = tracked.iter().position(|tracked| tracked.parameter.name == FEEDTHROUGH);
         Ok(Self {
-            mirror: Mirror::new(motion, readout, tracked, |parameter| parameter.in_motion)?,
+            mirror: MirrorWithParameters::new(motion, readout, tracked, |parameter| parameter.in_motion)?,
             feedthrough: (hardware.feedback_resistance, hardware.feedthrough),
             feedthrough_state: feedthrough.map(|i| (2 + i, tracked[i].added.scale)),
         })
@@ -89,7 +93,7 @@ impl MirrorPlant {
 }
 
 impl Plant for MirrorPlant {
-    type Motion = <Mirror as Plant>::Motion;
+    type Motion = <MirrorWithParameters as Plant>::Motion;
 
     /// The step of a motion that is resolved; below 0 it leads back.
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {

@@ -4,13 +4,14 @@ use super::course::ThresholdCourse;
 use super::crossings::Crossing;
 use super::filters::FilterSettings;
 use super::lock_in::swing;
-use super::plant::{MirrorPlant, by_euler};
+use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
 use super::without_drive;
 use crate::config::Method;
-use crate::estimate::driven::{DrivenSegment, Plant};
+use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    Course, EstimateError, FilterPast, Motion, Past, Swing, Trajectory, answers, answers_of_bank, lock_in,
+    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StateFilter, Swing,
+    Trajectory, answers, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -85,6 +86,10 @@ impl Task<'_> {
             Method::EulerEkf => self.course(&plant, &euler)?,
             _ => self.course(&plant, &plant)?,
         };
+        if let Some(gain) = filter.basics.gain() {
+            let begin = |left: Option<Known>| self.turning(gain, &euler.0, left.map_or_else(start, Ok)?);
+            return follow(basics, begin, (&mut course, taken), &states, self.progress);
+        }
         let mut trajectories = answers(basics, start, (&mut course, taken), &states, self.progress)?;
         if method == Method::Model {
             trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
@@ -108,12 +113,35 @@ impl Task<'_> {
         course.map_err(|why| self.filter.basics.no_model(why))
     }
 
+    /// A filter with a gain that is constant but for the phase, that for the first cycle of the motion.
+    fn turning(&self, gain: GainOf, mirror: &Mirror, known: Known) -> Result<AnyFilter, EstimateError> {
+        let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
+        let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
+        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
+        let swing = found.ok_or_else(|| basics.no_gain("the first cycle of its signal shows no swing"))?;
+        let drive = |time_s: f64| {
+            let sample = data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len() - 1);
+            data.drive.sample(sample).0
+        };
+        let motion = SteadySwing { swings: &[swing], drive: &drive, over_s: [first_s, 1.0 / motion_hz] };
+        let samples = (data.interval_s, hardware.noise_variance);
+        let found = TurningGain::<2>::new(gain, mirror, motion, known.gaussian().mean, samples);
+        let found: Box<dyn StateFilter<2>> = Box::new(found.map_err(|why| basics.no_gain(why))?);
+        Ok(found.into())
+    }
+
+    /// The frequency of the motion in Hz, by the first rows, so that it does not depend on what comes later.
+    fn motion_hz(&self) -> f64 {
+        let drive = self.samples.data.drive.first_sine();
+        drive.map_or(self.settings.hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz)
+    }
+
     /// Cycle by cycle of the motion, on the signal without what the drive adds to it.
     fn lock_in(&self, past: &mut FilterPast) -> Trajectory {
         let (data, hardware) = (self.samples.data, &self.settings.hardware);
-        // By the first rows, so that the windows do not depend on what comes later.
-        let drive = data.drive.first_sine();
-        let motion_hz = drive.map_or(hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz);
+        let motion_hz = self.motion_hz();
         let signal = without_drive(self.settings, data, self.samples.drive_slope);
         let signals = [&signal[..]];
         let windows = data.windows(&signals, 1.0 / motion_hz);
