@@ -1,11 +1,12 @@
 //! Every method of estimation with every published device: accepted and right, or refused for a reason of physics.
 //!
-//! Right is what stays close to the extended Kalman filter of the same device, whose own tests compare it with the truth.
+//! Right is what stays close to the extended Kalman filter of the same device, whose own tests compare it with the truth, and
+//! what says the same, to the last bit, of a recording that is taken in parts.
 
 use kalmems_engines::config::Experiment;
-use kalmems_engines::estimate::SegmentEstimate;
+use kalmems_engines::estimate::{Part, SegmentEstimate};
 use kalmems_engines::progress::Silent;
-use kalmems_engines::recording::Recording;
+use kalmems_engines::recording::{Recording, Segment};
 use kalmems_rigs::published;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -210,7 +211,46 @@ fn estimate(experiment: &Experiment) -> Result<SegmentEstimate, String> {
     let file = experiment.resolve(&experiment.recording(index).unwrap().file);
     let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
     let mut found = rig.estimate(experiment, index, &recording, &Silent).map_err(|why| why.to_string())?;
-    Ok(found.remove(0))
+    let found = found.remove(0);
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    let parts = in_parts(experiment, (index, &recording), &found.segment);
+    for (state, of_parts) in found.trajectories[0].states.iter().zip(parts) {
+        let key = &found.trajectories[0].key;
+        assert_eq!(bits(&state.mean), bits(&of_parts), "{} {key} in parts", state.name);
+    }
+    Ok(found)
+}
+
+/// Rows of a part, where a rig does not need more of them at once.
+const PART: usize = 4_999;
+
+/// The states of the first answer over a segment that is taken in parts.
+fn in_parts(
+    experiment: &Experiment,
+    (index, recording): (usize, &Recording),
+    segment: &Segment,
+) -> Vec<Vec<f64>> {
+    let rig = published().rig(experiment).unwrap();
+    let mut estimator = rig.estimator(experiment, index, &Silent).unwrap();
+    let around = estimator.around(segment.time.interval_s().unwrap());
+    let (rows, mut all, mut from) = (segment.time.len(), Vec::new(), 0);
+    while from < rows {
+        let end = if from == 0 { around.head.max(PART) } else { from + PART };
+        let end = if end + around.after >= rows { rows } else { end };
+        let there = from.saturating_sub(around.before)..(end + around.after).min(rows);
+        let part = Part {
+            recording,
+            segment: &segment.part(&there),
+            fresh: from - there.start..end - there.start,
+            begins: from == 0,
+            ends: end == rows,
+        };
+        let states = estimator.take(&part).unwrap().trajectories.swap_remove(0).states;
+        all.resize(states.len(), Vec::new());
+        all.iter_mut().zip(states).for_each(|(all, state): (&mut Vec<f64>, _)| all.extend(state.mean));
+        from = end;
+    }
+    all
 }
 
 /// The state that the device is for, where the filter has settled.

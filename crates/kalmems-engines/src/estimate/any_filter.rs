@@ -236,6 +236,15 @@ macro_rules! for_each_size {
         )*
 
         impl AnyFilter {
+            /// This one.
+            pub fn this<const N: usize>(filter: impl StateFilter<N> + 'static) -> Self
+            where
+                Self: From<Box<dyn StateFilter<N>>>,
+            {
+                let filter: Box<dyn StateFilter<N>> = Box::new(filter);
+                filter.into()
+            }
+
             /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
             /// than two.
             pub fn of(kind: FilterKind, known: &Known) -> Option<Self> {

@@ -107,19 +107,19 @@ impl Task<'_> {
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.basics.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::KalmanBucy => {
                 let (observer, point) =
                     instrument.kalman_bucy(h).map_err(|why| self.filter.basics.no_gain(why))?;
                 let none = ConstantGain::without_update(mean, &point)
                     .map_err(|why| self.filter.basics.no_gain(why))?;
-                self.filtered(instrument, observer, past, |_| Ok(boxed(none)))
+                self.filtered(instrument, observer, past, |_| Ok(AnyFilter::this(none)))
             }
             _ => self.filtered(instrument, instrument.over(h), past, |left| {
                 self.filter.basics.begin(left, || Ok(known))
@@ -200,7 +200,7 @@ impl Task<'_> {
         let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
         let process = instrument.over(self.data.interval_s);
-        self.filtered(instrument, process, past, |_| Ok(boxed(filter)))
+        self.filtered(instrument, process, past, |_| Ok(AnyFilter::this(filter)))
     }
 
     /// Filters of several models, weighed.
@@ -216,22 +216,13 @@ impl Task<'_> {
             .map_err(|why| self.filter.basics.no_gain(why))?
             .continuing(past.course.take());
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
-        let mut all = follow(basics, |_| Ok(boxed(filter)), way, states(4), self.progress)?;
+        let mut all = follow(basics, |_| Ok(AnyFilter::this(filter)), way, states(4), self.progress)?;
         past.course.put(course.into_models());
         for trajectory in &mut all {
             restore(trajectory, &instrument.scales);
         }
         Ok(all)
     }
-}
-
-/// A filter of a known number of states.
-fn boxed<const N: usize>(filter: impl StateFilter<N> + 'static) -> AnyFilter
-where
-    AnyFilter: From<Box<dyn StateFilter<N>>>,
-{
-    let filter: Box<dyn StateFilter<N>> = Box::new(filter);
-    filter.into()
 }
 
 /// Brings the states to SI.

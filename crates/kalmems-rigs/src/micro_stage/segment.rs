@@ -9,8 +9,8 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, Enters, Plain, Plant, side_by_side};
 use crate::estimate::{
-    self, AnyFilter, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past,
-    StateFilter, StateName, Swing, Trajectory, Windows, answers_of_bank, follow, kalman_bucy, lock_in,
+    self, AnyFilter, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StateName,
+    Swing, Trajectory, Windows, answers_of_bank, follow, kalman_bucy, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -130,8 +130,7 @@ impl Task<'_> {
             return self.follow(&plants, Some(observer), past, |left| {
                 let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
                 let none = ConstantGain::without_update(mean, &point);
-                let none: Box<dyn StateFilter<2>> = Box::new(none.map_err(|why| basics.no_gain(why))?);
-                Ok(none.into())
+                Ok(AnyFilter::this(none.map_err(|why| basics.no_gain(why))?))
             });
         }
         self.follow(&plants, None, past, |left| {

@@ -11,7 +11,7 @@ use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
-    self, Course, EstimateError, FilterPast, GainOf, Known, Past, Reading, Samples, StateFilter, StateName,
+    self, AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Past, Reading, Samples, StateName,
     Swing, Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
 };
 use crate::progress::Progress;
@@ -291,8 +291,7 @@ impl Task<'_> {
             let samples = (data.interval_s, data.noise_variance);
             let lock = PhaseLock::new(detector, drifting, gain, mean, samples);
             let lock = lock.map_err(|why| self.filter.basics.no_gain(why))?;
-            let lock: Box<dyn StateFilter<5>> = Box::new(lock);
-            Ok(lock.into())
+            Ok(AnyFilter::this(lock))
         };
         let mut course = PhasorCourse::new(drifting, data, Box::new(Reading::<_, 5>(drifting.readout())));
         let (filter, course) = (&self.filter.basics, (&mut course as _, &self.part.samples));

@@ -10,7 +10,7 @@ use crate::estimate::driven::{
 };
 use crate::estimate::{
     AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, GainOf,
-    Known, Past, StateFilter, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
+    Known, Past, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
@@ -107,8 +107,7 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     let task = Task { settings, filter, data, place, said, progress };
     let begin = |left: Option<Known>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
-        let filter: Box<dyn StateFilter<2>> = Box::new(make(mean, covariance));
-        Ok(filter.into())
+        Ok(AnyFilter::this(make(mean, covariance)))
     };
     let follower = task.follower();
     let mut trajectories = if basics.method == Method::EulerEkf {
@@ -314,7 +313,7 @@ impl Task<'_> {
         let first_s = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t < first_s + START_CYCLES * cycle_s);
         let swing = lock_in.swing(&self.data.time_s[..end], &self.data.signal[..end], None);
-        swing.map(|swing| (swing, START_CYCLES * cycle_s)).ok_or_else(|| EstimateError::NoStart {
+        swing.map(|swing| (swing, START_CYCLES * lock_in.cycle_s())).ok_or_else(|| EstimateError::NoStart {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: "its first cycles show no amplitude that the electrodes could make".to_owned(),
@@ -332,8 +331,7 @@ impl Task<'_> {
             let motion = SteadySwing { swings: &[swing], drive: &|time_s| drive.at(time_s), over_s };
             let samples = (self.data.interval_s, hardware.noise_variance);
             let found = TurningGain::<2>::new(gain, &plant, motion, mean, samples);
-            let found: Box<dyn StateFilter<2>> = Box::new(found.map_err(|why| filter.basics.no_gain(why))?);
-            Ok(found.into())
+            Ok(AnyFilter::this(found.map_err(|why| filter.basics.no_gain(why))?))
         };
         self.follower().follow(&plant, &filter.states(), past, begin)
     }

@@ -10,8 +10,8 @@ use super::without_drive;
 use crate::config::Method;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StateFilter, Swing,
-    Trajectory, answers, answers_of_bank, follow, lock_in,
+    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, Swing, Trajectory, answers,
+    answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -122,14 +122,14 @@ impl Task<'_> {
         let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
         let swing = found.ok_or_else(|| basics.no_gain("the first cycle of its signal shows no swing"))?;
         let drive = |time_s: f64| {
-            let sample = data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len() - 1);
+            let sample =
+                data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len().saturating_sub(1));
             data.drive.sample(sample).0
         };
         let motion = SteadySwing { swings: &[swing], drive: &drive, over_s: [first_s, 1.0 / motion_hz] };
         let samples = (data.interval_s, hardware.noise_variance);
         let found = TurningGain::<2>::new(gain, mirror, motion, known.gaussian().mean, samples);
-        let found: Box<dyn StateFilter<2>> = Box::new(found.map_err(|why| basics.no_gain(why))?);
-        Ok(found.into())
+        Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(why))?))
     }
 
     /// The frequency of the motion in Hz, by the first rows, so that it does not depend on what comes later.

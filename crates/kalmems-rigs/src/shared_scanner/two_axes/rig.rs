@@ -111,7 +111,10 @@ impl Estimator for TwoAxesEstimator<'_> {
     fn around(&self, interval_s: f64) -> Around {
         let slowest_hz = resonances_hz(&self.settings).into_iter().fold(f64::INFINITY, f64::min);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz).max(WINDOW_S);
+        // Of the last window, a lock-in says nothing before it has ended.
+        let open = self.settings.filters.iter().any(|filter| filter.basics.method == Method::LockIn);
+        let open_s = if open { WINDOW_S } else { 0.0 };
+        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz + open_s).max(WINDOW_S);
         around_driven(interval_s, started_s, smooths)
     }
 

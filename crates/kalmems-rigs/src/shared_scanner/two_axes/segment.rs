@@ -8,7 +8,7 @@ use super::tones::DriveTones;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    EstimateError, FilterPast, GainOf, Known, Past, StateFilter, Swing, Trajectory, lock_in,
+    AnyFilter, EstimateError, FilterPast, GainOf, Known, Past, Swing, Trajectory, lock_in,
 };
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
@@ -108,16 +108,15 @@ impl Task<'_> {
         let plant = both(hardware, self.filter);
         let begin = |left: Option<Known>| {
             let mean = left.map_or_else(|| self.start(), Ok)?.gaussian().mean;
-            let (time_s, signal) = self.window();
-            let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+            let ((time_s, signal), drive) = (self.window(), self.window_tones()?);
+            let drives_hz = drive.tones.map(|tone| tone.frequency_hz);
             let found = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
             let swings = found.ok_or_else(|| basics.no_gain(StartError::Inseparable))?;
             let over_s = [time_s.first().copied().unwrap_or(0.0), WINDOW_S];
-            let motion = SteadySwing { swings: &swings, drive: &|time_s| self.drive.at(time_s), over_s };
+            let motion = SteadySwing { swings: &swings, drive: &|time_s| drive.at(time_s), over_s };
             let samples = (self.data.interval_s, hardware.noise_variance);
             let found = TurningGain::<4>::new(gain, &plant, motion, mean, samples);
-            let found: Box<dyn StateFilter<4>> = Box::new(found.map_err(|why| basics.no_gain(why))?);
-            Ok(found.into())
+            Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(why))?))
         };
         self.follower().follow(&plant, &STATES, past, begin)
     }
@@ -125,7 +124,11 @@ impl Task<'_> {
     /// Both axes at once, in windows that tell the lines of one drive apart from those of the other.
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (readout, data) = (&self.settings.hardware.readout, self.data);
-        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        let drives_hz = match past.numbers[..] {
+            [x, y] => [x, y],
+            _ => self.window_tones()?.tones.map(|tone| tone.frequency_hz),
+        };
+        past.numbers = drives_hz.to_vec();
         let length_s = separating_s(drives_hz);
         if length_s > WINDOW_S {
             let why = format!(
@@ -174,6 +177,14 @@ impl Task<'_> {
         let first = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
         (&self.data.time_s[..end], &self.data.signal[..end])
+    }
+
+    /// The drives in that window alone, so that they do not depend on how many samples there are behind it.
+    fn window_tones(&self) -> Result<DriveTones, EstimateError> {
+        let (time_s, _) = self.window();
+        let (volts, interval_s) = (&self.data.drive.volts()[..time_s.len()], self.data.interval_s);
+        let found = DriveTones::of(time_s, volts, interval_s, resonances_hz(self.settings));
+        found.ok_or_else(|| EstimateError::NotTwoSines { place: self.place.to_owned() })
     }
 
     fn batch_start(&self) -> Result<BatchStart, StartError> {
