@@ -24,12 +24,11 @@ pub fn answers_of_bank(
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let models = match past.course.take::<Models>() {
-        Some(models) => *models,
-        None => {
-            let member = |model| filter.begin(past.left().cloned(), || start(model));
-            Models::new((0..courses.len()).map(member).collect::<Result<_, _>>()?)
-        }
+    let models = if let Some(models) = past.course.take::<Models>() {
+        *models
+    } else {
+        let member = |model| filter.begin(past.left().cloned(), || start(model));
+        Models::new((0..courses.len()).map(member).collect::<Result<_, _>>()?)
     };
     let mut bank = BankCourse::new(courses, models);
     let begin = |left| filter.begin(left, || start(0));

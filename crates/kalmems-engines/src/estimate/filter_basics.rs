@@ -74,7 +74,7 @@ impl FilterBasics {
     }
 
     /// It has no gain.
-    pub fn no_gain(&self, why: impl ToString) -> EstimateError {
+    pub fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
         EstimateError::NoGain { filter: self.name.clone(), why: why.to_string() }
     }
 

@@ -401,7 +401,7 @@ impl<const M: usize> FilterSettings<M> {
             let (at_rest, known) = (Known::apart([(0.0, 0.0); M]), left.unwrap_or_else(|| self.known()));
             let point = (&step as _, &sensor as _, variance);
             AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point)
-                .map_err(|why| basics.no_gain(why))
+                .map_err(|why| basics.no_gain(&why))
         };
         let way = (&mut course as _, &data.samples);
         let mut all = follow((basics, past), begin, way, &states, progress)?;

@@ -36,7 +36,7 @@ pub fn estimate(
     for (index, filter) in settings.filters.iter().enumerate() {
         let task = Task { filter, data, samples, progress };
         let past = past.filter(index);
-        let scale = |_| filter.basics.no_gain("a scale of a state is no positive finite number");
+        let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::DirectInversion {
             vec![task.inversion(&settings.hardware)]
         } else if filter.basics.method == Method::ConsiderEkf {
@@ -91,7 +91,7 @@ impl Task<'_> {
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
         match self.filter.basics.method {
             Method::HybridEkf => {
-                let step = Hybrid::new(instrument, h).map_err(|why| self.filter.basics.no_gain(why))?;
+                let step = Hybrid::new(instrument, h).map_err(|why| self.filter.basics.no_gain(&why))?;
                 self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
             }
             Method::EulerEkf => {
@@ -106,19 +106,19 @@ impl Task<'_> {
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
-                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(why))?);
+                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
                 self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.basics.observer_rate, h);
-                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(why))?);
+                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
                 self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::KalmanBucy => {
                 let (observer, point) =
-                    instrument.kalman_bucy(h).map_err(|why| self.filter.basics.no_gain(why))?;
+                    instrument.kalman_bucy(h).map_err(|why| self.filter.basics.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point)
-                    .map_err(|why| self.filter.basics.no_gain(why))?;
+                    .map_err(|why| self.filter.basics.no_gain(&why))?;
                 self.filtered(instrument, observer, past, |_| Ok(AnyFilter::this(none)))
             }
             _ => self.filtered(instrument, instrument.over(h), past, |left| {
@@ -213,7 +213,7 @@ impl Task<'_> {
         let Gaussian { mean, covariance } = self.start(&instrument.scales).gaussian();
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
-            .map_err(|why| self.filter.basics.no_gain(why))?
+            .map_err(|why| self.filter.basics.no_gain(&why))?
             .continuing(past.course.take());
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
         let mut all = follow(basics, |_| Ok(AnyFilter::this(filter)), way, states(4), self.progress)?;

@@ -97,11 +97,16 @@ struct Task<'a> {
 impl Task<'_> {
     /// Chooses the model, smoothed where that is wanted.
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let (filter, first) = (self.filter, &self.channels[0]);
+        let filter = self.filter;
         let basics = &filter.basics;
+        let Some(first) = self.channels.first() else {
+            let why =
+                "no electrode of the recording has a signal; name the column of at least one".to_owned();
+            return Err(EstimateError::Unfit { place: self.samples.place.to_owned(), why });
+        };
         let wrong = |why: AugmentationError| basics.no_model(why);
         if basics.method.has_fixed_gain() && self.channels.len() > 1 {
-            return Err(basics.no_gain("it is for one signal; name one in `channels`"));
+            return Err(basics.no_gain(&"it is for one signal; name one in `channels`"));
         }
         let of_each = |channel: &Channel| stage(self.settings.hardware.stage, filter, channel);
         let stages: Vec<Stage> = self.channels.iter().map(of_each).collect();
@@ -126,11 +131,11 @@ impl Task<'_> {
         if let GainOf::Continuous = gain {
             let Plain { dynamics, readout, noise } = plants[0].0;
             let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
-            let (observer, point) = found.map_err(|why| basics.no_gain(why))?;
+            let (observer, point) = found.map_err(|why| basics.no_gain(&why))?;
             return self.follow(&plants, Some(observer), past, |left| {
                 let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
                 let none = ConstantGain::without_update(mean, &point);
-                Ok(AnyFilter::this(none.map_err(|why| basics.no_gain(why))?))
+                Ok(AnyFilter::this(none.map_err(|why| basics.no_gain(&why))?))
             });
         }
         self.follow(&plants, None, past, |left| {
@@ -142,7 +147,7 @@ impl Task<'_> {
             let at_rest = Known::apart([(0.0, 0.0); 2]);
             let point = (&rest as _, &sensor as _, first.noise_variance);
             let filtering = AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point);
-            filtering.map_err(|why| basics.no_gain(why))
+            filtering.map_err(|why| basics.no_gain(&why))
         })
     }
 

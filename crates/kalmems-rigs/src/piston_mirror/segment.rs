@@ -236,12 +236,12 @@ impl Task<'_> {
     /// Cycle by cycle of the motion: a sine through the distances that the capacitances mean.
     fn lock_in(&self, past: &mut FilterPast) -> Result<Trajectory, EstimateError> {
         let PartData { data, samples, .. } = self.part;
-        let (motion_hz, start_s) = match past.numbers[..] {
-            [motion_hz, start_s] => (motion_hz, start_s),
-            _ => {
-                let by_signal = || self.batch().map(|batch| batch.mean[1]);
-                (data.motion_hz.map_or_else(by_signal, Ok)?, data.time_s[samples.fresh.start])
-            }
+        let (motion_hz, start_s) = if let [motion_hz, start_s] = past.numbers[..] {
+            (motion_hz, start_s)
+        } else {
+            let by_signal = || self.batch().map(|batch| batch.mean[1]);
+            let start_s = data.time_s.get(samples.fresh.start).copied().unwrap_or(0.0);
+            (data.motion_hz.map_or_else(by_signal, Ok)?, start_s)
         };
         past.numbers = vec![motion_hz, start_s];
         let plates = &self.settings.hardware.plates;
@@ -290,7 +290,7 @@ impl Task<'_> {
             let detector = PhasorDetector { series: self.settings.hardware.plates };
             let samples = (data.interval_s, data.noise_variance);
             let lock = PhaseLock::new(detector, drifting, gain, mean, samples);
-            let lock = lock.map_err(|why| self.filter.basics.no_gain(why))?;
+            let lock = lock.map_err(|why| self.filter.basics.no_gain(&why))?;
             Ok(AnyFilter::this(lock))
         };
         let mut course = PhasorCourse::new(drifting, data, Box::new(Reading::<_, 5>(drifting.readout())));

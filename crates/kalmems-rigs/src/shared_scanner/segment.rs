@@ -290,12 +290,11 @@ impl Task<'_> {
     /// What is known at the first sample.
     fn start(&self) -> Result<Known, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
-        let motion = match filter.start {
-            Some(start) => start,
-            None => {
-                let (swing, _) = self.first_swing()?;
-                swing.at(self.data.time_s.first().copied().unwrap_or(0.0))
-            }
+        let motion = if let Some(start) = filter.start {
+            start
+        } else {
+            let (swing, _) = self.first_swing()?;
+            swing.at(self.data.time_s.first().copied().unwrap_or(0.0))
         };
         // The stages start where a mirror at rest at this angle would have them.
         let volts =
@@ -331,7 +330,7 @@ impl Task<'_> {
             let motion = SteadySwing { swings: &[swing], drive: &|time_s| drive.at(time_s), over_s };
             let samples = (self.data.interval_s, hardware.noise_variance);
             let found = TurningGain::<2>::new(gain, &plant, motion, mean, samples);
-            Ok(AnyFilter::this(found.map_err(|why| filter.basics.no_gain(why))?))
+            Ok(AnyFilter::this(found.map_err(|why| filter.basics.no_gain(&why))?))
         };
         self.follower().follow(&plant, &filter.states(), past, begin)
     }

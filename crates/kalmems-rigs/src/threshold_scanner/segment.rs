@@ -87,7 +87,7 @@ impl Task<'_> {
             _ => self.course(&plant, &plant)?,
         };
         if let Some(gain) = filter.basics.gain() {
-            let begin = |left: Option<Known>| self.turning(gain, &euler.0, left.map_or_else(start, Ok)?);
+            let begin = |left: Option<Known>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
             return follow(basics, begin, (&mut course, taken), &states, self.progress);
         }
         let mut trajectories = answers(basics, start, (&mut course, taken), &states, self.progress)?;
@@ -114,13 +114,13 @@ impl Task<'_> {
     }
 
     /// A filter with a gain that is constant but for the phase, that for the first cycle of the motion.
-    fn turning(&self, gain: GainOf, mirror: &Mirror, known: Known) -> Result<AnyFilter, EstimateError> {
+    fn turning(&self, gain: GainOf, mirror: &Mirror, known: &Known) -> Result<AnyFilter, EstimateError> {
         let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
         let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
         let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
         let signal = without_drive(self.settings, data, self.samples.drive_slope);
         let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
-        let swing = found.ok_or_else(|| basics.no_gain("the first cycle of its signal shows no swing"))?;
+        let swing = found.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
         let drive = |time_s: f64| {
             let sample =
                 data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len().saturating_sub(1));
@@ -129,7 +129,7 @@ impl Task<'_> {
         let motion = SteadySwing { swings: &[swing], drive: &drive, over_s: [first_s, 1.0 / motion_hz] };
         let samples = (data.interval_s, hardware.noise_variance);
         let found = TurningGain::<2>::new(gain, mirror, motion, known.gaussian().mean, samples);
-        Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(why))?))
+        Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
     }
 
     /// The frequency of the motion in Hz, by the first rows, so that it does not depend on what comes later.

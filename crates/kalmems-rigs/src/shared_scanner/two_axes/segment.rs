@@ -111,12 +111,12 @@ impl Task<'_> {
             let ((time_s, signal), drive) = (self.window(), self.window_tones()?);
             let drives_hz = drive.tones.map(|tone| tone.frequency_hz);
             let found = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
-            let swings = found.ok_or_else(|| basics.no_gain(StartError::Inseparable))?;
+            let swings = found.ok_or_else(|| basics.no_gain(&StartError::Inseparable))?;
             let over_s = [time_s.first().copied().unwrap_or(0.0), WINDOW_S];
             let motion = SteadySwing { swings: &swings, drive: &|time_s| drive.at(time_s), over_s };
             let samples = (self.data.interval_s, hardware.noise_variance);
             let found = TurningGain::<4>::new(gain, &plant, motion, mean, samples);
-            Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(why))?))
+            Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
         };
         self.follower().follow(&plant, &STATES, past, begin)
     }
