@@ -238,7 +238,7 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
     );
     said(
         &filter("S", "steady_state", &format!("{WIDE}{STIFFNESS}")),
-        ["filter[0].states", "angle and rate alone", "use `ekf`"],
+        ["filter[0].states", "the motion alone", "use `ekf`"],
     );
     said(
         "[[estimate.filter]]\nname = \"D\"\nmethod = \"direct_inversion\"\n",

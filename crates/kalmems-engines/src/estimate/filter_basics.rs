@@ -36,6 +36,10 @@ impl FilterBasics {
         filter: &Filter,
         parameters: (&'static [Parameter], &[f64]),
     ) -> Result<Self, ConfigError> {
+        if filter.method.has_fixed_gain() && !filter.states.is_empty() {
+            let why = "a gain for all times is that of the motion alone, with the device as it is stated; leave it out, or use `ekf`";
+            return Err(experiment.error(at.clone().child("states"), Fault::Value { why: why.to_owned() }));
+        }
         let models = 3_usize.saturating_pow(u32::try_from(filter.states.len()).unwrap_or(u32::MAX));
         if filter.method == Method::Bank && models > MOST_MODELS {
             let why =

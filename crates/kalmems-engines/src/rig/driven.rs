@@ -245,12 +245,6 @@ impl<const M: usize> FilterSettings<M> {
                 D::STATES.iter().map(|(name, unit, _)| format!("{name} = \"0 {unit}\"")).collect();
             return refuse("start", format!("expected values, such as `{{ {} }}`", states.join(", ")));
         };
-        if filter.method.has_fixed_gain() && !filter.states.is_empty() {
-            return refuse(
-                "states",
-                "one gain for all times is that of the motion at rest; leave it out".to_owned(),
-            );
-        }
         let values = |name: &str, values: &Values, sign| {
             experiment.values(at.clone().child(name), values, entries::<D, M>(sign))
         };

@@ -82,10 +82,6 @@ impl FilterSettings {
         } else {
             0.0
         };
-        if filter.method.has_fixed_gain() && !filter.states.is_empty() {
-            let why = "one gain for all times is that of the motion at rest, where no parameter shows; leave it out";
-            return refuse("states", why.to_owned());
-        }
         // A channel scales gap and gain by its own.
         let plate = hardware.channels.first().map(|channel| channel.current);
         let scale =

@@ -158,9 +158,6 @@ impl FilterSettings {
                        `process_noise` an `amplitude_rate`";
             return refuse("method", why);
         }
-        if !filter.states.is_empty() && filter.method.has_fixed_gain() {
-            return refuse("states", "the gain of a loop is for the readout as it is stated; leave it out");
-        }
         if !filter.states.is_empty() && !drifts {
             let why = "what is off in the readout moves the rest position, which a filter of three states holds; give its \
                        `process_noise` an `amplitude_rate`";

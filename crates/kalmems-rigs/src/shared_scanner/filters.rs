@@ -69,12 +69,10 @@ impl FilterSettings {
                        \"31.35 kHz\"]`, or leave `demodulator` out";
             return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
         }
-        let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
-        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given && filter.method.has_fixed_gain())
-        {
+        if filter.demodulator && filter.method.has_fixed_gain() {
             let why =
                 "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`";
-            return Err(experiment.error(at.child(name), Fault::Value { why: why.to_owned() }));
+            return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
         }
         let (start_sd, demodulator_sd) = deviations(experiment, &at, filter)?;
         let (noise_key, noise) = process_noise(estimate, &at, filter);

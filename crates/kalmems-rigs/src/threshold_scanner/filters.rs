@@ -96,25 +96,15 @@ impl FilterSettings {
             }
         };
         let variant = filter.variant.unwrap_or_default();
-        if !claims
-            && (filter.variant.is_some() || filter.threshold.is_some() || filter.signal_variance.is_some())
-        {
-            return refuse(
-                "method",
-                "the model alone and the lock-in take no sample or crossing by itself; leave `variant`, `signal_variance` and \
-                 `threshold` out",
-            );
-        }
         let more = [
-            ("states", !filter.states.is_empty()),
-            ("threshold", filter.threshold.is_some()),
             ("variant", filter.variant.is_some()),
             ("signal_variance", filter.signal_variance.is_some()),
+            ("threshold", filter.threshold.is_some()),
         ];
-        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given && filter.method.has_fixed_gain())
+        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given)
+            && (!claims || filter.method.has_fixed_gain())
         {
-            let why = "the gain for all of a swing is that of angle and rate, for samples of the readout's noise alone; leave it out, \
-                       or use `ekf`";
+            let why = "this method takes no crossings, and every sample as the readout is stated or none; leave it out, or use `ekf`";
             return refuse(name, why);
         }
         if let Some(threshold) = &filter.threshold

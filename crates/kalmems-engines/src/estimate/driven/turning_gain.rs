@@ -70,7 +70,7 @@ impl<const N: usize> TurningGain<N> {
             ));
         }
         let Averaged { system, density, information } = Averaged::of(plant, motion, &rates);
-        // Gᵀ/² as an observation of as many numbers as there are states, each with the noise of a sample.
+        // A root of G is an observation of as many numbers as there are states, each with the noise of a sample.
         let lower = Cholesky::of_semidefinite(&Covariance::from_lower(information));
         let observation = Mat::from_fn(|i, j| lower.0[j][i]);
         let process = LinearProcess::<f64, N, 0>::exact(&system, &Mat::zero(), &density, interval_s);

@@ -86,12 +86,6 @@ impl FilterSettings {
                 "with two axes the demodulator's stages are no states; leave it out",
             );
         }
-        if filter.method.has_fixed_gain() && !filter.states.is_empty() {
-            return refuse(
-                "states",
-                "the gain for all of a swing is that of the motion alone; leave it out, or use `ekf`",
-            );
-        }
         let (noise_key, noise) = process_noise(estimate, &at, filter);
         Ok(Self {
             basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
