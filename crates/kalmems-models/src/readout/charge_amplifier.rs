@@ -40,8 +40,8 @@ impl<P: Scalar> DifferentialReadout<P> {
     /// use kalmems_models::{capacitance::DifferentialPlates, readout::DifferentialReadout};
     /// let plates = DifferentialPlates { area: 1.86e-6, gap: 2.3e-6, permittivity: 3.54e-11 };
     /// let readout = DifferentialReadout { plates, carrier_amplitude: 0.6, feedback_capacitance: 20e-12 };
-    /// for x in [0.0, 3e-8, -2e-6] {
-    ///     assert!((readout.displacement(readout.voltage(x)) - x).abs() <= 1e-15_f64 * 2.3e-6);
+    /// for x in [0.0_f64, 3e-8, -2e-6] {
+    ///     assert!((readout.displacement(readout.voltage(x)) - x).abs() <= 1e-15 * 2.3e-6);
     /// }
     /// ```
     pub fn displacement(&self, voltage: P) -> P {
