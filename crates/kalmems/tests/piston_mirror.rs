@@ -397,7 +397,7 @@ fn a_phase_locked_loop_is_about_as_good_as_its_filter() {
         .replace("offset = \"1e-19", "amplitude = \"1e-15");
     let experiment = CASE.experiment("0.1 s", &steady);
     let why = published().rig(&experiment).unwrap().wanted(&experiment).unwrap_err().to_string();
-    assert!(why.contains("built for five states"), "{why}");
+    assert!(why.contains("the rate of the amplitude as states"), "{why}");
 }
 
 const THREE: &str = r#"

@@ -236,7 +236,14 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
         &filter("U", "ukf_literal_weights", WIDE),
         ["filter[0].method", "unknown word `ukf_literal_weights`", "known words: model, ekf, ukf"],
     );
-    said(&filter("S", "steady_state", WIDE), ["filter[0].method", "even in the angle", "use `ekf`"]);
+    said(
+        &filter("S", "steady_state", &format!("{WIDE}{STIFFNESS}")),
+        ["filter[0].states", "the motion alone", "use `ekf`"],
+    );
+    said(
+        "[[estimate.filter]]\nname = \"D\"\nmethod = \"direct_inversion\"\n",
+        ["filter[0].method", "even in the angle", "use `lock_in`"],
+    );
     said(&filter("C", "consider_ekf", WIDE), ["filter[0].states", "missing", "start_sd"]);
     said(&filter("L", "lock_in", ""), ["filter[0].start", "lock_in", "leave it out"]);
     let word = ekf("").replace("{ angle = \"0.05 rad\", rate = \"0 rad/s\" }", "\"signal\"");

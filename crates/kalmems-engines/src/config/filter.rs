@@ -67,7 +67,8 @@ pub struct Filter {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"20 ms")]
     pub noise_memory: Option<Quantity<Time, Positive>>,
-    /// How fast the error of the method `luenberger` decays: the corner of a Butterworth pattern of its poles.
+    /// How fast the error of the method `luenberger` decays: the corner of a Butterworth pattern of its poles; of a scanner, how fast
+    /// the errors of amplitude and phase do.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2 kHz")]
     pub observer_bandwidth: Option<Quantity<Frequency, Positive>>,
@@ -113,15 +114,17 @@ pub enum Method {
     /// The extended Kalman filter that linearises each measurement again where it leads.
     IteratedEkf,
     /// The extended Kalman filter with Euler's method as its process: one step from sample to sample, by the drive at its
-    /// start. For two states alone.
+    /// start. For the states of the motion alone.
     EulerEkf,
-    /// Amplitude and phase of the signal at the drive's frequency, cycle by cycle.
+    /// Amplitude and phase of the lines that the motion makes in the signal, cycle by cycle.
     LockIn,
     /// The extended Kalman filter that integrates its differential equation from sample to sample.
     HybridEkf,
-    /// One gain for all times: that in which the Kalman filter settles.
+    /// One gain for all times: that in which the Kalman filter settles. Of a device that swings it is constant in the frame that
+    /// turns with the motion; so are the two below.
     SteadyState,
-    /// One gain for all times: that of the continuous Kalman filter, with each sample held until the next.
+    /// One gain for all times: that of the continuous Kalman filter, with each sample, or what it says of the error, held until
+    /// the next.
     KalmanBucy,
     /// One gain for all times: that which gives the error the poles of `observer_bandwidth`.
     Luenberger,

@@ -4,7 +4,7 @@ use super::answers::{Begun, Run};
 use super::engine::Filtering;
 use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
-use super::{ConstantGain, ModelAlone};
+use super::{ConstantGain, GainOf, ModelAlone};
 use crate::config::Method;
 use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
@@ -100,6 +100,22 @@ impl Known {
         self
     }
 
+    /// The same with the state of this index, of this standard deviation and behind those it is correlated with, part of each of
+    /// these: so much of it is added to each.
+    pub fn correlate(&mut self, source: usize, parts: &[(usize, f64)], sd: f64) {
+        let mut add = |i: usize, j: usize, value: f64| {
+            if let Some(entry) = self.lower.get_mut(i * (i + 1) / 2 + j) {
+                *entry += value;
+            }
+        };
+        for (i, part) in parts {
+            add(source, *i, part * sd * sd);
+            for (j, other) in parts.iter().filter(|(j, _)| j <= i) {
+                add(*i, *j, part * other * sd * sd);
+            }
+        }
+    }
+
     /// As the core has them; what is missing is not a number.
     pub fn gaussian<const N: usize>(&self) -> Gaussian<f64, N> {
         let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
@@ -168,22 +184,8 @@ impl FilterKind {
     }
 }
 
-/// What one gain for all times is to do.
-#[derive(Clone, Copy, Debug)]
-pub enum ConstantGainOf {
-    /// That in which the Kalman filter settles.
-    Settled,
-    /// Give the error the poles of a Butterworth low-pass of this corner in rad/s, sampled in this interval in s.
-    Poles {
-        /// The corner.
-        corner: f64,
-        /// The interval.
-        interval_s: f64,
-    },
-}
-
 fn constant_gain<const N: usize>(
-    gain: ConstantGainOf,
+    gain: (GainOf, f64),
     at: &Known,
     start: &Known,
     (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
@@ -192,11 +194,12 @@ fn constant_gain<const N: usize>(
     let noise = Covariance::from_variances([variance]);
     let point = OperatingPoint::of(&Numbers::<N>::of(transition), (&Seen(sensor), noise), (&at, &()));
     let gain = match gain {
-        ConstantGainOf::Settled => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
-        ConstantGainOf::Poles { corner, interval_s } => {
+        (GainOf::Settled, _) => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
+        (GainOf::Poles(corner), interval_s) => {
             let poles: Vec<Pole<f64>> = butterworth(N, corner).map(|pole| pole.sampled(interval_s)).collect();
             FixedGain::luenberger(mean, &poles, &point).map_err(|why| why.to_string())?
         }
+        (GainOf::Continuous, _) => return Err("the continuous filter is a process of its own".to_owned()),
     };
     Ok(ConstantGain::new(&gain, &point))
 }
@@ -233,6 +236,15 @@ macro_rules! for_each_size {
         )*
 
         impl AnyFilter {
+            /// This one.
+            pub fn this<const N: usize>(filter: impl StateFilter<N> + 'static) -> Self
+            where
+                Self: From<Box<dyn StateFilter<N>>>,
+            {
+                let filter: Box<dyn StateFilter<N>> = Box::new(filter);
+                filter.into()
+            }
+
             /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
             /// than two.
             pub fn of(kind: FilterKind, known: &Known) -> Option<Self> {
@@ -242,9 +254,9 @@ macro_rules! for_each_size {
                 }
             }
 
-            /// A filter with one gain for all times: that for the model linearised at a mean.
+            /// A filter with one gain for all times: that for the model linearised at a mean, with poles sampled in this interval in s.
             pub fn of_constant_gain(
-                gain: ConstantGainOf,
+                gain: (GainOf, f64),
                 (at, start): (&Known, &Known),
                 (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
             ) -> Result<Self, String> {

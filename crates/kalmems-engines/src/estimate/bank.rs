@@ -3,21 +3,49 @@
 use super::any_filter::AnyFilter;
 use super::engine::Filtering;
 use super::transition::{Sensor, Transition};
-use super::{Counts, Course};
+use super::{
+    Counts, Course, Derived, EstimateError, FilterBasics, FilterPast, Known, Samples, StateName, Trajectory,
+    follow,
+};
+use crate::progress::Progress;
 use kalmems_core::{FilterError, Innovation};
 
 /// The most models side by side: three values of each of three parameters.
 pub const MOST_MODELS: usize = 27;
 
+/// Takes a filter for each of these models through new samples, side by side along the course of each: the trajectory of what
+/// they say together, each weighed by the likelihood of the samples.
+///
+/// They go on where the past left them; `start` says what the model of each index knows at the first sample of the segment.
+pub fn answers_of_bank(
+    (filter, past): (&FilterBasics, &mut FilterPast),
+    start: impl Fn(usize) -> Result<Known, EstimateError>,
+    (courses, samples): (Vec<Box<dyn Course + '_>>, &Samples),
+    states: &[StateName],
+    progress: &dyn Progress,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    let models = if let Some(models) = past.course.take::<Models>() {
+        *models
+    } else {
+        let member = |model| filter.begin(past.left().cloned(), || start(model));
+        Models::new((0..courses.len()).map(member).collect::<Result<_, _>>()?)
+    };
+    let mut bank = BankCourse::new(courses, models);
+    let begin = |left| filter.begin(left, || start(0));
+    let told = follow((filter, past), begin, (&mut bank, samples), states, progress);
+    past.course.put(Box::new(bank.models));
+    told
+}
+
 /// The filters of all models on their way, and how likely each is; kept from one part of a segment to the next.
-pub struct Models {
+struct Models {
     filters: Vec<Box<dyn Filtering + Send>>,
     log_weights: Vec<f64>,
 }
 
 impl Models {
     /// All equally likely at first.
-    pub fn new(filters: Vec<AnyFilter>) -> Self {
+    fn new(filters: Vec<AnyFilter>) -> Self {
         let log_weights = vec![-(filters.len() as f64).ln(); filters.len()];
         Self { filters: filters.into_iter().map(AnyFilter::on_its_way).collect(), log_weights }
     }
@@ -52,7 +80,7 @@ impl Models {
 
 /// A bank on its way through a segment: a course for each model. The filter that is led through it takes over what the bank
 /// says; it is one that holds a covariance, not a root.
-pub struct BankCourse<'a> {
+struct BankCourse<'a> {
     courses: Vec<Box<dyn Course + 'a>>,
     models: Models,
     mean: Vec<f64>,
@@ -64,16 +92,11 @@ pub struct BankCourse<'a> {
 
 impl<'a> BankCourse<'a> {
     /// Along the course of each model, from where the models were left.
-    pub fn new(courses: Vec<Box<dyn Course + 'a>>, models: Models) -> Self {
+    fn new(courses: Vec<Box<dyn Course + 'a>>, models: Models) -> Self {
         let states = models.filters.first().map_or(0, |filter| filter.mean().len());
         let square = vec![0.0; states * states];
         let (covariance, of_one) = (square.clone(), square);
         Self { courses, models, mean: vec![0.0; states], covariance, of_one, innovations: Vec::new() }
-    }
-
-    /// Where the models are now.
-    pub fn into_models(self) -> Models {
-        self.models
     }
 
     /// Puts the led filter where the bank is.
@@ -92,6 +115,21 @@ impl Course for BankCourse<'_> {
         self.courses.first().map_or(&[], |course| course.signal())
     }
 
+    fn derived(&self) -> Option<Derived> {
+        self.courses.first().and_then(|course| course.derived())
+    }
+
+    /// What is known of the whole is the mean over the models, each with its weight at the end: a mean of log-likelihoods, which is
+    /// not above that of the mixture.
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        let mut mean = 0.0;
+        for (course, log_weight) in self.courses.iter().zip(&self.models.log_weights) {
+            course.conclude(trajectory);
+            mean += log_weight.exp() * trajectory.crossings_log_likelihood;
+        }
+        trajectory.crossings_log_likelihood = mean;
+    }
+
     /// What each model counts is the same.
     fn advance(
         &mut self,
@@ -107,7 +145,7 @@ impl Course for BankCourse<'_> {
         self.lead(filter)
     }
 
-    /// The innovation is that of the mixture.
+    /// The innovation is that of the mixture. Models of several signals are weighed by the one whose innovations they keep.
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,
@@ -118,8 +156,11 @@ impl Course for BankCourse<'_> {
         self.innovations.clear();
         for (course, member) in self.courses.iter_mut().zip(&mut self.models.filters) {
             *counts = before;
-            let Some(innovation) = course.correct(&mut **member, k, counts)? else { return Ok(None) };
-            self.innovations.push(innovation);
+            self.innovations.extend(course.correct(&mut **member, k, counts)?);
+        }
+        if self.innovations.len() < self.courses.len() {
+            // Without this signal; another one may have corrected them.
+            return self.lead(filter).map(|()| None);
         }
         let weights = || self.models.log_weights.iter().map(|l| l.exp());
         let found = || self.innovations.iter().zip(weights());

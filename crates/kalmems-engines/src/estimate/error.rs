@@ -135,6 +135,20 @@ pub enum EstimateError {
         /// By how much.
         gain: f64,
     },
+    /// Euler's method runs away at this interval between samples.
+    #[error(
+        "the filter `{filter}`: Euler's method enlarges what decays as fast as this device in each interval of {} s; sample \
+         faster than {:.0} Hz, or use `ekf`",
+        number(*interval_s), rate_hz
+    )]
+    EulerUnstable {
+        /// The filter.
+        filter: String,
+        /// The interval between samples in s.
+        interval_s: f64,
+        /// The sampling rate in Hz from which on it does not.
+        rate_hz: f64,
+    },
     /// The signal does not tell where the motion starts.
     #[error("{place}: `{filter}` cannot start from the signal: {why}; give it a start of values")]
     NoStart {

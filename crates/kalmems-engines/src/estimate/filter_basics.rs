@@ -1,10 +1,11 @@
 //! What the table of a filter says, whatever the device.
 
 use super::tracked::{Parameter, Tracked, tracked};
-use super::{AnyFilter, EstimateError, FilterKind, Known, MOST_MODELS, StateName};
+use super::{AnyFilter, EstimateError, FilterKind, GainOf, Known, MOST_MODELS, StateName};
 use crate::config::{ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Values};
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
+use std::f64::consts::TAU;
 
 /// What every filter has.
 #[derive(Clone, Debug)]
@@ -21,6 +22,8 @@ pub struct FilterBasics {
     pub points: SigmaPoints<f64>,
     /// Whether it is smoothed over the whole recording.
     pub smooth: bool,
+    /// The corner of the poles of an observer in rad/s, 0 where none are placed.
+    pub observer_rate: f64,
     /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
     pub lag_s: Option<f64>,
 }
@@ -33,6 +36,10 @@ impl FilterBasics {
         filter: &Filter,
         parameters: (&'static [Parameter], &[f64]),
     ) -> Result<Self, ConfigError> {
+        if filter.method.has_fixed_gain() && !filter.states.is_empty() {
+            let why = "a gain for all times is that of the motion alone, with the device as it is stated; leave it out, or use `ekf`";
+            return Err(experiment.error(at.clone().child("states"), Fault::Value { why: why.to_owned() }));
+        }
         let models = 3_usize.saturating_pow(u32::try_from(filter.states.len()).unwrap_or(u32::MAX));
         if filter.method == Method::Bank && models > MOST_MODELS {
             let why =
@@ -50,6 +57,7 @@ impl FilterBasics {
                 kappa: filter.kappa.unwrap_or(1.0),
             },
             smooth: filter.smooth,
+            observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
             lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
         })
     }
@@ -57,6 +65,21 @@ impl FilterBasics {
     /// The parameters that are states: none of a bank, each of whose models has them as they are.
     pub fn parameters(&self) -> &[Tracked] {
         if self.method == Method::Bank { &[] } else { &self.tracked }
+    }
+
+    /// The gain that it has for all times, where it has one.
+    pub fn gain(&self) -> Option<GainOf> {
+        match self.method {
+            Method::SteadyState => Some(GainOf::Settled),
+            Method::KalmanBucy => Some(GainOf::Continuous),
+            Method::Luenberger => Some(GainOf::Poles(self.observer_rate)),
+            _ => None,
+        }
+    }
+
+    /// It has no gain.
+    pub fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
+        EstimateError::NoGain { filter: self.name.clone(), why: why.to_string() }
     }
 
     /// The names of its states, the parameters behind those of the motion.

@@ -3,6 +3,7 @@
 use super::TrackedPrior;
 use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Sign, TrackedState};
 use crate::units::{Kind, kind};
+use kalmems_core::Parameters;
 use kalmems_core::augmentation::{AddedState, Drift};
 
 /// A parameter that is a state.
@@ -59,11 +60,27 @@ impl Parameter {
         Self::new(name, (&kind::VOLTAGE, "V", &kind::VOLTAGE_DRIFT))
     }
 
+    /// A capacitance.
+    pub const fn farads(name: &'static str) -> Self {
+        Self::new(name, (&kind::CAPACITANCE, "F", &kind::CAPACITANCE_DRIFT))
+    }
+
     const fn new(
         name: &'static str,
         (kind, unit, drift): (&'static Kind, &'static str, &'static Kind),
     ) -> Self {
         Self { name, in_motion: None, in_readout: None, in_whole: None, kind, unit, drift }
+    }
+
+    /// What a deviation of 1 adds to it in these models of motion and readout: of a factor, its value there; else one of its
+    /// unit.
+    pub fn scale<D: Parameters<f64>, H: Parameters<f64>>(&self, motion: &D, readout: &H) -> f64 {
+        if self.unit != "1" {
+            return 1.0;
+        }
+        let in_motion = self.in_motion.and_then(D::index_of).and_then(|index| motion.value(index));
+        let in_readout = self.in_readout.and_then(H::index_of).and_then(|index| readout.value(index));
+        in_motion.or(in_readout).unwrap_or(1.0)
     }
 
     /// The same, which the motion depends on under this name.

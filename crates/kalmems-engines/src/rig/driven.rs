@@ -6,12 +6,12 @@ use crate::config::{
     Simulate, Start, Uses, Values,
 };
 use crate::estimate::driven::{
-    BLOCK, ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, ParametricReadout, Plain, Plant,
-    WithParameters,
+    BLOCK, ByEuler, DrivenCourse, DrivenSegment, Enters, HYBRID_STEPS, ParametricReadout, Plain, Plant,
+    WithParameters, side_by_side,
 };
 use crate::estimate::{
-    Around, Axis, EstimateError, FilterBasics, FilterPast, Known, Motion, Parameter, Part, Past,
-    SegmentEstimate, SignalSegment, StateName, Trajectory, answers, process_noise,
+    AnyFilter, Around, Axis, Course, EstimateError, FilterBasics, FilterPast, Known, Motion, Parameter, Part,
+    Past, SegmentEstimate, SignalSegment, StateName, Trajectory, answers_of_bank, follow, process_noise,
 };
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::{Outlook, Topic};
@@ -22,7 +22,7 @@ use crate::simulate::{
 };
 use crate::units::kind;
 use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
-use kalmems_core::{Mat, Measurement, NoiseDensity, Parameters};
+use kalmems_core::{Mat, Measurement, Nodes, NoiseDensity, Parameters};
 use std::ops::ControlFlow;
 
 /// A device of `M` states that a recorded voltage drives and one recorded voltage shows.
@@ -33,9 +33,9 @@ pub trait DrivenDevice<const M: usize>: Send + Sync + 'static {
     /// Its table in an experiment file.
     type Table: DeviceDescription;
     /// How it moves.
-    type Motion: ParametricDynamics<f64, M, Input = f64> + Copy;
+    type Motion: ParametricDynamics<f64, M, Input = f64> + Parameters<f64, Of<f64> = Self::Motion> + Copy;
     /// How it is read.
-    type Readout: ParametricMeasurement<f64, M, 1> + Copy;
+    type Readout: ParametricMeasurement<f64, M, 1> + Parameters<f64, Of<f64> = Self::Readout> + Copy;
 
     /// Its states; the first is what it is for.
     const STATES: [StateName; M];
@@ -80,16 +80,19 @@ const INTERPOLATED: usize = 4;
 /// Cycles of the free motion that show how the device is driven, at least.
 const STARTING_CYCLES: f64 = 40.0;
 
-/// What nothing is built for.
-static NO_METHODS: [(Method, &str); 6] = [
-    (Method::LockIn, NOT_BUILT),
-    (Method::DirectInversion, NOT_BUILT),
-    (Method::SteadyState, NOT_BUILT),
-    (Method::KalmanBucy, NOT_BUILT),
-    (Method::Luenberger, NOT_BUILT),
-    (Method::Bank, NOT_BUILT),
+/// What models of a motion and of its readout do not tell.
+static NO_METHODS: [(Method, &str); 3] = [
+    (Method::LockIn, NO_INVERSE),
+    (Method::DirectInversion, NO_INVERSE),
+    (
+        Method::KalmanBucy,
+        "its models are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
+    ),
 ];
-const NOT_BUILT: &str = "it is not built; use `ekf`";
+
+/// Why nothing is taken from the signal alone.
+const NO_INVERSE: &str =
+    "its models say what signal a state makes, and not what state a signal means; use `ekf`";
 
 type ModelOf<D, const M: usize> =
     DrivenModel<<D as DrivenDevice<M>>::Motion, <D as DrivenDevice<M>>::Readout>;
@@ -247,7 +250,8 @@ impl<const M: usize> FilterSettings<M> {
         };
         let claims = filter.method.claims();
         let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let scales: Vec<f64> = D::PARAMETERS.iter().map(|parameter| scale(parameter, model)).collect();
+        let scale = |parameter: &Parameter| parameter.scale(&model.motion, &model.readout);
+        let scales: Vec<f64> = D::PARAMETERS.iter().map(scale).collect();
         let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };
         Ok(Self {
             start: values("start", start, Sign::Any)?,
@@ -260,16 +264,6 @@ impl<const M: usize> FilterSettings<M> {
             basics: FilterBasics::of(experiment, &at, filter, (D::PARAMETERS, &scales))?,
         })
     }
-}
-
-/// What a deviation of 1 adds to a parameter: of a factor, what the device table says; else one of its unit.
-fn scale<D: Parameters<f64>, H: Parameters<f64>>(parameter: &Parameter, model: &DrivenModel<D, H>) -> f64 {
-    if parameter.unit != "1" {
-        return 1.0;
-    }
-    let in_motion = parameter.in_motion.and_then(D::index_of).and_then(|index| model.motion.value(index));
-    let in_readout = parameter.in_readout.and_then(H::index_of).and_then(|index| model.readout.value(index));
-    in_motion.or(in_readout).unwrap_or(1.0)
 }
 
 /// Estimates recordings, part by part.
@@ -333,11 +327,14 @@ impl<const M: usize> FilterSettings<M> {
         lower.0[D::NOISE.0][D::NOISE.0] = self.density;
         let noise = NoiseDensity::from_lower(lower);
         let (tracked, variance) = (&self.basics.tracked, model.noise_variance);
+        let plain = Plain { dynamics: model.motion, readout: model.readout, noise };
+        if self.basics.method == Method::Bank {
+            return self.bank::<D>(&plain, variance, data, past, progress);
+        }
         if tracked.is_empty() {
-            let plant = Plain { dynamics: model.motion, readout: model.readout, noise };
             return match self.basics.method {
-                Method::EulerEkf => self.through::<D, _>(&ByEuler(plant), variance, data, past, progress),
-                _ => self.through::<D, _>(&plant, variance, data, past, progress),
+                Method::EulerEkf => self.through::<D, _>(&ByEuler(plain), variance, data, past, progress),
+                _ => self.through::<D, _>(&plain, variance, data, past, progress),
             };
         }
         let wrong = |why| self.basics.no_model(why);
@@ -346,6 +343,32 @@ impl<const M: usize> FilterSettings<M> {
         let plant =
             WithParameters::new((model.motion, noise), readout, tracked, |parameter| parameter.in_motion);
         self.through::<D, _>(&plant.map_err(wrong)?, variance, data, past, progress)
+    }
+
+    /// Filters of several models side by side.
+    fn bank<D: DrivenDevice<M>>(
+        &self,
+        plain: &Plain<D::Motion, D::Readout, M>,
+        variance: f64,
+        data: &DrivenSegment,
+        past: &mut FilterPast,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let enters: Enters = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
+        let plants = side_by_side(plain, &self.basics.tracked, enters);
+        let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
+            let course = DrivenCourse::new(plant, variance, data);
+            Ok(Box::new(course.map_err(|why| self.basics.no_model(why))?))
+        };
+        let way = (plants.iter().map(course).collect::<Result<_, _>>()?, &data.samples);
+        let states = self.basics.states(&D::STATES);
+        answers_of_bank((&self.basics, past), |_| Ok(self.known()), way, &states, progress)
+    }
+
+    /// What is known at the first sample.
+    fn known(&self) -> Known {
+        let motion = self.start.into_iter().zip(self.start_sd);
+        Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
     fn through<D: DrivenDevice<M>, P: Plant>(
@@ -362,11 +385,20 @@ impl<const M: usize> FilterSettings<M> {
             _ => course,
         };
         let mut course = course.map_err(|why| self.basics.no_model(why))?;
-        let motion = self.start.into_iter().zip(self.start_sd);
-        let parameters = self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
-        let start = || Ok(Known::apart(motion.chain(parameters)));
         let states = self.basics.states(&D::STATES);
-        let mut all = answers((&self.basics, past), start, (&mut course, &data.samples), &states, progress)?;
+        let (basics, interval_s) = (&self.basics, data.interval_s);
+        let begin = |left: Option<Known>| {
+            let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.known())) };
+            let motion = plant.over(interval_s).map_err(|why| basics.no_model(why))?;
+            let nodes = Nodes::held(0.0);
+            let (step, sensor) = (plant.under(&motion, &nodes), plant.sensor());
+            let (at_rest, known) = (Known::apart([(0.0, 0.0); M]), left.unwrap_or_else(|| self.known()));
+            let point = (&step as _, &sensor as _, variance);
+            AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point)
+                .map_err(|why| basics.no_gain(&why))
+        };
+        let way = (&mut course as _, &data.samples);
+        let mut all = follow((basics, past), begin, way, &states, progress)?;
         if self.basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }

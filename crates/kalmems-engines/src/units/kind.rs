@@ -100,6 +100,7 @@ kinds! {
     LENGTH_DRIFT = "a variance of a length per time", of [0, 2, -1, 0, 0, 0], "1e-19 m^2/s";
     VELOCITY_DRIFT = "a variance of a velocity per time", of [0, 2, -3, 0, 0, 0], "1e-14 m^2/s^3";
     VOLTAGE_DRIFT = "a variance of a voltage per time", of [2, 4, -7, -2, 0, 0], "1e-8 V^2/s";
+    CAPACITANCE_DRIFT = "a variance of a capacitance per time", of [-2, -4, 7, 4, 0, 0], "1e-40 F^2/s";
     CAPACITANCE_DENSITY =
         "a noise density of a capacitance", of_halves [-2, -4, 9, 4, 0, 0], "0.151 aF/sqrt(Hz)";
 }

@@ -1,7 +1,7 @@
 //! A stage on piezoelectric beams near one of its resonances.
 
 use super::MirrorResonator;
-use kalmems_core::{LinearProcess, Mat, NoiseDensity, Scalar};
+use kalmems_core::{Dynamics, LinearProcess, Mat, NoiseDensity, Over, Scalar};
 use kalmems_macros::{Parameters, model};
 
 /// θ̈ + 2ζω_n·θ̇ + ω_n²·θ = b_c·V, states [θ, θ̇], input V in V (Chen, dissertation, 2018, equations 31 to 33).
@@ -52,6 +52,21 @@ impl<P: Scalar<Mask = bool>> PiezoStage<P> {
     pub fn exact(&self, interval: P, acceleration_density: P) -> LinearProcess<P, 2, 1> {
         let noise = NoiseDensity::none().on::<1>(acceleration_density);
         LinearProcess::exact(&self.resonator.system_matrix(), &self.input_matrix(), &noise, interval)
+    }
+}
+
+/// For what [`PiezoStage::exact`] does not do: parameters as states, and other integrators.
+#[model(parametric)]
+impl<T: Scalar> Dynamics<T, 2> for PiezoStage<T> {
+    type Input = T;
+
+    fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
+        [x[1], self.resonator.acceleration(x[0], x[1], S::lift(*voltage * self.drive_gain))]
+    }
+
+    /// Those of its resonator.
+    fn natural_scales(&self) -> [T; 2] {
+        self.resonator.natural_scales()
     }
 }
 

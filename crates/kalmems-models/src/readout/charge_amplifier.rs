@@ -32,6 +32,23 @@ impl<P: Scalar> DifferentialReadout<P> {
     pub fn voltage<S: Over<P>>(&self, x: S) -> S {
         self.plates.difference(x) * (self.carrier_amplitude / self.feedback_capacitance)
     }
+
+    /// x in m, of y in V: of y·(1 − u²) = y₀·u with u = x/d₀ and y₀ = dy/dx·d₀ the solution between the plates,
+    /// u = 2·y/(y₀ + √(y₀² + 4·y²)).
+    ///
+    /// ```
+    /// use kalmems_models::{capacitance::DifferentialPlates, readout::DifferentialReadout};
+    /// let plates = DifferentialPlates { area: 1.86e-6, gap: 2.3e-6, permittivity: 3.54e-11 };
+    /// let readout = DifferentialReadout { plates, carrier_amplitude: 0.6, feedback_capacitance: 20e-12 };
+    /// for x in [0.0_f64, 3e-8, -2e-6] {
+    ///     assert!((readout.displacement(readout.voltage(x)) - x).abs() <= 1e-15 * 2.3e-6);
+    /// }
+    /// ```
+    pub fn displacement(&self, voltage: P) -> P {
+        let full = self.sensitivity() * self.plates.gap;
+        let root = (full.sq() + voltage.twice().sq()).sqrt();
+        self.plates.gap * voltage.twice() / (full + root)
+    }
 }
 
 #[model(parametric)]

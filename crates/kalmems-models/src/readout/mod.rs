@@ -26,7 +26,9 @@ pub use demodulated::DemodulatedComb;
 pub use feedthrough::Feedthrough;
 pub use low_pass::{LowPassOutput, LowPassPair};
 pub use low_passed::LowPassedComb;
-pub use phasor_capacitance::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
+pub use phasor_capacitance::{
+    AmplifiedPhasorCapacitance, DriftingPhasorCapacitance, SteadyPhasorCapacitance,
+};
 pub use phasor_detector::PhasorDetector;
 pub use plate_current::{DifferentialCurrent, PlateCurrent, PlateCurrents};
 pub use two_axis::TwoAxisComb;

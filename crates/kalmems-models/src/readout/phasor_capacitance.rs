@@ -82,3 +82,39 @@ impl<T: Scalar, const K: usize> Measurement<T, 5, 1> for DriftingPhasorCapacitan
         ([y.value()], Mat([[slope * c, zero, -(slope * x[0] * s), slope, zero]]))
     }
 }
+
+/// y = c₀ + C_s + g·(C(d₀ + A·cos φ) − c₀) in F, with the part c₀ of C that does not vary, on the states [A, f, φ, d₀, Ȧ].
+///
+/// [`DriftingPhasorCapacitance`] behind a readout whose gain g and stray capacitance C_s are not known well: what an error of
+/// either does to the position is in no innovation of its own (Faller and Zangl, 2017, section II-D, calibrate both).
+///
+/// ```
+/// use kalmems_core::Measurement;
+/// use kalmems_models::{capacitance::DistanceSeries, readout::AmplifiedPhasorCapacitance};
+/// let series = DistanceSeries { reference_distance: 1e-3, coefficients: [3e-15, 109.3e-15] };
+/// let readout = AmplifiedPhasorCapacitance { series, gain: 1.01, stray: 2e-15 };
+/// let [at_rest] = readout.predict(&[0.0_f64, 500.0, 0.0, 1e-3, 0.0]);
+/// assert!((at_rest - (5e-15 + 1.01 * 109.3e-15)).abs() < 1e-28);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Parameters)]
+pub struct AmplifiedPhasorCapacitance<P, const K: usize> {
+    /// C(d), with c₀ its first coefficient.
+    pub series: DistanceSeries<P, K>,
+    /// g, 1 where the readout is as the series has it.
+    pub gain: P,
+    /// C_s in F.
+    pub stray: P,
+}
+
+#[model(parametric)]
+impl<T: Scalar, const K: usize> Measurement<T, 5, 1> for AmplifiedPhasorCapacitance<T, K> {
+    fn predict<S: Over<T>>(&self, x: &[S; 5]) -> [S; 1] {
+        let fixed = self.series.coefficients[0];
+        let varying = self.series.capacitance(x[0] * x[2].cos() + x[3]) - fixed;
+        [varying * self.gain + (fixed + self.stray)]
+    }
+
+    fn depends(_: usize, state: usize) -> bool {
+        state != 1 && state != 4
+    }
+}

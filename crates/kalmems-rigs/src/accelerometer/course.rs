@@ -4,7 +4,7 @@ use super::data::{Input, SegmentData};
 use super::instrument::{Exact, Instrument, Observing};
 use super::noise_estimate::NoiseEstimate;
 use crate::estimate::{Bridge, Counts, Course, Filtering, Reading, Step, by_signal};
-use kalmems_core::{ContinuousDiscrete, Dynamics, FilterError, Innovation, Scaled};
+use kalmems_core::{ContinuousDiscrete, Dynamics, Euler, FilterError, Innovation, Scaled};
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
 /// times written in decimals round to.
@@ -23,6 +23,18 @@ pub trait Prediction<D: Dynamics<f64, N>, const N: usize> {
 }
 
 impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Exact<D, N> {
+    fn predict(
+        &self,
+        filter: &mut dyn Filtering,
+        input: D::Input,
+        _: f64,
+    ) -> Option<Result<(), FilterError>> {
+        Some(filter.predict(&Step::new(self, &input)))
+    }
+}
+
+/// Over another interval the exact step is taken.
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Euler<Scaled<D, f64, N>, f64, N> {
     fn predict(
         &self,
         filter: &mut dyn Filtering,

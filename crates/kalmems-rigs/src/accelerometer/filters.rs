@@ -1,11 +1,12 @@
 //! What the rig takes from the tables of filters, in SI.
 
 use super::uncertainty;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Quantity, Sign, Start};
+use crate::config::{
+    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+};
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 /// What one `[[estimate.filter]]` says of a filter of the accelerometer.
 #[derive(Clone, Debug)]
@@ -18,8 +19,6 @@ pub struct FilterSettings {
     pub start: [f64; 4],
     /// Their standard deviations, 0 for what claims none.
     pub start_sd: [f64; 4],
-    /// The corner of a Luenberger observer's poles in rad/s.
-    pub observer_rate: f64,
     /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
     /// that or choose among models.
     pub spread: [f64; 3],
@@ -37,6 +36,9 @@ const STATES: [StateName; 7] = [
     ("damping_deviation", "1", &kind::RATIO),
     ("mass_deviation", "1", &kind::RATIO),
 ];
+
+/// Those that direct inversion gives.
+pub const INVERTED: [StateName; 2] = [STATES[0], STATES[2]];
 
 /// The first `N` states, as tables of values name them.
 pub const fn entries<const N: usize>(sign: Sign) -> [Entry; N] {
@@ -63,10 +65,11 @@ impl FilterSettings {
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
             return refuse(name, "the accelerometer's filters have no such setting; leave it out");
         }
-        let Some(Start::Values(start)) = &filter.start else {
-            return refuse("start", "an accelerometer's filter starts from values, such as those of rest");
-        };
         let known = filter.known_acceleration;
+        let inverts = filter.method == Method::DirectInversion;
+        if known && inverts {
+            return refuse("known_acceleration", "what is inverted is the acceleration; leave it out");
+        }
         let values = |name: &str, values, sign| {
             let key = at.clone().child(name);
             if known {
@@ -75,7 +78,17 @@ impl FilterSettings {
             }
             experiment.values(key, values, entries::<4>(sign))
         };
-        let start = values("start", start, Sign::Any)?;
+        let start = match &filter.start {
+            Some(Start::Values(start)) => values("start", start, Sign::Any)?,
+            // It has no start.
+            None if inverts => [0.0; 4],
+            _ => {
+                return refuse(
+                    "start",
+                    "an accelerometer's filter starts from values, such as those of rest",
+                );
+            }
+        };
         // An observer does not ask how uncertain its start is.
         let start_sd = if filter.method.claims() {
             values("start_sd", &filter.start_sd, Sign::NotNegative)?
@@ -96,7 +109,6 @@ impl FilterSettings {
             start_sd,
             spread,
             noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),
-            observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
         })
     }
 }

@@ -5,13 +5,12 @@
 
 use super::data::Input;
 use super::settings::Hardware;
-use crate::estimate::butterworth;
+use crate::estimate::{HeldSamples, butterworth, kalman_bucy};
 use crate::simulate::SimulateError;
-use kalmems_core::filter::{ContinuousObserver, ObserverError, Pole};
-use kalmems_core::riccati::{RiccatiError, continuous_riccati, kalman_bucy_gain};
+use kalmems_core::filter::{ObserverError, Pole};
+use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{
-    Covariance, Dynamics, Exponential, FixedGain, Mat, Measurement, NoiseDensity, NotAScale, OperatingPoint,
-    Process, Scaled, Scales,
+    Covariance, Dynamics, Exponential, FixedGain, NoiseDensity, NotAScale, OperatingPoint, Scaled, Scales,
 };
 use kalmems_models::dynamics::{Accelerometer, SensedAcceleration, UncertainMechanics};
 use kalmems_models::readout::DifferentialReadout;
@@ -21,8 +20,7 @@ pub type Readout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
 /// The exact step of a model.
 pub type Exact<D, const N: usize> = Exponential<Scaled<D, f64, N>, f64, N>;
 /// The exact step of a model that is an observer itself, driven by its input and the last sample.
-pub type Observing<D, const N: usize> =
-    Exponential<ContinuousObserver<Scaled<D, f64, N>, Readout<N>, f64, N, 1>, f64, N>;
+pub type Observing<D, const N: usize> = HeldSamples<Scaled<D, f64, N>, Readout<N>, N>;
 
 /// An instrument of `N` states with its noise.
 #[derive(Clone, Copy, Debug)]
@@ -121,33 +119,22 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
         FixedGain::luenberger(mean, &poles, &self.at_rest(interval_s))
     }
 
-    /// The observer with the gain of the continuous Kalman filter, each sample held over the interval after it, and the
-    /// system that its error is: the noise of a sample is part of that of the step.
-    ///
-    /// Samples of a variance R that are an interval h apart carry what a continuous signal with noise of the density
-    /// R·h does.
+    /// The observer with the gain of the continuous Kalman filter, and the system that its error is; see [`kalman_bucy`].
     pub fn kalman_bucy(
         &self,
         interval_s: f64,
     ) -> Result<(Observing<D, N>, OperatingPoint<f64, N, 1>), RiccatiError> {
-        let system = self.dynamics.jacobian(&[0.0; N], &Input::NONE);
-        let observation: Mat<f64, 1, N> = self.readout.linearize(&[0.0; N]).1;
-        let noise = NoiseDensity::none().on::<0>(self.noise_variance * interval_s);
-        let settled = continuous_riccati(&system, &observation, &self.density, &noise)?;
-        let observer = ContinuousObserver {
-            dynamics: self.dynamics,
-            measurement: self.readout,
-            gain: kalman_bucy_gain(&settled, &observation, &noise),
+        let noise = (&self.density, self.noise_variance);
+        kalman_bucy((self.dynamics, self.readout), noise, interval_s, Input::NONE)
+    }
+
+    /// The sampling rate in Hz from which on Euler's method lets every motion of the mass at rest decay: |1 + λ·h| < 1 for both
+    /// eigenvalues.
+    pub fn euler_rate_hz(&self) -> f64 {
+        let rate = |(re, im): &(f64, f64)| {
+            if *re < 0.0 { (re * re + im * im) / (-2.0 * re) } else { f64::INFINITY }
         };
-        let rest = (Input::NONE, [0.0]);
-        let process = Exponential::new(observer, interval_s, &self.density, (&[0.0; N], &rest));
-        // What one volt of a sample does.
-        let volt: [f64; N] = process.step(&[0.0; N], &(Input::NONE, [1.0]));
-        let sample = Covariance::from_variances([self.noise_variance]);
-        let sampled = sample.transformed(&Mat(volt.map(|entry| [entry])));
-        let mut point = OperatingPoint::of(&process, (&self.readout, sample), (&[0.0; N], &rest));
-        point.process_noise = point.process_noise.plus(&sampled);
-        Ok((process, point))
+        self.eigenvalues.iter().map(rate).fold(0.0, f64::max)
     }
 
     /// The fastest motion of the mass at rest in 1/s.

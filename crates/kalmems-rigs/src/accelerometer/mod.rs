@@ -54,15 +54,11 @@ static VALUES: [ValueState; 3] = [
     ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
 ];
 
-/// What an overdamped mass under an acceleration that no one knows does not allow.
-static NO_METHODS: [(Method, &str); 3] = [
-    (
-        Method::EulerEkf,
-        "its velocity settles within less than a sample, where Euler's method rings or runs away; use `ekf` or `hybrid_ekf`",
-    ),
-    (Method::LockIn, "an acceleration has no cycle that could be looked for; use `ekf`"),
-    (Method::DirectInversion, "it is not built; use `ekf`"),
-];
+/// What an acceleration that no one knows does not allow.
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::LockIn,
+    "the acceleration that it measures has no frequency of its own that a signal could be locked to; use `ekf`",
+)];
 
 impl Rig for AccelerometerRig {
     fn name(&self) -> &'static str {

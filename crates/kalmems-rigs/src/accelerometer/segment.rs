@@ -3,18 +3,20 @@
 use super::bank::BankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Prediction};
 use super::data::{Input, SegmentData};
-use super::filters::{FilterSettings, states};
+use super::filters::{FilterSettings, INVERTED, states};
 use super::instrument::Instrument;
 use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
     AnyFilter, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Samples, StateFilter,
-    StateSeries, Trajectory, follow,
+    StateSeries, Trajectory, follow, inversion,
 };
 use crate::progress::Progress;
 use crate::units::kind;
-use kalmems_core::{Covariance, Dynamics, Ekf, FixedGain, Gaussian, Scales, SchmidtEkf};
+use kalmems_core::{
+    Covariance, Dual, Dynamics, Ekf, Euler, FixedGain, Gaussian, Process, Scales, SchmidtEkf,
+};
 use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
@@ -34,8 +36,10 @@ pub fn estimate(
     for (index, filter) in settings.filters.iter().enumerate() {
         let task = Task { filter, data, samples, progress };
         let past = past.filter(index);
-        let scale = |_| task.no_gain(&"a scale of a state is no positive finite number");
-        let mut trajectories = if filter.basics.method == Method::ConsiderEkf {
+        let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
+        let mut trajectories = if filter.basics.method == Method::DirectInversion {
+            vec![task.inversion(&settings.hardware)]
+        } else if filter.basics.method == Method::ConsiderEkf {
             task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, past)?
         } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
@@ -48,7 +52,7 @@ pub fn estimate(
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let (judge, axes) = (&mut past.answer(answer).judge, [("acceleration", motion(settings))]);
             trajectory.lock = judge.judge(trajectory, &axes, start_s, samples.ends);
-            if !filter.basics.method.claims() {
+            if filter.basics.method == Method::Model {
                 trajectory.mark_model_alone();
             }
         }
@@ -87,28 +91,57 @@ impl Task<'_> {
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
         match self.filter.basics.method {
             Method::HybridEkf => {
-                let step = Hybrid::new(instrument, h).map_err(|why| self.no_gain(&why))?;
+                let step = Hybrid::new(instrument, h).map_err(|why| self.filter.basics.no_gain(&why))?;
+                self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
+            }
+            Method::EulerEkf => {
+                let rate_hz = instrument.euler_rate_hz();
+                if h * rate_hz >= 1.0 {
+                    let filter = self.filter.basics.name.clone();
+                    return Err(EstimateError::EulerUnstable { filter, interval_s: h, rate_hz });
+                }
+                let noise = *instrument.over(h).noise().covariance();
+                let step = Euler::new(instrument.dynamics, h, noise);
                 self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
-                let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
+                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::Luenberger => {
-                let gain = instrument.luenberger(mean, self.filter.observer_rate, h);
-                let gain = fixed(&gain.map_err(|why| self.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(boxed(gain)))
+                let gain = instrument.luenberger(mean, self.filter.basics.observer_rate, h);
+                let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
+                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
             }
             Method::KalmanBucy => {
-                let (observer, point) = instrument.kalman_bucy(h).map_err(|why| self.no_gain(&why))?;
-                let none = ConstantGain::without_update(mean, &point).map_err(|why| self.no_gain(&why))?;
-                self.filtered(instrument, observer, past, |_| Ok(boxed(none)))
+                let (observer, point) =
+                    instrument.kalman_bucy(h).map_err(|why| self.filter.basics.no_gain(&why))?;
+                let none = ConstantGain::without_update(mean, &point)
+                    .map_err(|why| self.filter.basics.no_gain(&why))?;
+                self.filtered(instrument, observer, past, |_| Ok(AnyFilter::this(none)))
             }
             _ => self.filtered(instrument, instrument.over(h), past, |left| {
                 self.filter.basics.begin(left, || Ok(known))
             }),
         }
+    }
+
+    /// Each sample by itself: the displacement that its voltage means, and the acceleration that holds the mass there against spring
+    /// and plates under the feedback until then. It is that of the device as far as it changes slowly against the mass.
+    fn inversion(&self, hardware: &Hardware) -> Trajectory {
+        let (data, device) = (self.data, &hardware.sensed.device);
+        let noise = hardware.noise_variance.sqrt();
+        let rows = (data.time_s, data.signal, self.samples);
+        inversion(&self.filter.basics, rows, &INVERTED, |k, volts| {
+            let x = Dual::<f64, 1>::variable(hardware.readout.displacement(volts), 0);
+            let [per_metre] = hardware.readout.voltage(x).gradient();
+            let still = Dual::constant(0.0);
+            let held = -device.response(x, still, still, data.feedback(k.saturating_sub(1)));
+            let [stiffness] = held.gradient();
+            let sd = noise / per_metre;
+            volts.is_finite().then_some([(x.value(), sd.abs()), (held.value(), (stiffness * sd).abs())])
+        })
     }
 
     /// What is known at first, in scaled states.
@@ -167,7 +200,7 @@ impl Task<'_> {
         let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
         let process = instrument.over(self.data.interval_s);
-        self.filtered(instrument, process, past, |_| Ok(boxed(filter)))
+        self.filtered(instrument, process, past, |_| Ok(AnyFilter::this(filter)))
     }
 
     /// Filters of several models, weighed.
@@ -180,29 +213,16 @@ impl Task<'_> {
         let Gaussian { mean, covariance } = self.start(&instrument.scales).gaussian();
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
-            .map_err(|why| self.no_gain(&why))?
+            .map_err(|why| self.filter.basics.no_gain(&why))?
             .continuing(past.course.take());
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
-        let mut all = follow(basics, |_| Ok(boxed(filter)), way, states(4), self.progress)?;
+        let mut all = follow(basics, |_| Ok(AnyFilter::this(filter)), way, states(4), self.progress)?;
         past.course.put(course.into_models());
         for trajectory in &mut all {
             restore(trajectory, &instrument.scales);
         }
         Ok(all)
     }
-
-    fn no_gain(&self, why: &dyn std::fmt::Display) -> EstimateError {
-        EstimateError::NoGain { filter: self.filter.basics.name.clone(), why: why.to_string() }
-    }
-}
-
-/// A filter of a known number of states.
-fn boxed<const N: usize>(filter: impl StateFilter<N> + 'static) -> AnyFilter
-where
-    AnyFilter: From<Box<dyn StateFilter<N>>>,
-{
-    let filter: Box<dyn StateFilter<N>> = Box::new(filter);
-    filter.into()
 }
 
 /// Brings the states to SI.

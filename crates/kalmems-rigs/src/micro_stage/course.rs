@@ -1,62 +1,65 @@
 //! The stage's way through one record.
 
-use crate::estimate::{Bridge, Counts, Course, Filtering, Reading, Step};
-use crate::signal::Sine;
-use kalmems_core::{FilterError, Innovation, LinearProcess};
+use super::segment::Samples;
+use crate::estimate::driven::Plant;
+use crate::estimate::{Bridge, Counts, Course, Filtering, HeldSamples, Step};
+use kalmems_core::augmentation::AugmentationError;
+use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::dynamics::PiezoStage;
 use kalmems_models::readout::PlateCurrent;
-use std::ops::Range;
 
 /// A channel over one record.
-#[derive(Clone, Debug)]
-pub struct Channel {
+#[derive(Clone, Copy, Debug)]
+pub struct Channel<'a> {
     /// How the signal depends on the state.
     pub current: PlateCurrent<f64>,
     /// The variance of a sample in V².
     pub noise_variance: f64,
     /// The signal in V without what the drive alone makes of it; not a number where it is missing.
-    pub signal: Vec<f64>,
+    pub signal: &'a [f64],
 }
 
+/// The stage as an observer of itself, driven by its drive and the last sample.
+pub type Observer = HeldSamples<PiezoStage<f64>, PlateCurrent<f64>, 2>;
+
 /// Model, drive and signals of one record.
-pub struct StageCourse<'a> {
-    time_s: &'a [f64],
-    interval_s: f64,
-    /// The drive at each sample in V.
-    drive: &'a [f64],
-    /// The sines that it follows, each with the samples that it is for.
-    sines: &'a [(Range<usize>, Sine)],
-    channels: &'a [Channel],
-    stage: PiezoStage<f64>,
-    density: f64,
-    usual: LinearProcess<f64, 2, 1>,
+pub struct StageCourse<'a, P: Plant> {
+    samples: &'a Samples<'a>,
+    channels: &'a [Channel<'a>],
+    /// The stage as each channel reads it; it moves as the first one says.
+    plants: &'a [P],
+    usual: P::Motion,
+    observer: Option<Observer>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it.
 const SAME: f64 = 1e-6;
 
-impl<'a> StageCourse<'a> {
-    /// A way through this record under white angular acceleration of this density in rad²/s³. There is at least one
-    /// channel.
+impl<'a, P: Plant> StageCourse<'a, P> {
+    /// A way through this record, with a model for each of its channels. There is at least one.
     pub fn new(
-        (time_s, interval_s): (&'a [f64], f64),
-        (drive, sines): (&'a [f64], &'a [(Range<usize>, Sine)]),
-        channels: &'a [Channel],
-        stage: PiezoStage<f64>,
-        density: f64,
-    ) -> Self {
-        let usual = stage.exact(interval_s, density);
-        Self { time_s, interval_s, drive, sines, channels, stage, density, usual }
+        samples: &'a Samples<'a>,
+        channels: &'a [Channel<'a>],
+        plants: &'a [P],
+    ) -> Result<Self, AugmentationError> {
+        let usual = plants[0].over(samples.taken.interval_s)?;
+        Ok(Self { samples, channels, plants, usual, observer: None })
+    }
+
+    /// Likewise, where the step over the usual interval is that of an observer of the first channel.
+    #[must_use]
+    pub fn observed_by(self, observer: Option<Observer>) -> Self {
+        Self { observer, ..self }
     }
 }
 
-impl Course for StageCourse<'_> {
+impl<P: Plant> Course for StageCourse<'_, P> {
     fn time_s(&self) -> &[f64] {
-        self.time_s
+        self.samples.time_s
     }
 
     fn signal(&self) -> &[f64] {
-        self.channels.first().map_or(&[], |channel| &channel.signal)
+        self.channels.first().map_or(&[], |channel| channel.signal)
     }
 
     fn advance(
@@ -65,26 +68,37 @@ impl Course for StageCourse<'_> {
         to: usize,
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
-        // The drive is a sampled sine: the mean of both ends.
-        let drive = self.drive[to - 1].midpoint(self.drive[to]);
-        let interval = self.time_s[to] - self.time_s[to - 1];
-        if (interval / self.interval_s - 1.0).abs() <= SAME {
-            return filter.predict(&Step::new(&self.usual, &[drive]));
-        }
-        let Bridge { missing, steps } = Bridge::over(interval, self.interval_s);
-        counts.bridged = counts.bridged.saturating_add(missing);
-        // A step as long as a part of a cycle needs the drive in between, which is the sine that it follows.
-        let process = self.stage.exact(interval / steps as f64, self.density);
-        let sine = self.sines.iter().find(|(rows, _)| rows.contains(&to)).map(|(_, sine)| sine);
-        for step in 0..steps {
-            let share = (step as f64 + 0.5) / steps as f64;
-            let volts = match sine {
-                Some(sine) if steps > 1 => sine.at(self.time_s[to - 1] + interval * share),
-                _ => self.drive[to - 1] + (self.drive[to] - self.drive[to - 1]) * share,
+        let Samples { time_s, drive, sines, ref taken, .. } = *self.samples;
+        let (plant, from_s, start, end) = (&self.plants[0], time_s[to - 1], drive[to - 1], drive[to]);
+        let interval = time_s[to] - from_s;
+        if (interval / taken.interval_s - 1.0).abs() <= SAME {
+            // The drive is a sampled sine: the mean of both ends.
+            let nodes = Nodes { start, middle: start.midpoint(end), end };
+            return match &self.observer {
+                Some(observer) if self.signal()[to - 1].is_finite() => {
+                    filter.predict(&Step::new(observer, &(nodes.middle, [self.signal()[to - 1]])))
+                }
+                _ => filter.predict(&plant.under(&self.usual, &nodes)),
             };
-            filter.predict(&Step::new(&process, &[volts]))?;
         }
-        Ok(())
+        let Bridge { missing, steps } = Bridge::over(interval, taken.interval_s);
+        counts.bridged = counts.bridged.saturating_add(missing);
+        // It could be made for the usual interval.
+        let motion = plant.over(interval / steps as f64).map_err(|_| FilterError::NonFiniteState)?;
+        // A step as long as a part of a cycle needs the drive in between, which is the sine that it follows.
+        let sine = sines.iter().find(|(rows, _)| rows.contains(&to)).map(|(_, sine)| sine);
+        let volts = |step: f64| {
+            let share = step / steps as f64;
+            match sine {
+                Some(sine) if steps > 1 => sine.at(from_s + interval * share),
+                _ => start + (end - start) * share,
+            }
+        };
+        (0..steps).try_for_each(|step| {
+            let step = step as f64;
+            let nodes = Nodes { start: volts(step), middle: volts(step + 0.5), end: volts(step + 1.0) };
+            filter.predict(&plant.under(&motion, &nodes))
+        })
     }
 
     /// By one channel after the other, each linearised where those before it have led.
@@ -99,11 +113,10 @@ impl Course for StageCourse<'_> {
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let mut first = None;
-        for (i, channel) in self.channels.iter().enumerate() {
+        for (i, (channel, plant)) in self.channels.iter().zip(self.plants).enumerate() {
             let y = channel.signal[k];
             if y.is_finite() {
-                let sensor = Reading::<_, 2>(&channel.current);
-                let innovation = filter.update(&sensor, y, channel.noise_variance)?;
+                let innovation = filter.update(&plant.sensor(), y, channel.noise_variance)?;
                 if i == 0 {
                     first = Some(innovation);
                 }

@@ -2,9 +2,8 @@
 
 use super::hardware::Hardware;
 use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Sign, Start, Values};
-use crate::estimate::{FilterBasics, process_noise};
+use crate::estimate::{FilterBasics, Parameter, process_noise};
 use crate::units::kind;
-use std::f64::consts::TAU;
 
 /// One filter.
 #[derive(Clone, Debug)]
@@ -19,9 +18,16 @@ pub struct FilterSettings {
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
-    /// The corner of a Luenberger observer's poles in rad/s.
-    pub observer_rate: f64,
 }
+
+/// The parameters that can be states. Gap and gain are off by one ratio for all electrodes.
+static PARAMETERS: [Parameter; 5] = [
+    Parameter::factor("natural_frequency").in_motion("resonator.natural_rate"),
+    Parameter::factor("damping_ratio").in_motion("resonator.damping_ratio"),
+    Parameter::factor("drive_gain").in_motion("drive_gain"),
+    Parameter::factor("gap").in_readout("plate.gap"),
+    Parameter::factor("gain").in_readout("gain"),
+];
 
 /// The states, as tables of values name them.
 pub const fn states(sign: Sign) -> [Entry; 2] {
@@ -76,8 +82,12 @@ impl FilterSettings {
         } else {
             0.0
         };
-        let basics = FilterBasics::of(experiment, &at, filter, (&[], &[]))?;
-        let observer_rate = filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si());
-        Ok(Self { basics, electrodes, start, start_sd, density, observer_rate })
+        // A channel scales gap and gain by its own.
+        let plate = hardware.channels.first().map(|channel| channel.current);
+        let scale =
+            |parameter: &Parameter| plate.map_or(1.0, |current| parameter.scale(&hardware.stage, &current));
+        let basics =
+            FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &PARAMETERS.each_ref().map(scale)))?;
+        Ok(Self { basics, electrodes, start, start_sd, density })
     }
 }

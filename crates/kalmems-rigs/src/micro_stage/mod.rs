@@ -11,7 +11,9 @@ mod feedthrough;
 mod filters;
 mod hardware;
 pub mod identification;
+mod lock_in;
 mod outlook;
+mod plant;
 mod records;
 mod segment;
 mod settings;
@@ -51,18 +53,12 @@ static VALUES: [ValueState; 2] = [
     ValueState { name: "angle", kind: &kind::ANGLE, rate: Some("rate") },
 ];
 
-/// What currents of moving plates do not allow, and what nothing is built for.
-static NO_METHODS: [(Method, &str); 6] = [
-    (Method::DirectInversion, "one current is a product of angle and rate, and tells neither; use `ekf`"),
-    (Method::EulerEkf, "it is not built; its motion is linear, and `ekf` steps it exactly"),
-    (Method::LockIn, NOT_BUILT),
-    (Method::KalmanBucy, NOT_BUILT),
-    (Method::ConsiderEkf, "none of its parameters can be a state; use `ekf`"),
-    (Method::Bank, "none of its parameters can be a state; use `ekf`"),
-];
-
-/// What nothing is built for.
-const NOT_BUILT: &str = "it is not built; use `ekf`";
+/// What currents of moving plates do not allow.
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "each of its currents is the product of the rate and of a function of the angle: one sample tells neither, and where the stage \
+     turns round, samples of all electrodes together do not tell the angle; use `ekf` or `lock_in`",
+)];
 
 impl Rig for MicroStageRig {
     fn name(&self) -> &'static str {

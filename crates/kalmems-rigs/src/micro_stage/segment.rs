@@ -1,17 +1,22 @@
 //! The estimates of one record.
 
-use super::course::{Channel, StageCourse};
+use super::course::{Channel, Observer, StageCourse};
 use super::filters::FilterSettings;
 use super::identification::motion_by;
+use super::lock_in::swing;
+use super::plant::{Exactly, Stage, of_channel, stage, with_parameters};
 use super::settings::Settings;
 use crate::config::Method;
+use crate::estimate::driven::{ByEuler, Enters, Plain, Plant, side_by_side};
 use crate::estimate::{
-    self, AnyFilter, ConstantGainOf, EstimateError, FilterPast, Known, Motion, Past, Reading, StateName,
-    Step, Trajectory, follow,
+    self, AnyFilter, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StateName,
+    Swing, Trajectory, Windows, answers_of_bank, follow, kalman_bucy, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
+use kalmems_core::Nodes;
+use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -50,11 +55,12 @@ pub fn estimate(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let motion = Motion { frequency_hz: samples.drive_hz, is_driven: true };
-    let start_s = past.start_s + settings.skip_s;
+    let (begun_s, start_s) = (past.start_s, past.start_s + settings.skip_s);
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut trajectories = one(settings, filter, samples, past, progress)?;
+        let channels = channels(settings, filter, samples)?;
+        let mut trajectories = Task { settings, filter, samples, begun_s, channels, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let judge = &mut past.answer(answer).judge;
             trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.taken.ends);
@@ -77,65 +83,146 @@ fn correct(trajectory: &mut Trajectory, [scale, bias]: [f64; 2]) {
     }
 }
 
-/// One filter, smoothed where that is wanted.
-fn one(
-    settings: &Settings,
-    filter: &FilterSettings,
-    samples: &Samples,
-    past: &mut FilterPast,
-    progress: &dyn Progress,
-) -> Result<Vec<Trajectory>, EstimateError> {
-    let channels = channels(settings, filter, samples)?;
-    let start = || {
-        let mean = filter.start.map_or_else(|| start_from(&channels, samples, filter), Ok)?;
-        Ok(Known::apart(mean.into_iter().zip(filter.start_sd)))
-    };
-    let gain = match filter.basics.method {
-        Method::SteadyState => Some(ConstantGainOf::Settled),
-        Method::Luenberger => {
-            let interval_s = samples.taken.interval_s;
-            Some(ConstantGainOf::Poles { corner: filter.observer_rate, interval_s })
-        }
-        _ => None,
-    };
-    if gain.is_some() && channels.len() > 1 {
-        return Err(no_gain(filter, "it is for one signal; name one in `channels`".to_owned()));
-    }
-    let time = (samples.time_s, samples.taken.interval_s);
-    let stage = settings.hardware.stage;
-    let mut course = StageCourse::new(time, (samples.drive, samples.sines), &channels, stage, filter.density);
-    let begin = |left: Option<Known>| match gain {
-        None => filter.basics.begin(left, start),
-        Some(gain) => {
-            let known = left.map_or_else(start, Ok)?;
-            let process = stage.exact(samples.taken.interval_s, filter.density);
-            let (rest, channel) = (Step::new(&process, &[0.0]), &channels[0]);
-            let point = (&rest as _, &Reading::<_, 2>(&channel.current) as _, channel.noise_variance);
-            // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
-            let at_rest = Known::apart([(0.0, 0.0); 2]);
-            let filtering = AnyFilter::of_constant_gain(gain, (&at_rest, &known), point);
-            filtering.map_err(|why| no_gain(filter, why))
-        }
-    };
-    follow((&filter.basics, past), begin, (&mut course, &samples.taken), &STATES, progress)
+/// One filter over one record.
+struct Task<'a> {
+    settings: &'a Settings,
+    filter: &'a FilterSettings,
+    samples: &'a Samples<'a>,
+    /// When the record began, in s.
+    begun_s: f64,
+    channels: Vec<Channel<'a>>,
+    progress: &'a dyn Progress,
 }
 
-fn no_gain(filter: &FilterSettings, why: String) -> EstimateError {
-    EstimateError::NoGain { filter: filter.basics.name.clone(), why }
+impl Task<'_> {
+    /// Chooses the model, smoothed where that is wanted.
+    fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let filter = self.filter;
+        let basics = &filter.basics;
+        let Some(first) = self.channels.first() else {
+            let why =
+                "no electrode of the recording has a signal; name the column of at least one".to_owned();
+            return Err(EstimateError::Unfit { place: self.samples.place.to_owned(), why });
+        };
+        let wrong = |why: AugmentationError| basics.no_model(why);
+        if basics.method.has_fixed_gain() && self.channels.len() > 1 {
+            return Err(basics.no_gain(&"it is for one signal; name one in `channels`"));
+        }
+        let of_each = |channel: &Channel| stage(self.settings.hardware.stage, filter, channel);
+        let stages: Vec<Stage> = self.channels.iter().map(of_each).collect();
+        let begin = |left| basics.begin(left, || self.start());
+        match basics.method {
+            Method::LockIn => return Ok(vec![self.lock_in(past)]),
+            Method::Bank => return self.bank(&stages, past),
+            Method::EulerEkf => {
+                let plants: Vec<_> = stages.into_iter().map(ByEuler).collect();
+                return self.follow(&plants, None, past, begin);
+            }
+            _ if !basics.tracked.is_empty() => {
+                let with = |stage| with_parameters(stage, &basics.tracked);
+                let plants = stages.iter().map(with).collect::<Result<Vec<_>, _>>().map_err(wrong)?;
+                return self.follow(&plants, None, past, begin);
+            }
+            _ => {}
+        }
+        let plants: Vec<_> = stages.into_iter().map(Exactly).collect();
+        let interval_s = self.samples.taken.interval_s;
+        let Some(gain) = basics.gain() else { return self.follow(&plants, None, past, begin) };
+        if let GainOf::Continuous = gain {
+            let Plain { dynamics, readout, noise } = plants[0].0;
+            let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
+            let (observer, point) = found.map_err(|why| basics.no_gain(&why))?;
+            return self.follow(&plants, Some(observer), past, |left| {
+                let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
+                let none = ConstantGain::without_update(mean, &point);
+                Ok(AnyFilter::this(none.map_err(|why| basics.no_gain(&why))?))
+            });
+        }
+        self.follow(&plants, None, past, |left| {
+            let known = left.map_or_else(|| self.start(), Ok)?;
+            let process = plants[0].over(interval_s).map_err(wrong)?;
+            let nodes = Nodes::held(0.0);
+            let (rest, sensor) = (plants[0].under(&process, &nodes), plants[0].sensor());
+            // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
+            let at_rest = Known::apart([(0.0, 0.0); 2]);
+            let point = (&rest as _, &sensor as _, first.noise_variance);
+            let filtering = AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point);
+            filtering.map_err(|why| basics.no_gain(&why))
+        })
+    }
+
+    /// Follows the filter that `begin` makes.
+    fn follow<P: Plant>(
+        &self,
+        plants: &[P],
+        observer: Option<Observer>,
+        past: &mut FilterPast,
+        begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let mut course = self.course(plants)?.observed_by(observer);
+        let (basics, states) = (&self.filter.basics, self.filter.basics.states(&STATES));
+        let way = (&mut course as _, &self.samples.taken);
+        follow((basics, past), begin, way, &states, self.progress)
+    }
+
+    fn course<'b, P: Plant>(&'b self, plants: &'b [P]) -> Result<StageCourse<'b, P>, EstimateError> {
+        let course = StageCourse::new(self.samples, &self.channels, plants);
+        course.map_err(|why| self.filter.basics.no_model(why))
+    }
+
+    /// Filters of several models side by side.
+    fn bank(&self, stages: &[Stage], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let basics = &self.filter.basics;
+        let enters: Enters = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
+        let varied = |stage| side_by_side(stage, &of_channel(stage, &basics.tracked), enters);
+        let mut of_channels: Vec<_> = stages.iter().map(|stage| varied(stage).into_iter()).collect();
+        // By channels first; the bank has them by models.
+        let mut models: Vec<Vec<Exactly>> = Vec::new();
+        while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(Exactly)).collect() {
+            models.push(model);
+        }
+        let course =
+            |plants| -> Result<Box<dyn Course + '_>, EstimateError> { Ok(Box::new(self.course(plants)?)) };
+        let courses = models.iter().map(|model| course(model)).collect::<Result<_, _>>()?;
+        let (way, states) = ((courses, &self.samples.taken), basics.states(&STATES));
+        answers_of_bank((basics, past), |_| self.start(), way, &states, self.progress)
+    }
+
+    /// Cycle by cycle of the drive, over all channels.
+    fn lock_in(&self, past: &mut FilterPast) -> Trajectory {
+        let Samples { time_s, ref taken, drive_hz, .. } = *self.samples;
+        let signals: Vec<&[f64]> = self.channels.iter().map(|channel| channel.signal).collect();
+        let (start_s, length_s) = (self.begun_s, 1.0 / drive_hz);
+        let windows = Windows { time_s, signals: &signals, samples: taken, start_s, length_s };
+        let detect = |time_s: &[f64], signals: &[&[f64]], _: &[Swing]| {
+            let channels = self.channels.iter().zip(signals);
+            let channels = channels.map(|(channel, signal)| Channel { signal, ..*channel });
+            Some(vec![swing(drive_hz, time_s, channels)?])
+        };
+        lock_in((&self.filter.basics, past), &windows, &STATES, detect)
+    }
+
+    /// What is known at the first sample.
+    fn start(&self) -> Result<Known, EstimateError> {
+        let filter = self.filter;
+        let mean = filter.start.map_or_else(|| start_from(&self.channels, self.samples, filter), Ok)?;
+        let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
+        Ok(Known::apart(mean.into_iter().zip(filter.start_sd).chain(parameters)))
+    }
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.
-fn channels(
+fn channels<'a>(
     settings: &Settings,
     filter: &FilterSettings,
-    samples: &Samples,
-) -> Result<Vec<Channel>, EstimateError> {
+    samples: &'a Samples,
+) -> Result<Vec<Channel<'a>>, EstimateError> {
     let wanted = if filter.electrodes.is_empty() { samples.electrodes } else { &filter.electrodes };
     let one = |electrode: &usize| {
         let described = &settings.hardware.channels[*electrode];
         let place = samples.electrodes.iter().position(|e| e == electrode);
         let signal =
-            place.map(|place| samples.signals[place].clone()).ok_or_else(|| EstimateError::NoStart {
+            place.map(|place| samples.signals[place].as_slice()).ok_or_else(|| EstimateError::NoStart {
                 place: samples.place.to_owned(),
                 filter: filter.basics.name.clone(),
                 why: format!("the recording has no channel `{}`", described.meaning()),

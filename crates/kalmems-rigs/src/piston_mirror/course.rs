@@ -2,7 +2,8 @@
 
 use super::data::SegmentData;
 use super::phasor::Phasor;
-use crate::estimate::{Bridge, Counts, Course, Derived, Filtering, Reading, Step, by_signal};
+use crate::estimate::driven::{Beside, Held};
+use crate::estimate::{Bridge, Counts, Course, Derived, Filtering, Sensor, Step, Tracked, by_signal};
 use kalmems_core::{FilterError, Innovation};
 use std::f64::consts::TAU;
 
@@ -11,6 +12,9 @@ pub struct PhasorCourse<'a, P: Phasor<N>, const N: usize> {
     phasor: &'a P,
     data: &'a SegmentData<'a>,
     usual: P::Process,
+    sensor: Box<dyn Sensor + 'a>,
+    /// The parameters behind the states of the motion, and their step over the usual interval.
+    parameters: (&'a [Tracked], Held),
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -18,10 +22,34 @@ pub struct PhasorCourse<'a, P: Phasor<N>, const N: usize> {
 const SAME: f64 = 1e-6;
 
 impl<'a, P: Phasor<N>, const N: usize> PhasorCourse<'a, P, N> {
-    /// A way through this segment.
-    pub fn new(phasor: &'a P, data: &'a SegmentData<'a>) -> Self {
-        Self { phasor, data, usual: phasor.over(data.interval_s) }
+    /// A way through this segment, read by this sensor.
+    pub fn new(phasor: &'a P, data: &'a SegmentData<'a>, sensor: Box<dyn Sensor + 'a>) -> Self {
+        let usual = phasor.over(data.interval_s);
+        Self { phasor, data, usual, sensor, parameters: (&[], held(&[], data.interval_s)) }
     }
+
+    /// Likewise, with parameters as states that enter the sensor alone.
+    #[must_use]
+    pub fn with_parameters(self, tracked: &'a [Tracked]) -> Self {
+        Self { parameters: (tracked, held(tracked, self.data.interval_s)), ..self }
+    }
+
+    fn step(
+        &self,
+        filter: &mut dyn Filtering,
+        (process, held): (&P::Process, &Held),
+        turns: f64,
+    ) -> Result<(), FilterError> {
+        match self.parameters.0 {
+            [] => filter.predict(&Step::new(process, &turns)),
+            _ => filter.predict(&Beside { process, input: &turns, held }),
+        }
+    }
+}
+
+/// The step of these parameters over an interval in s.
+fn held(tracked: &[Tracked], interval_s: f64) -> Held {
+    Held::of(tracked.iter().map(|tracked| tracked.added), interval_s)
 }
 
 impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
@@ -47,11 +75,12 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
         let x = filter.mean();
         let turns = (x[2] / TAU + x[1] * interval).round();
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
-            return filter.predict(&Step::new(&self.usual, &turns));
+            return self.step(filter, (&self.usual, &self.parameters.1), turns);
         }
         // The step is exact over any interval: a gap needs no more than one.
         counts.bridged = counts.bridged.saturating_add(Bridge::over(interval, self.data.interval_s).missing);
-        filter.predict(&Step::new(&self.phasor.over(interval), &turns))
+        let step = (&self.phasor.over(interval), &held(self.parameters.0, interval));
+        self.step(filter, step, turns)
     }
 
     fn correct(
@@ -60,7 +89,6 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
         k: usize,
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        let sensor = Reading::<_, N>(self.phasor.readout());
-        by_signal(filter, self.data.signal[k], (&sensor, self.data.noise_variance))
+        by_signal(filter, self.data.signal[k], (&*self.sensor, self.data.noise_variance))
     }
 }

@@ -25,7 +25,7 @@ mod start;
 mod trigger;
 
 use super::{Estimator, Rig};
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Method, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
@@ -68,19 +68,6 @@ struct Columns<'a> {
     trigger: Option<&'a str>,
 }
 
-/// What a phase that turns does not allow, and what nothing is built for.
-static NO_METHODS: [(Method, &str); 5] = [
-    (Method::LockIn, "it is not built; use `steady_state`, which locks to the phase"),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-    (Method::ConsiderEkf, "none of its parameters can be a state; use `ekf`"),
-    (Method::Bank, "none of its parameters can be a state; use `ekf`"),
-];
-
-/// Why there is no gain for all times.
-const NO_GAIN: &str =
-    "what a sample tells turns with the phase: only mixed with it has it one gain, that of `steady_state`";
-
 impl Rig for PistonMirrorRig {
     fn name(&self) -> &'static str {
         "piston_mirror"
@@ -92,10 +79,6 @@ impl Rig for PistonMirrorRig {
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
         experiment.device::<PistonMirror>().map(|_| true)
-    }
-
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {

@@ -31,6 +31,11 @@ impl Unseen {
         Self::of(plates, motion, |plates, distance| plates.capacitance(distance) - plates.coefficients[0])
     }
 
+    /// What one of it adds to amplitude and rest position in m.
+    pub fn takes_up(&self) -> [f64; 2] {
+        [self.amplitude_m, self.rest_m]
+    }
+
     /// Of an offset in F.
     pub fn offset(plates: &Plates, motion: [f64; 2]) -> Self {
         Self::of(plates, motion, |_, _| 1.0)

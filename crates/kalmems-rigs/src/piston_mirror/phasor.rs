@@ -5,7 +5,9 @@ use crate::estimate::{Derived, StateName};
 use crate::units::kind;
 use kalmems_core::{Measurement, NoiseDensity, Process};
 use kalmems_models::dynamics::{DriftingPhasor, SteadyPhasor};
-use kalmems_models::readout::{DriftingPhasorCapacitance, SteadyPhasorCapacitance};
+use kalmems_models::readout::{
+    AmplifiedPhasorCapacitance, DriftingPhasorCapacitance, SteadyPhasorCapacitance,
+};
 use std::f64::consts::TAU;
 
 /// The states [A, f, φ, d₀, Ȧ] as files name them; a filter of three has the first three.
@@ -70,6 +72,13 @@ impl Drifting {
             density: NoiseDensity::none().on::<1>(frequency).on::<3>(offset).on::<4>(amplitude_rate),
             readout: DriftingPhasorCapacitance { series },
         }
+    }
+}
+
+impl Drifting {
+    /// What is measured, where gain and stray capacitance are not what the device table says.
+    pub fn amplified(&self) -> AmplifiedPhasorCapacitance<f64, COEFFICIENTS> {
+        AmplifiedPhasorCapacitance { series: self.readout.series, gain: 1.0, stray: 0.0 }
     }
 }
 

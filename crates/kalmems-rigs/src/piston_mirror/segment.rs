@@ -2,22 +2,24 @@
 
 use super::course::PhasorCourse;
 use super::data::SegmentData;
-use super::observability::amplitude_per_rest;
+use super::observability::{Unseen, amplitude_per_rest};
 use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, Phasor, STATES, Steady};
 use super::plates::distance_at;
 use super::settings::{FilterSettings, Motion, Settings};
 use super::start::{BatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
+use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
-    self, EstimateError, FilterPast, Known, Past, Samples, StateFilter, StateName, Trajectory,
-    TrajectoryKind, answers, follow,
+    self, AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Past, Reading, Samples, StateName,
+    Swing, Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
 };
 use crate::progress::Progress;
+use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
 use kalmems_core::{Covariance, Gaussian, Mat};
 use kalmems_models::readout::PhasorDetector;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 /// Runs the filters of the settings over the new samples of a segment, judges the lock of each trajectory, and gives the
@@ -105,6 +107,12 @@ const WIDER: f64 = 10.0;
 /// the largest drift that was considered (Faller and Zangl, 2017, section IV), as one standard deviation.
 const RATE_SD: f64 = 0.3 / 60.0;
 
+/// What direct inversion and the lock-in give: the first alone, or both.
+const POSITION: [StateName; 2] = [("position", "m", &kind::LENGTH), ("velocity", "m_per_s", &kind::VELOCITY)];
+
+/// Mean and standard deviations that a file gives.
+type Given = ([f64; 5], [f64; 5]);
+
 /// Mean and covariance.
 type State<const N: usize> = ([f64; N], Covariance<f64, N>);
 
@@ -113,17 +121,18 @@ impl Task<'_> {
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let plates = self.settings.hardware.plates;
         match self.filter.motion {
+            Motion::None if self.filter.basics.method == Method::LockIn => Ok(vec![self.lock_in(past)?]),
             Motion::None => Ok(vec![self.inversion()]),
             Motion::Steady { density, start } => {
                 let names = &STATES[..3];
                 if let Some((mean, sd, rest)) = start {
                     let covariance = Covariance::from_standard_deviations(sd);
                     let steady = Steady::new(plates, rest, density);
-                    return self.follow::<_, 3>(&steady, names, past, || Ok((mean, covariance)));
+                    return self.follow::<_, 3>(&steady, names, past, || Ok((mean, covariance).into()));
                 }
                 let (start, held) = self.held(past)?;
                 let steady = Steady::new(plates, held.rest, density);
-                let mut trajectories = self.follow::<_, 3>(&steady, names, past, || Ok(start))?;
+                let mut trajectories = self.follow::<_, 3>(&steady, names, past, || Ok(start.into()))?;
                 for trajectory in &mut trajectories {
                     held.add_to(trajectory);
                 }
@@ -131,18 +140,121 @@ impl Task<'_> {
             }
             Motion::Drifting { density, start } => {
                 let drifting = Drifting::new(plates, density);
-                if self.filter.basics.method == Method::SteadyState {
-                    return self.lock(&drifting, past, start.map(|(mean, _)| mean));
+                let basics = &self.filter.basics;
+                if let Some(gain) = basics.gain() {
+                    return self.lock(&drifting, gain, past, start.map(|(mean, _)| mean));
                 }
-                self.follow::<_, 5>(&drifting, &STATES, past, || {
-                    if let Some((mean, sd)) = start {
-                        return Ok((mean, Covariance::from_standard_deviations(sd)));
+                match basics.method {
+                    Method::Bank => self.bank(&drifting, past, start),
+                    _ if !basics.tracked.is_empty() => self.with_parameters(&drifting, past, start),
+                    _ => {
+                        let known = || Ok(self.started(start)?.into());
+                        self.follow::<_, 5>(&drifting, &STATES, past, known)
                     }
-                    let batch = self.batch()?;
-                    Ok((batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0])))
-                })
+                }
             }
         }
+    }
+
+    /// What a filter of five states knows at the first sample.
+    fn started(&self, given: Option<Given>) -> Result<State<5>, EstimateError> {
+        if let Some((mean, sd)) = given {
+            return Ok((mean, Covariance::from_standard_deviations(sd)));
+        }
+        let batch = self.batch()?;
+        Ok((batch.mean, with_rate(&widened(&batch.covariance), RATE_SD * batch.mean[0])))
+    }
+
+    /// What one of each parameter adds to the amplitude and the rest position that a start from the signal says. A start of
+    /// values is where the mirror is, whatever the readout has.
+    fn misled(&self, given: Option<Given>, mean: &[f64; 5]) -> Vec<[f64; 2]> {
+        let (plates, motion) = (&self.settings.hardware.plates, [mean[0], mean[3]]);
+        let of = |tracked: &Tracked| match (given, tracked.parameter.unit) {
+            (Some(_), _) => [0.0; 2],
+            (None, "1") => Unseen::gain(plates, motion).takes_up(),
+            (None, _) => Unseen::offset(plates, motion).takes_up(),
+        };
+        self.filter.basics.tracked.iter().map(of).collect()
+    }
+
+    /// With parameters of the readout as states, estimated or considered.
+    fn with_parameters(
+        &self,
+        drifting: &Drifting,
+        past: &mut FilterPast,
+        given: Option<Given>,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let basics = &self.filter.basics;
+        let readout =
+            ParametricReadout::new(drifting.amplified(), &basics.tracked, |parameter| parameter.in_readout);
+        let sensor = Box::new(readout.map_err(|why| basics.no_model(why))?);
+        let start = || {
+            let (mean, covariance) = self.started(given)?;
+            let misled = self.misled(given, &mean);
+            let parameters = basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
+            let mut known = Known::from((mean, covariance)).with(parameters);
+            for (parameter, ([amplitude, rest], tracked)) in misled.iter().zip(&basics.tracked).enumerate() {
+                // x is what the signal says less what the parameter adds to that.
+                let column = [(0, -amplitude), (3, -rest)];
+                known.correlate(5 + parameter, &column, tracked.sd);
+            }
+            Ok(known)
+        };
+        let mut course =
+            PhasorCourse::new(drifting, &self.part.data, sensor).with_parameters(&basics.tracked);
+        let way = (&mut course as _, &self.part.samples);
+        answers((basics, past), start, way, &basics.states(&STATES), self.progress)
+    }
+
+    /// Filters side by side, each with another readout.
+    fn bank(
+        &self,
+        drifting: &Drifting,
+        past: &mut FilterPast,
+        given: Option<Given>,
+    ) -> Result<Vec<Trajectory>, EstimateError> {
+        let basics = &self.filter.basics;
+        let models = combinations(&basics.tracked);
+        let course = |shifts: &Vec<f64>| -> Box<dyn Course + '_> {
+            let by = (&basics.tracked[..], &shifts[..]);
+            let readout = shifted(&drifting.amplified(), by, |parameter| parameter.in_readout);
+            Box::new(PhasorCourse::new(drifting, &self.part.data, Box::new(OfMotion::<_, 5>(readout))))
+        };
+        let start = |model: usize| {
+            let (mut mean, covariance) = self.started(given)?;
+            let misled = self.misled(given, &mean);
+            for ([amplitude, rest], shift) in misled.iter().zip(&models[model]) {
+                mean[0] -= amplitude * shift;
+                mean[3] -= rest * shift;
+            }
+            Ok((mean, covariance).into())
+        };
+        let way = (models.iter().map(course).collect(), &self.part.samples);
+        answers_of_bank((basics, past), start, way, &STATES, self.progress)
+    }
+
+    /// Cycle by cycle of the motion: a sine through the distances that the capacitances mean.
+    fn lock_in(&self, past: &mut FilterPast) -> Result<Trajectory, EstimateError> {
+        let PartData { data, samples, .. } = self.part;
+        let (motion_hz, start_s) = if let [motion_hz, start_s] = past.numbers[..] {
+            (motion_hz, start_s)
+        } else {
+            let by_signal = || self.batch().map(|batch| batch.mean[1]);
+            let start_s = data.time_s.get(samples.fresh.start).copied().unwrap_or(0.0);
+            (data.motion_hz.map_or_else(by_signal, Ok)?, start_s)
+        };
+        past.numbers = vec![motion_hz, start_s];
+        let plates = &self.settings.hardware.plates;
+        let distance = |capacitance: &f64| distance_at(plates, *capacitance).unwrap_or(f64::NAN);
+        let distances: Vec<f64> = data.signal.iter().map(distance).collect();
+        let (time_s, length_s) = (data.time_s, 1.0 / motion_hz);
+        let windows = Windows { time_s, signals: &[&distances], samples, start_s, length_s };
+        let detect = |time_s: &[f64], distances: &[&[f64]], _: &[Swing]| {
+            let Sine { offset, amplitude, phase_rad, .. } =
+                fit_sine_at(time_s, distances.first()?, motion_hz)?;
+            Some(vec![Swing { rest: offset, amplitude, rate: TAU * motion_hz, phase: phase_rad + FRAC_PI_2 }])
+        };
+        Ok(lock_in((&self.filter.basics, past), &windows, &POSITION, detect))
     }
 
     /// Where a filter of three states goes on, or at the beginning starts, and the rest position that it holds.
@@ -163,6 +275,7 @@ impl Task<'_> {
     fn lock(
         &self,
         drifting: &Drifting,
+        gain: GainOf,
         past: &mut FilterPast,
         start: Option<[f64; 5]>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -175,16 +288,12 @@ impl Task<'_> {
         past.numbers = mean.to_vec();
         let begin = |_: Option<Known>| {
             let detector = PhasorDetector { series: self.settings.hardware.plates };
-            let process = drifting.over(data.interval_s);
-            let lock = PhaseLock::new(detector, &process, mean, data.noise_variance);
-            let lock = lock.map_err(|why| EstimateError::NoGain {
-                filter: self.filter.basics.name.clone(),
-                why: why.to_string(),
-            })?;
-            let lock: Box<dyn StateFilter<5>> = Box::new(lock);
-            Ok(lock.into())
+            let samples = (data.interval_s, data.noise_variance);
+            let lock = PhaseLock::new(detector, drifting, gain, mean, samples);
+            let lock = lock.map_err(|why| self.filter.basics.no_gain(&why))?;
+            Ok(AnyFilter::this(lock))
         };
-        let mut course = PhasorCourse::new(drifting, data);
+        let mut course = PhasorCourse::new(drifting, data, Box::new(Reading::<_, 5>(drifting.readout())));
         let (filter, course) = (&self.filter.basics, (&mut course as _, &self.part.samples));
         follow((filter, past), begin, course, &STATES, self.progress)
     }
@@ -220,11 +329,12 @@ impl Task<'_> {
         phasor: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<State<N>, EstimateError>,
+        start: impl FnOnce() -> Result<Known, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let mut course = PhasorCourse::new(phasor, &self.part.data);
+        let sensor = Box::new(Reading::<_, N>(phasor.readout()));
+        let mut course = PhasorCourse::new(phasor, &self.part.data, sensor);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
-        let mut all = answers(past, || start().map(Known::from), course, states, self.progress)?;
+        let mut all = answers(past, start, course, states, self.progress)?;
         if self.filter.basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }
@@ -245,26 +355,14 @@ impl Task<'_> {
     /// out and counted as a missing signal.
     fn inversion(&self) -> Trajectory {
         let plates = &self.settings.hardware.plates;
-        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
-        let states = [("position", "m", &kind::LENGTH)];
         let PartData { data, samples, .. } = self.part;
-        let mut trajectory = Trajectory::blank(
-            names,
-            TrajectoryKind::LockIn,
-            (data.time_s, data.signal, &samples.fresh),
-            &states,
-        );
         let noise = data.noise_variance.sqrt();
-        for (k, capacitance) in data.signal[samples.fresh.clone()].iter().enumerate() {
-            match distance_at(plates, *capacitance) {
-                Some(distance) => {
-                    trajectory.states[0].mean[k] = distance;
-                    trajectory.states[0].sd[k] = noise / plates.slope(distance).abs();
-                }
-                None => trajectory.counts.without_signal += 1,
-            }
-        }
-        trajectory
+        let [position, _] = POSITION;
+        let rows = (data.time_s, data.signal, samples);
+        inversion(&self.filter.basics, rows, &[position], |_, capacitance| {
+            let distance = distance_at(plates, capacitance)?;
+            Some([(distance, noise / plates.slope(distance).abs())])
+        })
     }
 }
 

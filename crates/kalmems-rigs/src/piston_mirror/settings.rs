@@ -6,7 +6,7 @@ use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
     CYCLES, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
 };
-use crate::estimate::{FilterBasics, process_noise};
+use crate::estimate::{FilterBasics, Parameter, process_noise};
 use crate::piston_mirror::device::PistonMirror;
 use crate::units::kind;
 
@@ -45,10 +45,16 @@ pub struct FilterSettings {
     pub motion: Motion,
 }
 
+/// What of the readout can be a state: its gain on all that varies with the distance, and a capacitance beside the plates.
+static PARAMETERS: [Parameter; 2] = [
+    Parameter::factor("gain").in_readout("gain"),
+    Parameter::farads("stray_capacitance").in_readout("stray"),
+];
+
 /// What a filter knows of the motion.
 #[derive(Clone, Copy, Debug)]
 pub enum Motion {
-    /// Nothing: each capacitance is inverted by itself.
+    /// Nothing: each capacitance is inverted by itself, or the distances of a cycle are taken together.
     None,
     /// [A, f, φ] about a known rest position.
     Steady {
@@ -139,21 +145,26 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let more = [("states", !filter.states.is_empty()), ("demodulator", filter.demodulator)];
-        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given) {
-            return refuse(name, "a piston mirror's filter has no such states; leave it out");
+        if filter.demodulator {
+            return refuse("demodulator", "a piston mirror's filter has no such states; leave it out");
         }
-        let motion = if filter.method == Method::DirectInversion {
-            Motion::None
-        } else {
-            motion(experiment, estimate, filter, &at)?
+        let motion = match filter.method {
+            Method::DirectInversion | Method::LockIn => Motion::None,
+            _ => motion(experiment, estimate, filter, &at)?,
         };
-        if filter.method == Method::SteadyState && !matches!(motion, Motion::Drifting { .. }) {
-            let why =
-                "a phase-locked loop is built for five states; give its `process_noise` an `amplitude_rate`";
+        let drifts = matches!(motion, Motion::Drifting { .. });
+        if filter.method.has_fixed_gain() && !drifts {
+            let why = "a phase-locked loop has the rest position and the rate of the amplitude as states; give its \
+                       `process_noise` an `amplitude_rate`";
             return refuse("method", why);
         }
-        Ok(Self { basics: FilterBasics::of(experiment, &at, filter, (&[], &[]))?, motion })
+        if !filter.states.is_empty() && !drifts {
+            let why = "what is off in the readout moves the rest position, which a filter of three states holds; give its \
+                       `process_noise` an `amplitude_rate`";
+            return refuse("states", why);
+        }
+        let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &[1.0; 2]))?;
+        Ok(Self { basics, motion })
     }
 }
 

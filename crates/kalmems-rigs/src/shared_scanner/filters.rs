@@ -69,6 +69,11 @@ impl FilterSettings {
                        \"31.35 kHz\"]`, or leave `demodulator` out";
             return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
         }
+        if filter.demodulator && filter.method.has_fixed_gain() {
+            let why =
+                "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`";
+            return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
+        }
         let (start_sd, demodulator_sd) = deviations(experiment, &at, filter)?;
         let (noise_key, noise) = process_noise(estimate, &at, filter);
         // The lock-in has no process; every other one has this noise, or for the model alone none.

@@ -1,30 +1,10 @@
 //! The lock-in: amplitude and phase of the signal at the drive's frequency.
 
 use super::settings::Hardware;
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{StateName, Trajectory, TrajectoryKind};
+use crate::estimate::Swing;
 use crate::signal::{Sine, fit_sine_at};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::{PI, TAU};
-
-/// The motion A·sin(φ) of one window, φ = ω·t + ψ.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Swing {
-    /// A in rad, above 0.
-    pub amplitude: f64,
-    /// ω in rad/s.
-    pub rate: f64,
-    /// ψ in rad.
-    pub phase: f64,
-}
-
-impl Swing {
-    /// Angle in rad and rate in rad/s.
-    pub fn at(&self, time_s: f64) -> [f64; 2] {
-        let phase = self.rate * time_s + self.phase;
-        [self.amplitude * phase.sin(), self.amplitude * self.rate * phase.cos()]
-    }
-}
 
 /// Reads the swing from the signal's component at the drive's frequency.
 ///
@@ -56,6 +36,11 @@ impl<'a> LockIn<'a> {
         Self { hardware, drive, stages }
     }
 
+    /// One cycle of the motion in s.
+    pub fn cycle_s(&self) -> f64 {
+        2.0 / self.drive.frequency_hz
+    }
+
     /// The swing in some samples; its sign is that which lies nearer to the swing before, where there is one.
     /// `None` where there are too few samples, or more signal than the electrodes can make.
     pub fn swing(&self, time_s: &[f64], signal: &[f64], before: Option<&Swing>) -> Option<Swing> {
@@ -66,73 +51,10 @@ impl<'a> LockIn<'a> {
         let rate = PI * self.drive.frequency_hz;
         // The signal is cosine-shaped: largest in size where 2φ = 0, of the gain's sign.
         let turned = if readout.gain < 0.0 { PI } else { 0.0 };
-        let mut phase = (sine.phase_rad + turned + self.stages.1) / 2.0;
-        if let Some(before) = before {
-            phase += PI * ((before.phase - phase) / PI).round();
-        }
-        Some(Swing { amplitude, rate, phase })
-    }
-
-    /// The motion in the new samples of a segment and those kept before, as far as its cycles have ended.
-    pub fn trajectory(
-        &self,
-        names: (&str, &str),
-        states: &[StateName],
-        data: &DrivenSegment,
-        kept: &mut Cycles,
-    ) -> Trajectory {
-        let begun = std::time::Instant::now();
-        let fresh = data.samples.fresh.clone();
-        kept.time_s.extend_from_slice(&data.time_s[fresh.clone()]);
-        kept.signal.extend_from_slice(&data.signal[fresh.clone()]);
-        let cycle_s = 2.0 / self.drive.frequency_hz;
-        let (mut first, mut swings) = (0, Vec::new());
-        while first < kept.time_s.len() {
-            let end_s = data.start_s + f64::from(kept.ended + 1) * cycle_s;
-            let end = first + kept.time_s[first..].partition_point(|t| *t < end_s);
-            if end == kept.time_s.len() && !data.samples.ends {
-                break;
-            }
-            let (time_s, signal) = (&kept.time_s[first..end], &kept.signal[first..end]);
-            let enough = signal.iter().filter(|y| y.is_finite()).count() >= ENOUGH;
-            let swing = if enough { self.swing(time_s, signal, kept.before.as_ref()) } else { None };
-            kept.before = swing.or(kept.before);
-            swings.push((first..end, swing));
-            kept.ended += 1;
-            first = end;
-        }
-        let samples = (&kept.time_s[..], &kept.signal[..], &(0..first));
-        let mut answer = Trajectory::blank(names, TrajectoryKind::LockIn, samples, states);
-        for (samples, swing) in swings {
-            let Some(swing) = swing else { continue };
-            for k in samples {
-                let [angle, rate] = swing.at(kept.time_s[k]);
-                for (state, value) in answer.states.iter_mut().zip([angle, rate]) {
-                    state.mean[k] = value;
-                }
-            }
-        }
-        kept.time_s.drain(..first);
-        kept.signal.drain(..first);
-        let there = answer.signal.iter().filter(|y| y.is_finite()).count();
-        answer.counts.updates = there;
-        answer.counts.without_signal = answer.signal.len() - there;
-        answer.seconds_per_step = begun.elapsed().as_secs_f64() / fresh.len().max(1) as f64;
-        answer
+        let phase = (sine.phase_rad + turned + self.stages.1) / 2.0;
+        Some(Swing { rest: 0.0, amplitude, rate, phase }.nearest_to(before))
     }
 }
-
-/// The samples of the cycle that has not ended, and what came before.
-#[derive(Debug, Default)]
-pub struct Cycles {
-    ended: u32,
-    before: Option<Swing>,
-    time_s: Vec<f64>,
-    signal: Vec<f64>,
-}
-
-/// Samples that a cycle must have at least.
-const ENOUGH: usize = 8;
 
 /// The amplitude in rad of a motion whose signal has this share of 2a·C₀ at twice its frequency. `None` where none has.
 pub fn amplitude_of(share: f64, comb: &GaussianComb<f64>) -> Option<f64> {

@@ -47,18 +47,10 @@ pub struct SharedScannerRig;
 const MEANINGS: [&str; 2] = ["drive", "signal"];
 
 /// What a signal that is even in the angle does not allow.
-static NO_METHODS: [(Method, &str); 4] = [
-    (
-        Method::DirectInversion,
-        "its signal is even in the angle and tells no sign; use `lock_in`, or a filter such as `ekf`",
-    ),
-    (Method::SteadyState, NO_GAIN),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-];
-
-/// Why there is no gain for all times.
-const NO_GAIN: &str = "at rest its signal, even in the angle, says nothing of the motion, and no gain is right for all of a swing; use `ekf`";
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "its signal is even in the angle and tells no sign; use `lock_in`, or a filter such as `ekf`",
+)];
 
 impl Rig for SharedScannerRig {
     fn name(&self) -> &'static str {

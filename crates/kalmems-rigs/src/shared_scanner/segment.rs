@@ -5,12 +5,15 @@ use super::lock_in::LockIn;
 use super::plant::{affine, affine_models, affine_with, staged, staged_models, staged_with};
 use super::settings::Settings;
 use crate::config::Method;
-use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant};
+use crate::estimate::driven::{
+    ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
+};
 use crate::estimate::{
-    AnyFilter, BankCourse, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
-    Known, Models, Past, StateFilter, StateName, Trajectory, follow,
+    AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, GainOf,
+    Known, Past, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
 };
 use crate::progress::Progress;
+use crate::signal::Sine;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, Gaussian};
 use std::f64::consts::{PI, TAU};
@@ -104,8 +107,7 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     let task = Task { settings, filter, data, place, said, progress };
     let begin = |left: Option<Known>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
-        let filter: Box<dyn StateFilter<2>> = Box::new(make(mean, covariance));
-        Ok(filter.into())
+        Ok(AnyFilter::this(make(mean, covariance)))
     };
     let follower = task.follower();
     let mut trajectories = if basics.method == Method::EulerEkf {
@@ -174,6 +176,7 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
     let poles = hardware.poles.filter(|_| filter.demodulator_sd.is_some());
     match (poles, filter.basics.tracked.is_empty()) {
         _ if method == Method::LockIn => task.lock_in(past),
+        _ if let Some(gain) = filter.basics.gain() => task.turning(gain, past),
         (None, _) if method == Method::Bank => task.bank(&affine_models(hardware, filter), past),
         (Some(poles), _) if method == Method::Bank => {
             task.bank(&staged_models(hardware, filter, poles), past)
@@ -222,29 +225,19 @@ impl Follower<'_> {
         plants: &[P],
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        start: impl Fn() -> Result<Known, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
             let course = DrivenCourse::new(plant, self.noise_variance, self.data);
             Ok(Box::new(course.map_err(|why| self.filter.no_model(why))?))
         };
         let courses = plants.iter().map(course).collect::<Result<Vec<_>, _>>()?;
-        let known = past.left().cloned().map_or_else(start, Ok)?;
-        let member = |_| self.filter.begin(None, || Ok(known.clone()));
-        let models = match past.course.take::<Models>() {
-            Some(models) => *models,
-            None => Models::new(plants.iter().map(member).collect::<Result<_, _>>()?),
-        };
-        let mut bank = BankCourse::new(courses, models);
-        let way = (&mut bank as _, &self.data.samples);
-        let begin = |left| self.filter.begin(left, || Ok(known.clone()));
-        let told = follow((self.filter, past), begin, way, states, self.progress);
-        past.course.put(Box::new(bank.into_models()));
-        told
+        let way = (courses, &self.data.samples);
+        answers_of_bank((self.filter, past), |_| start(), way, states, self.progress)
     }
 
     /// Follows the filter that `begin` makes.
-    fn follow<P: Plant>(
+    pub fn follow<P: Plant>(
         &self,
         plant: &P,
         states: &[StateName],
@@ -297,9 +290,11 @@ impl Task<'_> {
     /// What is known at the first sample.
     fn start(&self) -> Result<Known, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
-        let motion = match filter.start {
-            Some(start) => start,
-            None => self.first_swing()?,
+        let motion = if let Some(start) = filter.start {
+            start
+        } else {
+            let (swing, _) = self.first_swing()?;
+            swing.at(self.data.time_s.first().copied().unwrap_or(0.0))
         };
         // The stages start where a mirror at rest at this angle would have them.
         let volts =
@@ -310,38 +305,59 @@ impl Task<'_> {
         Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }
 
-    /// The motion at the first sample that the first cycles of the signal show.
-    fn first_swing(&self) -> Result<[f64; 2], EstimateError> {
+    /// The motion that the first cycles of the signal show, and how long they last in s.
+    fn first_swing(&self) -> Result<(Swing, f64), EstimateError> {
         let lock_in = self.detector()?;
         let cycle_s = 1.0 / self.data.motion(self.settings.hardware.natural_hz()).frequency_hz;
         let first_s = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t < first_s + START_CYCLES * cycle_s);
         let swing = lock_in.swing(&self.data.time_s[..end], &self.data.signal[..end], None);
-        swing.map(|swing| swing.at(first_s)).ok_or_else(|| EstimateError::NoStart {
+        swing.map(|swing| (swing, START_CYCLES * lock_in.cycle_s())).ok_or_else(|| EstimateError::NoStart {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: "its first cycles show no amplitude that the electrodes could make".to_owned(),
         })
     }
 
+    /// With a gain that is constant but for the phase, that for the motion at the segment's beginning.
+    fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (filter, hardware) = (self.filter, &self.settings.hardware);
+        let plant = affine(hardware, filter);
+        let begin = |left: Option<Known>| {
+            let (mean, drive) = (left.map_or_else(|| self.start(), Ok)?.gaussian().mean, self.drive()?);
+            let (swing, length_s) = self.first_swing()?;
+            let over_s = [self.data.time_s.first().copied().unwrap_or(0.0), length_s];
+            let motion = SteadySwing { swings: &[swing], drive: &|time_s| drive.at(time_s), over_s };
+            let samples = (self.data.interval_s, hardware.noise_variance);
+            let found = TurningGain::<2>::new(gain, &plant, motion, mean, samples);
+            Ok(AnyFilter::this(found.map_err(|why| filter.basics.no_gain(&why))?))
+        };
+        self.follower().follow(&plant, &filter.states(), past, begin)
+    }
+
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let names = (self.filter.basics.key.as_str(), self.filter.basics.name.as_str());
-        let mut kept = past.course.take().unwrap_or_default();
-        let states = self.filter.states();
-        let mut trajectory = self.detector()?.trajectory(names, &states, self.data, &mut kept);
-        past.course.put(kept);
-        trajectory.claim_nothing();
-        Ok(vec![trajectory])
+        let (detector, data) = (self.detector()?, self.data);
+        let signals = [data.signal];
+        let windows = data.windows(&signals, detector.cycle_s());
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            Some(vec![detector.swing(time_s, signals.first()?, before.first())?])
+        };
+        let filter = (&self.filter.basics, past);
+        Ok(vec![lock_in(filter, &windows, &self.filter.states(), detect)])
     }
 
     fn detector(&self) -> Result<LockIn<'_>, EstimateError> {
         let hardware = &self.settings.hardware;
         let poles = hardware.poles.filter(|_| self.filter.demodulator_sd.is_some());
-        let drive = self.data.drive.first_sine().ok_or_else(|| EstimateError::NoSteadyDrive {
+        Ok(LockIn::new(hardware, self.drive()?, poles))
+    }
+
+    /// The sine of the drive, which has to be steady.
+    fn drive(&self) -> Result<&Sine, EstimateError> {
+        self.data.drive.first_sine().ok_or_else(|| EstimateError::NoSteadyDrive {
             place: self.place.to_owned(),
             filter: self.filter.basics.name.clone(),
-        })?;
-        Ok(LockIn::new(hardware, drive, poles))
+        })
     }
 }
 

@@ -13,7 +13,9 @@ use kalmems_models::readout::Feedthrough;
 
 /// Model, signal and crossings of one segment.
 pub struct ThresholdCourse<'a> {
-    motion: DrivenCourse<'a, MirrorPlant>,
+    /// From sample to sample.
+    motion: Box<dyn Course + 'a>,
+    noise_variance: f64,
     plant: &'a MirrorPlant,
     data: &'a DrivenSegment<'a>,
     /// dV/dt at each sample in V/s; not a number where it is not known.
@@ -51,9 +53,10 @@ const NEVER: f64 = -1.0;
 
 impl<'a> ThresholdCourse<'a> {
     /// A way through these rows of a segment, of which `first` is the place of the first; `angle` is that which is passed, for
-    /// the likelihood of the crossings.
-    pub fn new(
-        plant: &'a MirrorPlant,
+    /// the likelihood of the crossings. The motion from sample to sample is that of `moving`; back to a crossing and in the signal
+    /// it is that of `plant`.
+    pub fn new<P: Plant>(
+        (plant, moving): (&'a MirrorPlant, &'a P),
         (noise_variance, angle): (f64, f64),
         data: &'a DrivenSegment<'a>,
         drive_slope: &'a [f64],
@@ -64,13 +67,14 @@ impl<'a> ThresholdCourse<'a> {
         let mut crossings: Vec<(usize, Told)> = found.iter().filter_map(told).collect();
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
-        let motion = DrivenCourse::new(plant, noise_variance, data)?;
+        let motion = DrivenCourse::new(moving, noise_variance, data)?;
         let motion = match filter.basics.method {
             Method::HybridEkf => motion.in_steps(HYBRID_STEPS)?,
             _ => motion,
         };
         Ok(Self {
-            motion,
+            motion: Box::new(motion),
+            noise_variance,
             plant,
             data,
             drive_slope,
@@ -200,7 +204,7 @@ impl Course for ThresholdCourse<'_> {
         if !y.is_finite() || bends {
             return Ok(None);
         }
-        let variance = self.motion.noise_variance();
+        let variance = self.noise_variance;
         let (resistance, capacitance) = self.plant.feedthrough();
         let through = Feedthrough {
             readout: &(),

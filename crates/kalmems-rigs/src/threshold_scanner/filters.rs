@@ -20,9 +20,9 @@ pub struct FilterSettings {
     pub signal_variance: f64,
     /// How it uses the crossings, if it does.
     pub threshold: Option<ThresholdSettings>,
-    /// Angle in rad and rate in rad/s to start from.
+    /// Angle in rad and rate in rad/s to start from, 0 for the lock-in.
     pub start: [f64; 2],
-    /// Their standard deviations, 0 for the model alone.
+    /// Their standard deviations, 0 for what claims none.
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration's noise, in rad²/s³.
     pub acceleration_density: f64,
@@ -80,24 +80,32 @@ impl FilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
         };
-        let is_model = filter.method == Method::Model;
+        let claims = filter.method.claims();
         if filter.demodulator {
             return refuse("demodulator", "this device has no demodulator; leave it out");
         }
-        let Some(Start::Values(start)) = &filter.start else {
-            return refuse(
-                "start",
-                "expected values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
-            );
+        let start = match &filter.start {
+            Some(Start::Values(start)) => state_at(experiment, at.clone().child("start"), start)?,
+            // It has no start.
+            None if filter.method == Method::LockIn => [0.0; 2],
+            _ => {
+                return refuse(
+                    "start",
+                    "expected values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
+                );
+            }
         };
         let variant = filter.variant.unwrap_or_default();
-        if is_model
-            && (filter.variant.is_some() || filter.threshold.is_some() || filter.signal_variance.is_some())
+        let more = [
+            ("variant", filter.variant.is_some()),
+            ("signal_variance", filter.signal_variance.is_some()),
+            ("threshold", filter.threshold.is_some()),
+        ];
+        if let Some((name, _)) = more.into_iter().find(|(_, given)| *given)
+            && (!claims || filter.method.has_fixed_gain())
         {
-            return refuse(
-                "method",
-                "the model alone takes no notice of the signal; leave `variant`, `signal_variance` and `threshold` out",
-            );
+            let why = "this method takes no crossings, and every sample as the readout is stated or none; leave it out, or use `ekf`";
+            return refuse(name, why);
         }
         if let Some(threshold) = &filter.threshold
             && threshold.lag.is_some()
@@ -117,14 +125,13 @@ impl FilterSettings {
                 "`timing_only` uses the crossings alone; add `threshold = { gate = 4 }`",
             );
         }
-        let start_sd = if is_model {
-            [0.0; 2]
-        } else {
+        let start_sd = if claims {
             experiment.values(at.clone().child("start_sd"), &filter.start_sd, states(Sign::Positive))?
+        } else {
+            [0.0; 2]
         };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let [acceleration_density] =
-            if is_model { [0.0] } else { experiment.values(noise_key, noise, NOISE)? };
+        let [acceleration_density] = if claims { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };
         Ok(Self {
             basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
             variant,
@@ -137,7 +144,7 @@ impl FilterSettings {
                 angle_sd: threshold.angle_sd.as_ref().map(Quantity::si),
                 gate_nis: threshold.gate.map_or(f64::INFINITY, |sds| sds * sds),
             }),
-            start: state_at(experiment, at.clone().child("start"), start)?,
+            start,
             start_sd,
             acceleration_density,
         })
@@ -151,6 +158,6 @@ impl FilterSettings {
     /// What is known of its states at the first sample.
     pub fn start(&self) -> Known {
         let motion = self.start.into_iter().zip(self.start_sd);
-        Known::apart(motion.chain(self.basics.tracked.iter().map(|tracked| (0.0, tracked.sd))))
+        Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 }

@@ -13,6 +13,7 @@ mod hardware;
 pub mod identification;
 mod kept;
 mod kernel;
+mod lock_in;
 mod plant;
 mod search;
 mod segment;
@@ -52,22 +53,11 @@ const MEANINGS: [&str; 2] = ["drive", "signal"];
 /// A channel that a recording may hold beside them: what a position detector shows.
 const POSITION: &str = "position";
 
-/// What a signal that tells of moments, when the comb is passed, does not allow.
-static NO_METHODS: [(Method, &str); 7] = [
-    (
-        Method::DirectInversion,
-        "away from the threshold its signal hangs on the angle too little to be inverted; use `ekf`",
-    ),
-    (Method::SteadyState, NO_GAIN),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-    (Method::EulerEkf, "it is not built; use `ekf`"),
-    (Method::LockIn, "it is not built; use `ekf`"),
-    (Method::Bank, "it is not built; use `consider_ekf`, or `ekf` with the parameter in `states`"),
-];
-
-/// Why there is no gain for all times.
-const NO_GAIN: &str = "its signal speaks while the comb is passed and is silent between, and no gain is right for both; use `ekf`";
+/// What a current does not allow.
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "one sample is the product of the rate and of a function of the angle, and tells neither; use `lock_in` or `ekf`",
+)];
 
 impl Rig for ThresholdScannerRig {
     fn name(&self) -> &'static str {

@@ -2,19 +2,38 @@
 
 use super::filters::{FEEDTHROUGH, FilterSettings};
 use super::hardware::Hardware;
-use crate::estimate::driven::{ParametricReadout, Plant, WithParameters};
-use crate::estimate::{Sensor, Transition};
+use crate::estimate::driven::{
+    ByEuler, ParametricReadout, Plain, Plant, WithParameters, combinations, shifted,
+};
+use crate::estimate::{Parameter, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Nodes, NoiseDensity};
 use kalmems_models::dynamics::CombDrivenMirror;
 use kalmems_models::readout::CurrentReadout;
 
+/// Angle and rate.
+pub type Mirror = Plain<CombDrivenMirror<f64>, CurrentReadout<f64>, 2>;
+
 /// Angle and rate with parameters as states behind them.
-type Mirror = WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
+type MirrorWithParameters =
+    WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
+
+/// The noise of the angular acceleration.
+fn noise(filter: &FilterSettings) -> NoiseDensity<f64, 2> {
+    NoiseDensity::none().on::<1>(filter.acceleration_density)
+}
+
+/// The mirror alone, by Euler's method.
+pub fn by_euler(
+    hardware: &Hardware,
+    filter: &FilterSettings,
+) -> ByEuler<CombDrivenMirror<f64>, CurrentReadout<f64>, 2> {
+    ByEuler(Plain { dynamics: hardware.mirror, readout: hardware.readout, noise: noise(filter) })
+}
 
 /// The mirror, and what its drive adds to the signal.
 pub struct MirrorPlant {
-    mirror: Mirror,
+    mirror: MirrorWithParameters,
     /// R_s in Ω and C_ft in F.
     feedthrough: (f64, f64),
     /// The state that is the deviation of C_ft, and its scale in F.
@@ -24,13 +43,39 @@ pub struct MirrorPlant {
 impl MirrorPlant {
     /// The device as a filter sees it.
     pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Result<Self, AugmentationError> {
-        let tracked = &filter.basics.tracked;
-        let noise = NoiseDensity::none().on::<1>(filter.acceleration_density);
+        Self::with(hardware, filter, filter.basics.parameters())
+    }
+
+    /// The device with each of the parameters of a bank as stated, and off by its deviation to both sides.
+    pub fn side_by_side(
+        hardware: &Hardware,
+        filter: &FilterSettings,
+    ) -> Result<Vec<Self>, AugmentationError> {
+        let tracked = filter.basics.tracked.as_slice();
+        let one = |shifts: Vec<f64>| {
+            let by = (tracked, &shifts[..]);
+            let through = |parameter: &Parameter| (parameter.name == FEEDTHROUGH).then_some("");
+            let varied = Hardware {
+                mirror: shifted(&hardware.mirror, by, |parameter| parameter.in_motion),
+                readout: shifted(&hardware.readout, by, |parameter| parameter.in_readout),
+                feedthrough: shifted(&hardware.feedthrough, by, through),
+                ..*hardware
+            };
+            Self::with(&varied, filter, &[])
+        };
+        combinations(tracked).into_iter().map(one).collect()
+    }
+
+    fn with(
+        hardware: &Hardware,
+        filter: &FilterSettings,
+        tracked: &[Tracked],
+    ) -> Result<Self, AugmentationError> {
         let readout = ParametricReadout::new(hardware.readout, tracked, |parameter| parameter.in_readout)?;
-        let motion = (hardware.mirror, noise);
+        let motion = (hardware.mirror, noise(filter));
         let feedthrough = tracked.iter().position(|tracked| tracked.parameter.name == FEEDTHROUGH);
         Ok(Self {
-            mirror: Mirror::new(motion, readout, tracked, |parameter| parameter.in_motion)?,
+            mirror: MirrorWithParameters::new(motion, readout, tracked, |parameter| parameter.in_motion)?,
             feedthrough: (hardware.feedback_resistance, hardware.feedthrough),
             feedthrough_state: feedthrough.map(|i| (2 + i, tracked[i].added.scale)),
         })
@@ -48,7 +93,7 @@ impl MirrorPlant {
 }
 
 impl Plant for MirrorPlant {
-    type Motion = <Mirror as Plant>::Motion;
+    type Motion = <MirrorWithParameters as Plant>::Motion;
 
     /// The step of a motion that is resolved; below 0 it leads back.
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {

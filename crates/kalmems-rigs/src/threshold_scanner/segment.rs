@@ -3,11 +3,16 @@
 use super::course::ThresholdCourse;
 use super::crossings::Crossing;
 use super::filters::FilterSettings;
-use super::plant::MirrorPlant;
+use super::lock_in::swing;
+use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
+use super::without_drive;
 use crate::config::Method;
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{EstimateError, FilterPast, Motion, Past, Trajectory, answers};
+use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
+use crate::estimate::{
+    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, Swing, Trajectory, answers,
+    answers_of_bank, follow, lock_in,
+};
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
 
@@ -59,25 +64,91 @@ struct Task<'a> {
 
 impl Task<'_> {
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let filter = self.filter;
+        let (filter, hardware) = (self.filter, &self.settings.hardware);
         let wrong = |why: AugmentationError| filter.basics.no_model(why);
-        let plant = MirrorPlant::new(&self.settings.hardware, filter).map_err(wrong)?;
-        let course = ThresholdCourse::new(
-            &plant,
-            (self.settings.hardware.noise_variance, self.settings.judged_angle()),
-            self.samples.data,
-            self.samples.drive_slope,
-            filter,
-            (self.samples.crossings, self.samples.first),
-        );
-        let mut course = course.map_err(wrong)?;
-        let way = (&mut course as _, &self.samples.data.samples);
-        let states = filter.states();
-        let start = || Ok(filter.start());
-        let mut trajectories = answers((&filter.basics, past), start, way, &states, self.progress)?;
-        if filter.basics.method == Method::Model {
+        let method = filter.basics.method;
+        if method == Method::LockIn {
+            return Ok(vec![self.lock_in(past)]);
+        }
+        let (states, start) = (filter.states(), || Ok(filter.start()));
+        let (basics, taken) = ((&filter.basics, past), &self.samples.data.samples);
+        if method == Method::Bank {
+            let plants = MirrorPlant::side_by_side(hardware, filter).map_err(wrong)?;
+            let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
+                Ok(Box::new(self.course(plant, plant)?))
+            };
+            let courses = plants.iter().map(course).collect::<Result<_, _>>()?;
+            return answers_of_bank(basics, |_| start(), (courses, taken), &states, self.progress);
+        }
+        let plant = MirrorPlant::new(hardware, filter).map_err(wrong)?;
+        let euler = by_euler(hardware, filter);
+        let mut course = match method {
+            Method::EulerEkf => self.course(&plant, &euler)?,
+            _ => self.course(&plant, &plant)?,
+        };
+        if let Some(gain) = filter.basics.gain() {
+            let begin = |left: Option<Known>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
+            return follow(basics, begin, (&mut course, taken), &states, self.progress);
+        }
+        let mut trajectories = answers(basics, start, (&mut course, taken), &states, self.progress)?;
+        if method == Method::Model {
             trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
+    }
+
+    fn course<'a, P: Plant>(
+        &'a self,
+        plant: &'a MirrorPlant,
+        moving: &'a P,
+    ) -> Result<ThresholdCourse<'a>, EstimateError> {
+        let course = ThresholdCourse::new(
+            (plant, moving),
+            (self.settings.hardware.noise_variance, self.settings.judged_angle()),
+            self.samples.data,
+            self.samples.drive_slope,
+            self.filter,
+            (self.samples.crossings, self.samples.first),
+        );
+        course.map_err(|why| self.filter.basics.no_model(why))
+    }
+
+    /// A filter with a gain that is constant but for the phase, that for the first cycle of the motion.
+    fn turning(&self, gain: GainOf, mirror: &Mirror, known: &Known) -> Result<AnyFilter, EstimateError> {
+        let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
+        let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
+        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
+        let swing = found.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
+        let drive = |time_s: f64| {
+            let sample =
+                data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len().saturating_sub(1));
+            data.drive.sample(sample).0
+        };
+        let motion = SteadySwing { swings: &[swing], drive: &drive, over_s: [first_s, 1.0 / motion_hz] };
+        let samples = (data.interval_s, hardware.noise_variance);
+        let found = TurningGain::<2>::new(gain, mirror, motion, known.gaussian().mean, samples);
+        Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
+    }
+
+    /// The frequency of the motion in Hz, by the first rows, so that it does not depend on what comes later.
+    fn motion_hz(&self) -> f64 {
+        let drive = self.samples.data.drive.first_sine();
+        drive.map_or(self.settings.hardware.natural_hz(), |sine| 0.5 * sine.frequency_hz)
+    }
+
+    /// Cycle by cycle of the motion, on the signal without what the drive adds to it.
+    fn lock_in(&self, past: &mut FilterPast) -> Trajectory {
+        let (data, hardware) = (self.samples.data, &self.settings.hardware);
+        let motion_hz = self.motion_hz();
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        let signals = [&signal[..]];
+        let windows = data.windows(&signals, 1.0 / motion_hz);
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            let samples = (time_s, *signals.first()?);
+            Some(vec![swing(&hardware.readout.comb, motion_hz, samples, before.first())?])
+        };
+        lock_in((&self.filter.basics, past), &windows, &self.filter.states(), detect)
     }
 }

@@ -63,11 +63,6 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
     pub fn into_foreteller(self) -> Option<Foreteller> {
         self.foreteller.map(|(foreteller, _)| foreteller)
     }
-
-    /// The variance of the signal's noise.
-    pub fn noise_variance(&self) -> f64 {
-        self.noise_variance
-    }
 }
 
 /// A drive that goes on as a sine.

@@ -1,8 +1,8 @@
 //! Parameters of a device that are states of a filter, as its models meet them.
 
-use crate::estimate::{MOST_STATES, Parameter, Sensor, Tracked};
+use crate::estimate::{MOST_STATES, Parameter, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AddedState, AugmentationError, ParametricMeasurement};
-use kalmems_core::{Dual, Measurement, Parameters};
+use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
 
 /// The most parameters that a filter can have as states: of a motion with more there is no filter, which is refused before
 /// any step.
@@ -35,11 +35,6 @@ impl Places {
         Ok(Self { states })
     }
 
-    /// How many states there are.
-    pub(super) fn count(&self) -> usize {
-        self.states.len()
-    }
-
     /// The value of a parameter with these deviations, which of them moves it, and how far one of that does; a scale of 0
     /// where none does.
     #[inline]
@@ -52,13 +47,105 @@ impl Places {
         (0, 0.0, nominal)
     }
 
-    /// How much of each deviation is left after an interval, and the variance that is added to it.
-    pub(super) fn over(&self, interval_s: f64) -> [(f64, f64); MOST_PARAMETERS] {
-        let mut all = [(1.0, 0.0); MOST_PARAMETERS];
-        for (step, (_, added)) in all.iter_mut().zip(&self.states) {
+    /// Their own step over an interval.
+    pub(super) fn over(&self, interval_s: f64) -> Held {
+        Held::of(self.states.iter().map(|(_, added)| *added), interval_s)
+    }
+}
+
+/// The step of parameters that are states behind those of a motion: each hangs on itself alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    count: usize,
+    /// How much of each deviation is left after the interval, and the variance that is added to it.
+    steps: [(f64, f64); MOST_PARAMETERS],
+}
+
+impl Held {
+    /// Of so many added states, over an interval in s.
+    pub fn of(added: impl Iterator<Item = AddedState<f64>>, interval_s: f64) -> Self {
+        let (mut count, mut steps) = (0, [(1.0, 0.0); MOST_PARAMETERS]);
+        for (step, added) in steps.iter_mut().zip(added) {
             *step = added.drift.over(interval_s);
+            count += 1;
         }
-        all
+        Self { count, steps }
+    }
+
+    /// Where the parameters go, behind `moving` states.
+    pub(super) fn advance(&self, moving: usize, x: &[f64], to: &mut [f64]) {
+        for ((to, x), (persistence, _)) in to[moving..].iter_mut().zip(&x[moving..]).zip(self.steps) {
+            *to = x * persistence;
+        }
+    }
+
+    /// Their rows of a Jacobian.
+    pub(super) fn linearize(&self, moving: usize, states: usize, jacobian: &mut [f64]) {
+        for i in moving..states {
+            let row = &mut jacobian[i * states..(i + 1) * states];
+            row.fill(0.0);
+            row[i] = self.steps[i - moving].0;
+        }
+    }
+
+    /// Covariance and root of the noise of all states, with that of a motion.
+    pub(super) fn noise<const M: usize>(
+        &self,
+        of_motion: &ProcessNoise<f64, M>,
+        covariance: &mut [f64],
+        root: &mut [f64],
+    ) {
+        let states = M + self.count;
+        for (whole, part) in
+            [(&mut *covariance, of_motion.covariance().lower_triangle()), (&mut *root, of_motion.root())]
+        {
+            whole.fill(0.0);
+            for (row, part) in whole.chunks_exact_mut(states).zip(&part.0) {
+                row[..M].copy_from_slice(part);
+            }
+        }
+        for (i, (_, variance)) in (M..states).zip(self.steps) {
+            covariance[i * states + i] = variance;
+            root[i * states + i] = variance.sqrt();
+        }
+    }
+}
+
+/// A step of a motion of `M` states that no parameter enters, with parameters as states behind them.
+pub struct Beside<'a, P: Process<f64, M>, const M: usize> {
+    /// The process of the motion.
+    pub process: &'a P,
+    /// Its input.
+    pub input: &'a P::Input,
+    /// The parameters.
+    pub held: &'a Held,
+}
+
+impl<P: Process<f64, M>, const M: usize> Transition for Beside<'_, P, M> {
+    #[inline(never)]
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        to[..M].copy_from_slice(&self.process.step(&std::array::from_fn(|i| x[i]), self.input));
+        self.held.advance(M, x, to);
+    }
+
+    #[inline(never)]
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        let (next, slopes) = self.process.linearize(&std::array::from_fn(|i| x[i]), self.input);
+        to[..M].copy_from_slice(&next);
+        self.held.advance(M, x, to);
+        for (row, slopes) in jacobian.chunks_exact_mut(x.len()).zip(&slopes.0) {
+            row.fill(0.0);
+            row[..M].copy_from_slice(slopes);
+        }
+        self.held.linearize(M, x.len(), jacobian);
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        self.held.noise(self.process.noise(), covariance, root);
+    }
+
+    fn moving(&self, _: usize) -> usize {
+        M
     }
 }
 

@@ -1,6 +1,6 @@
 //! The models that the filters run on: how a driven device steps over any interval, and how it is read.
 
-use super::parameters::{MOST_PARAMETERS, Places};
+use super::parameters::{Held, Places};
 use crate::estimate::{Parameter, Reading, Sensor, Step, Tracked, Transition};
 use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
 use kalmems_core::{Dual, Dynamics, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
@@ -108,8 +108,7 @@ impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
 /// One step of such a model: that of its motion, and of its parameters.
 pub struct MotionStep<D, const M: usize> {
     process: Rk4<D, f64, M>,
-    /// How much of each parameter's deviation is left after the step, and the variance that is added to it.
-    parameters: [(f64, f64); MOST_PARAMETERS],
+    parameters: Held,
 }
 
 impl<D, R, const M: usize> Plant for WithParameters<D, R, M>
@@ -177,13 +176,6 @@ where
             }
         }
     }
-
-    /// The parameters after the step.
-    fn keep_parameters(&self, x: &[f64], to: &mut [f64]) {
-        for ((to, x), (persistence, _)) in to[M..].iter_mut().zip(&x[M..]).zip(self.motion.parameters) {
-            *to = x * persistence;
-        }
-    }
 }
 
 /// Derivatives that are computed at once: by all states of a motion with two parameters, and by twice as many.
@@ -202,7 +194,7 @@ where
             .map(|parameter, nominal| self.plant.places.varied(parameter, nominal, &x[M..]).2);
         let moved = self.motion.process.step_of(&model, &std::array::from_fn(|i| x[i]), self.drive);
         to[..M].copy_from_slice(&moved);
-        self.keep_parameters(x, to);
+        self.motion.parameters.advance(M, x, to);
     }
 
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
@@ -216,29 +208,12 @@ where
                 first += MANY;
             }
         }
-        self.keep_parameters(x, to);
-        for i in M..states {
-            let row = &mut jacobian[i * states..(i + 1) * states];
-            row.fill(0.0);
-            row[i] = self.motion.parameters[i - M].0;
-        }
+        self.motion.parameters.advance(M, x, to);
+        self.motion.parameters.linearize(M, states, jacobian);
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
-        let states = M + self.plant.places.count();
-        let (of_motion, parameters) = (self.motion.process.noise(), self.motion.parameters);
-        for (whole, part) in
-            [(&mut *covariance, of_motion.covariance().lower_triangle()), (&mut *root, of_motion.root())]
-        {
-            whole.fill(0.0);
-            for (row, part) in whole.chunks_exact_mut(states).zip(&part.0) {
-                row[..M].copy_from_slice(part);
-            }
-        }
-        for (i, (_, variance)) in (M..states).zip(parameters) {
-            covariance[i * states + i] = variance;
-            root[i * states + i] = variance.sqrt();
-        }
+        self.motion.parameters.noise(self.motion.process.noise(), covariance, root);
     }
 
     fn moving(&self, _: usize) -> usize {

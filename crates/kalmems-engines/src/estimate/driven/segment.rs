@@ -2,7 +2,7 @@
 
 use super::Drive;
 use crate::estimate::{
-    Axis, EstimateError, Motion, Past, Samples, SegmentEstimate, SignalSegment, Trajectory,
+    Axis, EstimateError, Motion, Past, Samples, SegmentEstimate, SignalSegment, Trajectory, Windows,
 };
 use crate::units::kind;
 
@@ -59,6 +59,11 @@ impl<'a> DrivenSegment<'a> {
             Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
             None => Motion { frequency_hz: natural_hz, is_driven: false },
         }
+    }
+
+    /// Its samples as a lock-in takes them that has windows of this length in s, with these signals, such as its own.
+    pub fn windows<'b>(&'b self, signals: &'b [&'b [f64]], length_s: f64) -> Windows<'b> {
+        Windows { time_s: self.time_s, signals, samples: &self.samples, start_s: self.start_s, length_s }
     }
 
     /// The end of the settling time in s.

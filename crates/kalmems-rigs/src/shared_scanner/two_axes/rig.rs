@@ -12,7 +12,7 @@ use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::shared_scanner::device::SharedScanner;
-use crate::shared_scanner::{NO_GAIN, STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
+use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crate::{Estimator, Rig};
@@ -24,20 +24,10 @@ pub struct TwoAxesRig;
 const ANGLES: [[&str; 2]; 2] = [["angle_x", "rate_x"], ["angle_y", "rate_y"]];
 
 /// What a signal that is even in both angles, and in which they are mixed, does not allow.
-static NO_METHODS: [(Method, &str); 6] = [
-    (Method::DirectInversion, "its one signal is even in each of two angles; use `ekf` or `ukf`"),
-    (
-        Method::LockIn,
-        "it is not built: the lines of both axes and of their products would have to be taken apart; use `ekf` or `ukf`",
-    ),
-    (
-        Method::EulerEkf,
-        "Euler's method adds energy to motions that lose it as slowly as these; use `ekf` or `hybrid_ekf`",
-    ),
-    (Method::SteadyState, NO_GAIN),
-    (Method::KalmanBucy, NO_GAIN),
-    (Method::Luenberger, NO_GAIN),
-];
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::DirectInversion,
+    "its one signal is the sum of two parts, each even in an angle of its own; use `lock_in` or `ekf`",
+)];
 
 impl Rig for TwoAxesRig {
     fn name(&self) -> &'static str {
@@ -121,7 +111,10 @@ impl Estimator for TwoAxesEstimator<'_> {
     fn around(&self, interval_s: f64) -> Around {
         let slowest_hz = resonances_hz(&self.settings).into_iter().fold(f64::INFINITY, f64::min);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz).max(WINDOW_S);
+        // Of the last window, a lock-in says nothing before it has ended.
+        let open = self.settings.filters.iter().any(|filter| filter.basics.method == Method::LockIn);
+        let open_s = if open { WINDOW_S } else { 0.0 };
+        let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz + open_s).max(WINDOW_S);
         around_driven(interval_s, started_s, smooths)
     }
 

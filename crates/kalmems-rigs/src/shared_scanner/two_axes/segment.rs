@@ -3,11 +3,13 @@
 use super::filters::{FilterSettings, STATES, Start};
 use super::plant::{both, both_models, both_with};
 use super::settings::Settings;
-use super::start::{BatchStart, StartError};
+use super::start::{BatchStart, StartError, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
-use crate::estimate::driven::{DrivenSegment, Plant};
-use crate::estimate::{EstimateError, FilterPast, Known, Past, Trajectory};
+use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
+use crate::estimate::{
+    AnyFilter, EstimateError, FilterPast, GainOf, Known, Past, Swing, Trajectory, lock_in,
+};
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{Follower, Said};
 use std::f64::consts::TAU;
@@ -84,15 +86,64 @@ impl Task<'_> {
     /// Chooses the model: once per segment, so that the loops inside know their types.
     fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (hardware, filter) = (&self.settings.hardware, self.filter);
-        if filter.basics.method == Method::Bank {
-            let states = filter.basics.states(&STATES);
-            return self.follower().bank(&both_models(hardware, filter), &states, past, || self.start());
+        match filter.basics.method {
+            Method::LockIn => self.lock_in(past),
+            _ if let Some(gain) = filter.basics.gain() => self.turning(gain, past),
+            Method::Bank => {
+                let states = filter.basics.states(&STATES);
+                self.follower().bank(&both_models(hardware, filter), &states, past, || self.start())
+            }
+            Method::EulerEkf => self.run(&ByEuler(both(hardware, filter)), past),
+            _ if filter.basics.tracked.is_empty() => self.run(&both(hardware, filter), past),
+            _ => {
+                let plant = both_with(hardware, filter).map_err(|why| filter.basics.no_model(why))?;
+                self.run(&plant, past)
+            }
         }
-        if filter.basics.tracked.is_empty() {
-            return self.run(&both(hardware, filter), past);
+    }
+
+    /// With a gain that is constant but for the phases, that for the motion at the segment's beginning.
+    fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (basics, hardware) = (&self.filter.basics, &self.settings.hardware);
+        let plant = both(hardware, self.filter);
+        let begin = |left: Option<Known>| {
+            let mean = left.map_or_else(|| self.start(), Ok)?.gaussian().mean;
+            let ((time_s, signal), drive) = (self.window(), self.window_tones()?);
+            let drives_hz = drive.tones.map(|tone| tone.frequency_hz);
+            let found = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
+            let swings = found.ok_or_else(|| basics.no_gain(&StartError::Inseparable))?;
+            let over_s = [time_s.first().copied().unwrap_or(0.0), WINDOW_S];
+            let motion = SteadySwing { swings: &swings, drive: &|time_s| drive.at(time_s), over_s };
+            let samples = (self.data.interval_s, hardware.noise_variance);
+            let found = TurningGain::<4>::new(gain, &plant, motion, mean, samples);
+            Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
+        };
+        self.follower().follow(&plant, &STATES, past, begin)
+    }
+
+    /// Both axes at once, in windows that tell the lines of one drive apart from those of the other.
+    fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let (readout, data) = (&self.settings.hardware.readout, self.data);
+        let drives_hz = match past.numbers[..] {
+            [x, y] => [x, y],
+            _ => self.window_tones()?.tones.map(|tone| tone.frequency_hz),
+        };
+        past.numbers = drives_hz.to_vec();
+        let length_s = separating_s(drives_hz);
+        if length_s > WINDOW_S {
+            let why = format!(
+                "the lock-in `{}` would need windows of {:.2e} s to tell the lines of the two drives and of their harmonics apart; \
+                 both axes are taken to swing steadily for {WINDOW_S:.0e} s at most: move the drives apart, or use `ekf`",
+                self.filter.basics.name, length_s
+            );
+            return Err(EstimateError::Unfit { place: self.place.to_owned(), why });
         }
-        let plant = both_with(hardware, filter).map_err(|why| filter.basics.no_model(why))?;
-        self.run(&plant, past)
+        let signals = [data.signal];
+        let windows = data.windows(&signals, length_s);
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            swings(readout, (time_s, signals.first()?), drives_hz, before)
+        };
+        Ok(vec![lock_in((&self.filter.basics, past), &windows, &STATES, detect)])
     }
 
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
@@ -121,11 +172,24 @@ impl Task<'_> {
         Ok(Known::from(motion).with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
-    fn batch_start(&self) -> Result<BatchStart, StartError> {
+    /// The samples that a start takes in.
+    fn window(&self) -> (&[f64], &[f64]) {
         let first = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
+        (&self.data.time_s[..end], &self.data.signal[..end])
+    }
+
+    /// The drives in that window alone, so that they do not depend on how many samples there are behind it.
+    fn window_tones(&self) -> Result<DriveTones, EstimateError> {
+        let (time_s, _) = self.window();
+        let (volts, interval_s) = (&self.data.drive.volts()[..time_s.len()], self.data.interval_s);
+        let found = DriveTones::of(time_s, volts, interval_s, resonances_hz(self.settings));
+        found.ok_or_else(|| EstimateError::NotTwoSines { place: self.place.to_owned() })
+    }
+
+    fn batch_start(&self) -> Result<BatchStart, StartError> {
         let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
-        let (time_s, signal) = (&self.data.time_s[..end], &self.data.signal[..end]);
+        let (time_s, signal) = self.window();
         BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
     }
 }

@@ -1,5 +1,6 @@
 //! Where both axes are, from the first milliseconds of the signal alone.
 
+use crate::estimate::Swing;
 use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
 use crate::signal::least_squares;
 use kalmems_core::{Covariance, Dual, Mat, Over};
@@ -101,8 +102,12 @@ const LEFT_OUT: f64 = 0.02;
 const PER_AXIS: usize = 4;
 /// Those of both, and the offset.
 const UNKNOWNS: usize = 2 * PER_AXIS + 1;
-/// Columns of the lock-in: a mean, and three harmonics of each axis.
+/// Harmonics of each drive that the lock-in takes.
+const HARMONICS: u8 = 3;
+/// Columns of the lock-in: a mean, and the harmonics of each axis.
 const COLUMNS: usize = 13;
+/// How many times the width of a line, which is one over the window's length, the lines of a lock-in are apart at least.
+const LINE_WIDTHS: f64 = 4.0;
 
 impl BatchStart {
     /// From a window of the signal, given the frequencies of the two drives.
@@ -116,14 +121,12 @@ impl BatchStart {
         signal: &[f64],
         drives_hz: [f64; 2],
     ) -> Result<Self, StartError> {
-        let origin = time_s.first().copied().unwrap_or(0.0);
-        let span = time_s.last().map_or(0.0, |last| last - origin);
-        let samples = signal.iter().filter(|y| y.is_finite()).count();
+        let (window, span) = Window::of(readout, time_s, signal, drives_hz);
+        let samples = window.samples();
         let cycles = 0.5 * span * drives_hz[0].min(drives_hz[1]);
         if samples < 100 || cycles < 6.0 {
             return Err(StartError::TooShort { samples, cycles });
         }
-        let window = Window { readout, time_s, signal, origin, middle: 0.5 * span, drives_hz };
         let start = window.lock_in(samples)?;
         let found =
             fit(&ByDual(&window), &FitSettings { tolerance: 1e-10, ..FitSettings::from_start(start) })?;
@@ -135,6 +138,34 @@ impl BatchStart {
         }
         Ok(window.answer(&found.parameters, &found.covariance, residual_v))
     }
+}
+
+/// The swings of x and y that a lock-in at both drives and their harmonics finds in some samples; their signs are those that are
+/// nearer to the swings before. `None` where the samples do not tell both.
+pub fn swings(
+    readout: &TwoAxisComb<f64>,
+    (time_s, signal): (&[f64], &[f64]),
+    drives_hz: [f64; 2],
+    before: &[Swing],
+) -> Option<Vec<Swing>> {
+    let (window, _) = Window::of(readout, time_s, signal, drives_hz);
+    let unknowns = window.lock_in(window.samples()).ok()?;
+    let swing = |axis: usize| {
+        let [amplitude, phase] = [0, 1].map(|i| unknowns[PER_AXIS * axis + i]);
+        let rate = PI * drives_hz[axis];
+        let swing = Swing { rest: 0.0, amplitude, rate, phase: phase - rate * window.origin };
+        swing.nearest_to(before.get(axis))
+    };
+    Some(vec![swing(0), swing(1)])
+}
+
+/// How long a window of the lock-in has to be in s, so that lines of one drive are told apart from those of the other: the
+/// nearest two of them, of the first harmonics, are some widths of a line apart. Infinite where two lines coincide.
+pub fn separating_s(drives_hz: [f64; 2]) -> f64 {
+    let apart = |of_x: u8, of_y: u8| f64::from(of_x) * drives_hz[0] - f64::from(of_y) * drives_hz[1];
+    let harmonics = || 1..=HARMONICS;
+    let all = harmonics().flat_map(|of_x| harmonics().map(move |of_y| apart(of_x, of_y).abs()));
+    LINE_WIDTHS / all.chain(drives_hz).fold(f64::INFINITY, f64::min)
 }
 
 /// The root mean square about the mean, of what is finite.
@@ -187,7 +218,24 @@ struct Window<'a> {
     drives_hz: [f64; 2],
 }
 
-impl Window<'_> {
+impl<'a> Window<'a> {
+    /// All of these samples, and how long they last in s.
+    fn of(
+        readout: &'a TwoAxisComb<f64>,
+        time_s: &'a [f64],
+        signal: &'a [f64],
+        drives_hz: [f64; 2],
+    ) -> (Self, f64) {
+        let origin = time_s.first().copied().unwrap_or(0.0);
+        let span = time_s.last().map_or(0.0, |last| last - origin);
+        (Self { readout, time_s, signal, origin, middle: 0.5 * span, drives_hz }, span)
+    }
+
+    /// How many of them have a signal.
+    fn samples(&self) -> usize {
+        self.signal.iter().filter(|y| y.is_finite()).count()
+    }
+
     fn combs(&self) -> [GaussianComb<f64>; 2] {
         [self.readout.x, self.readout.y]
     }
@@ -197,7 +245,7 @@ impl Window<'_> {
         let basis = |t: f64| {
             let mut columns = [1.0; COLUMNS];
             for (axis, drive_hz) in self.drives_hz.iter().enumerate() {
-                for harmonic in 1..=3_u8 {
+                for harmonic in 1..=HARMONICS {
                     let (s, c) = (TAU * drive_hz * f64::from(harmonic) * (t - self.origin)).sin_cos();
                     let at = 1 + 6 * axis + 2 * usize::from(harmonic - 1);
                     (columns[at], columns[at + 1]) = (c, s);

@@ -28,6 +28,11 @@ impl DriveTones {
         })
     }
 
+    /// The drive in V at a time in s.
+    pub fn at(&self, time_s: f64) -> f64 {
+        self.offset + self.tones.iter().map(|tone| tone.at(time_s)).sum::<f64>()
+    }
+
     /// Fits both sines, and gives to each axis the one that is nearer to twice its resonance.
     ///
     /// `None` where two sines leave more than 2 % of the smaller one's amplitude: such a drive is another one.
