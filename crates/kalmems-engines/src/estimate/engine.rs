@@ -5,7 +5,9 @@ use super::error_memory::ErrorMemory;
 use super::foretell::{Foreteller, Onwards};
 use super::linked::Linked;
 use super::transition::{Sensor, Transition};
-use super::{Counts, Failure, Known, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind};
+use super::{
+    Counts, Failure, FurtherSignal, Known, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind,
+};
 use crate::progress::Pace;
 use crate::progress::Progress;
 use crate::units::Kind;
@@ -21,6 +23,17 @@ pub trait Course {
 
     /// The signal; not a number where it is missing.
     fn signal(&self) -> &[f64];
+
+    /// The names of the signals that correct a filter after the first one, where there are several.
+    fn further_signals(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The innovation of each of these at the sample that was corrected last, and its standard deviation; not a number where the
+    /// signal is missing.
+    fn further_innovations(&self) -> &[[f64; 2]] {
+        &[]
+    }
 
     /// What is said of each sample beside the states, where there is something.
     fn derived(&self) -> Option<Derived> {
@@ -173,6 +186,7 @@ impl Trajectory {
             crossings_log_likelihood: 0.0,
             counts: Counts { samples: n, ..Counts::default() },
             lock: Lock::default(),
+            further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
             parameters: Vec::new(),
@@ -220,6 +234,7 @@ impl Trajectory {
             nis: Vec::new(),
             log_likelihood: Vec::new(),
             lock: self.lock.clone(),
+            further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
             parameters: self.parameters.clone(),
             time_s: Vec::new(),
@@ -235,6 +250,10 @@ impl Trajectory {
         each(&mut self.innovation_sd, &mut other.innovation_sd);
         each(&mut self.nis, &mut other.nis);
         each(&mut self.log_likelihood, &mut other.log_likelihood);
+        for (own, other) in self.further.iter_mut().zip(&mut other.further) {
+            each(&mut own.innovation, &mut other.innovation);
+            each(&mut own.sd, &mut other.sd);
+        }
     }
 }
 
@@ -293,6 +312,9 @@ impl<const N: usize> Followed<N> {
             &Derived::after(course.derived().as_ref(), states),
         );
         let n = fresh.len();
+        let further = course.further_signals().into_iter();
+        let blank = |of| FurtherSignal { of, innovation: vec![f64::NAN; n], sd: vec![f64::NAN; n] };
+        trajectory.further = further.map(blank).collect();
         progress.begin(names.1, n as u64);
         let (started, mut pace) = (Instant::now(), Pace::default());
         trajectory.failure = self.failure;
@@ -348,6 +370,9 @@ impl<const N: usize> Followed<N> {
                 trajectory.counts.updates += usize::from(innovation.taken);
             }
             None => trajectory.counts.without_signal += 1,
+        }
+        for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {
+            (signal.innovation[k], signal.sd[k]) = (*residual, *sd);
         }
         let now = filter.gaussian();
         trajectory.keep(course.derived().as_ref(), k, &now.mean, &|i, j| now.covariance.get(i, j));

@@ -47,5 +47,7 @@ pub use segments::{Axis, Crossing, SegmentEstimate, SignalSegment};
 pub use stretches::{LeftOut, StretchJudge, StretchSummary};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
-pub use trajectory::{Consistency, Counts, Failure, StateSeries, TrackedPrior, Trajectory, TrajectoryKind};
+pub use trajectory::{
+    Consistency, Counts, Failure, FurtherSignal, StateSeries, TrackedPrior, Trajectory, TrajectoryKind,
+};
 pub use transition::{Reading, Sensor, Step, Transition};

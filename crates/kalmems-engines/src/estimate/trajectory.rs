@@ -35,6 +35,9 @@ pub struct Trajectory {
     pub crossings_log_likelihood: f64,
     /// How many updates there were, and what stood in their way.
     pub counts: Counts,
+    /// The innovations of further signals, where the filter takes several one after the other: each is foretold by the past and the
+    /// signals before it.
+    pub further: Vec<FurtherSignal>,
     /// How long its errors last, by the filter's own account, part by part of the way; none of what makes no claim.
     pub error_spans: Vec<ErrorSpan>,
     /// Whether the innovations of this filter, if it is right, are white; those of one whose gain is not the optimal one are not.
@@ -77,6 +80,24 @@ pub struct StateSeries {
     pub mean: Vec<f64>,
     /// The standard deviation; empty for a model that claims none.
     pub sd: Vec<f64>,
+}
+
+/// The innovations of a signal after the first one.
+#[derive(Clone, Debug, Default)]
+pub struct FurtherSignal {
+    /// The signal, by its name.
+    pub of: String,
+    /// Measured minus predicted; not a number where it is missing.
+    pub innovation: Vec<f64>,
+    /// The standard deviation that the filter gives it, likewise.
+    pub sd: Vec<f64>,
+}
+
+impl FurtherSignal {
+    /// The same without numbers.
+    pub(super) fn hollow(&self) -> Self {
+        Self { of: self.of.clone(), ..Self::default() }
+    }
 }
 
 /// What was known before of a parameter that is a state; it is 0, a deviation from what the device table says.

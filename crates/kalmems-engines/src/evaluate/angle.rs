@@ -307,6 +307,7 @@ mod tests {
             nis: vec![0.0; n],
             log_likelihood: vec![0.0; n],
             crossings_log_likelihood: 0.0,
+            further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
             parameters: Vec::new(),

@@ -23,7 +23,10 @@ pub struct Judgement {
 /// One filter.
 #[derive(Clone)]
 struct FilterJudge {
+    key: String,
     innovations: InnovationRecord,
+    /// Those of further signals, with their names.
+    further: Vec<(String, InnovationRecord)>,
     whitens: bool,
     parameters: Vec<ParameterRecord>,
 }
@@ -38,6 +41,16 @@ impl SegmentJudge {
             }
             self.filters[place].take(trajectory, estimate);
         }
+    }
+
+    /// How many innovations there were, of the filter with most.
+    pub fn count(&self) -> f64 {
+        self.filters.iter().map(|filter| filter.innovations.count()).fold(0.0, f64::max)
+    }
+
+    /// What is known until now of the filter with this key.
+    pub fn of(&self, key: &str) -> Option<Judgement> {
+        self.filters.iter().find(|filter| filter.key == key).map(FilterJudge::judgement)
     }
 
     /// What is known until now, for each trajectory; nothing of what makes no claim.
@@ -67,8 +80,12 @@ impl FilterJudge {
         let parameters = trajectory.parameters.iter().filter_map(|prior| {
             trajectory.state(prior.name).map(|state| ParameterRecord::new(*prior, state.unit))
         });
+        let innovations = InnovationRecord::new(motions, estimate.start_s);
+        let further = trajectory.further.iter().map(|signal| (signal.of.clone(), innovations.clone()));
         Self {
-            innovations: InnovationRecord::new(motions, estimate.start_s),
+            key: trajectory.key.clone(),
+            further: further.collect(),
+            innovations,
             whitens: trajectory.whitens,
             parameters: parameters.collect(),
         }
@@ -80,6 +97,9 @@ impl FilterJudge {
             [&trajectory.time_s, &trajectory.innovation, &trajectory.innovation_sd]
                 .map(|all| &all[scored.clone()]);
         self.innovations.take(time_s, innovation, sd);
+        for ((_, record), signal) in self.further.iter_mut().zip(&trajectory.further) {
+            record.take(time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()]);
+        }
         for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {
             if let Some(state) = trajectory.state(prior.name) {
                 record.take(&trajectory.time_s, state);
@@ -89,8 +109,29 @@ impl FilterJudge {
 
     fn judgement(&self) -> Judgement {
         Judgement {
-            tests: self.innovations.tests(self.whitens),
+            tests: self.tests(),
             parameters: self.parameters.iter().filter_map(ParameterRecord::answer).collect(),
         }
+    }
+
+    /// Each test where it finds most: at the first signal, or at a further one.
+    fn tests(&self) -> Vec<TestResult> {
+        let mut all = self.innovations.tests(self.whitens);
+        for (of, record) in &self.further {
+            for found in record.tests(self.whitens) {
+                let found = TestResult { signal: Some(of.clone()), ..found };
+                match all.iter_mut().find(|own| own.test == found.test) {
+                    Some(own) if found.p_value < own.p_value => *own = found,
+                    Some(_) => {}
+                    None => all.push(found),
+                }
+            }
+        }
+        let looks = 1.0 + self.further.len() as f64;
+        for found in &mut all {
+            found.p_value = (looks * found.p_value).min(1.0);
+        }
+        all.sort_by_key(|found| found.test);
+        all
     }
 }

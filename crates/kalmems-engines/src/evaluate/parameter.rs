@@ -73,18 +73,13 @@ impl ParameterRecord {
                 continue;
             }
             self.last = [*time_s, *mean, *sd];
-            if self.seen % self.every == 0 {
-                if self.kept.len() == KEPT {
-                    let mut place = 0;
-                    self.kept.retain(|_| {
-                        place += 1;
-                        place % 2 == 1
-                    });
-                    self.every *= 2;
-                }
-                if self.seen % self.every == 0 {
-                    self.kept.push(self.last);
-                }
+            if self.kept.len() == KEPT && self.seen.is_multiple_of(self.every) {
+                let mut places = 0..;
+                self.kept.retain(|_| places.next().is_some_and(|place: usize| place.is_multiple_of(2)));
+                self.every *= 2;
+            }
+            if self.seen.is_multiple_of(self.every) {
+                self.kept.push(self.last);
             }
             self.seen += 1;
         }

@@ -11,6 +11,8 @@ use kalmems_models::readout::PlateCurrent;
 /// A channel over one record.
 #[derive(Clone, Copy, Debug)]
 pub struct Channel<'a> {
+    /// Its name, such as `1A`.
+    pub name: &'a str,
     /// How the signal depends on the state.
     pub current: PlateCurrent<f64>,
     /// The variance of a sample in V².
@@ -30,6 +32,8 @@ pub struct StageCourse<'a, P: Plant> {
     plants: &'a [P],
     usual: P::Motion,
     observer: Option<Observer>,
+    /// Innovation and standard deviation of each channel after the first, at the last sample.
+    further: Vec<[f64; 2]>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it.
@@ -43,7 +47,7 @@ impl<'a, P: Plant> StageCourse<'a, P> {
         plants: &'a [P],
     ) -> Result<Self, AugmentationError> {
         let usual = plants[0].over(samples.taken.interval_s)?;
-        Ok(Self { samples, channels, plants, usual, observer: None })
+        Ok(Self { samples, channels, plants, usual, observer: None, further: Vec::new() })
     }
 
     /// Likewise, where the step over the usual interval is that of an observer of the first channel.
@@ -60,6 +64,14 @@ impl<P: Plant> Course for StageCourse<'_, P> {
 
     fn signal(&self) -> &[f64] {
         self.channels.first().map_or(&[], |channel| channel.signal)
+    }
+
+    fn further_signals(&self) -> Vec<String> {
+        self.channels.iter().skip(1).map(|channel| channel.name.to_owned()).collect()
+    }
+
+    fn further_innovations(&self) -> &[[f64; 2]] {
+        &self.further
     }
 
     fn advance(
@@ -103,9 +115,8 @@ impl<P: Plant> Course for StageCourse<'_, P> {
 
     /// By one channel after the other, each linearised where those before it have led.
     ///
-    /// What is kept of the innovations is the first channel's: it alone is foretold by the past and nothing else, so that
-    /// its sequence is white and its NIS 1 on average for a filter that is right, whatever the number of channels. A
-    /// wrong gap or gain of another one moves the state, and shows there.
+    /// Each innovation is foretold by the past and the channels before it, so that all sequences are white, and independent of one
+    /// another, for a filter that is right.
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,
@@ -113,13 +124,17 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let mut first = None;
+        self.further.clear();
         for (i, (channel, plant)) in self.channels.iter().zip(self.plants).enumerate() {
             let y = channel.signal[k];
-            if y.is_finite() {
-                let innovation = filter.update(&plant.sensor(), y, channel.noise_variance)?;
-                if i == 0 {
-                    first = Some(innovation);
-                }
+            let update = || filter.update(&plant.sensor(), y, channel.noise_variance);
+            let innovation = y.is_finite().then(update).transpose()?;
+            if i == 0 {
+                first = innovation;
+            } else {
+                let of =
+                    |found: Innovation<f64, 1>| [found.residual[0], found.covariance.standard_deviation(0)];
+                self.further.push(innovation.map_or([f64::NAN; 2], of));
             }
         }
         Ok(first)

@@ -18,7 +18,7 @@ pub fn swing<'a>(
 ) -> Option<Swing> {
     let rate = TAU * motion_hz;
     let (mut sum, mut weights) = ([0.0; 2], 0.0);
-    for Channel { current, noise_variance, signal } in channels {
+    for Channel { current, noise_variance, signal, .. } in channels {
         let Some(sine) = fit_sine_at(time_s, signal, motion_hz) else { continue };
         let line = |amplitude| current_line(|angle, rate| current.voltage(angle, rate), 1, rate, amplitude);
         let largest = SHORT_OF_CONTACT * contact(&current.plate);
@@ -69,8 +69,12 @@ mod tests {
             });
             signals[1].fill(f64::NAN);
             let channels = currents.into_iter().zip(&signals);
-            let channels =
-                channels.map(|(current, signal)| Channel { current, noise_variance: 1e-11, signal });
+            let channels = channels.map(|(current, signal)| Channel {
+                name: "",
+                current,
+                noise_variance: 1e-11,
+                signal,
+            });
             let found = swing(motion_hz, &time_s, channels).unwrap();
             for time_s in [2.0, 2.0003] {
                 let ([x, _], [y, _]) = (found.at(time_s), truth.at(time_s));

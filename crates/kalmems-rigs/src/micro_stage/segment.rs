@@ -213,7 +213,7 @@ impl Task<'_> {
 
 /// The channels that a filter takes, in the order of its file or of the recording.
 fn channels<'a>(
-    settings: &Settings,
+    settings: &'a Settings,
     filter: &FilterSettings,
     samples: &'a Samples,
 ) -> Result<Vec<Channel<'a>>, EstimateError> {
@@ -228,6 +228,7 @@ fn channels<'a>(
                 why: format!("the recording has no channel `{}`", described.meaning()),
             })?;
         Ok(Channel {
+            name: &described.name,
             current: described.current,
             // The settings were refused where it is not known.
             noise_variance: described.noise_variance.unwrap_or(1.0),

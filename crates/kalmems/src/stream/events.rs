@@ -139,6 +139,7 @@ impl Watch {
             lock,
             mean_nis: self.alarm.mean_nis,
             alarm: self.alarm.raised,
+            failing: Vec::new(),
         }
     }
 

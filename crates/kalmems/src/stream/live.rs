@@ -1,12 +1,13 @@
 //! The loop that estimates samples while they arrive, and what it keeps.
 
 use super::events::{Event, Watch};
+use super::judged::Judged;
 use super::latency::{Arrivals, Histogram};
 use super::noise_only::{Content, NoiseWatch};
 use super::output::{Outputs, Writer};
 use super::shared::Shared;
 use super::state::Keeper;
-use super::supervision::{Heartbeat, StreamEvent};
+use super::supervision::{FilterHealth, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
     EstimateError, ForetoldCounts, Motion, Part, Past, SegmentEstimate, StretchJudge, StretchSummary,
@@ -79,6 +80,7 @@ pub(super) struct Live<'a> {
     /// One per answer.
     watches: Vec<(String, Watch)>,
     noise: NoiseWatch,
+    judged: Judged,
     heartbeat: Heartbeat,
     ahead: AheadSummary,
     /// What was told ahead in the stretches before.
@@ -128,6 +130,7 @@ impl<'a> Live<'a> {
             failed: None,
             watches: Vec::new(),
             noise: NoiseWatch::default(),
+            judged: Judged::default(),
             heartbeat: Heartbeat::new(settings.heartbeat),
             ahead: AheadSummary::default(),
             ahead_before: ForetoldCounts::default(),
@@ -245,7 +248,11 @@ impl<'a> Live<'a> {
         (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
         health.stretches = self.stretches;
         health.noise_only = self.noise.is_noise_only();
-        health.filters = self.watches.iter().map(|(key, watch)| watch.health(key)).collect();
+        let of = |(key, watch): &(String, Watch)| FilterHealth {
+            failing: self.judged.failing(key),
+            ..watch.health(key)
+        };
+        health.filters = self.watches.iter().map(of).collect();
         self.writer.notice(&StreamEvent::Health(Box::new(health)))
     }
 
@@ -310,6 +317,7 @@ impl<'a> Live<'a> {
         }
         let Some(after_s) = self.last_s else { return Ok(()) };
         self.watches.iter_mut().for_each(|(_, watch)| watch.begin());
+        self.judged.begin();
         self.ahead_before = self.ahead.counts;
         if let Some(keeper) = &mut self.keeper {
             keeper.begin();
@@ -409,6 +417,7 @@ impl<'a> Live<'a> {
             self.summary.events += events.len() as u64;
             self.writer.events(Some(&trajectory.key), &events)?;
         }
+        self.judged.take(estimate);
         self.summary.estimated += part.fresh.len() as u64;
         self.writer.flush()
     }

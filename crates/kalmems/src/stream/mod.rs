@@ -7,6 +7,7 @@
 mod connection;
 mod decode;
 mod events;
+mod judged;
 mod latency;
 mod live;
 mod noise_only;

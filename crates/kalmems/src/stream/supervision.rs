@@ -1,6 +1,7 @@
 //! What is told of a stream itself while it runs: its connection, its stretches and its health.
 
 use super::shared::{Break, Notice, Shared, WayCounts};
+use crate::evaluate::InnovationTest;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -109,6 +110,8 @@ pub struct FilterHealth {
     pub mean_nis: Option<f64>,
     /// Whether that is an alarm.
     pub alarm: bool,
+    /// The tests of its innovations that fail, over the last 10⁶ of them at most.
+    pub failing: Vec<InnovationTest>,
 }
 
 /// Whether a filter follows the motion.

@@ -111,7 +111,13 @@ impl Cycle {
         let p_value = ((BINS / SECTOR) as f64 * chance).min(1.0);
         let middle = (sector * SECTOR + SECTOR / 2) as f64 / BINS as f64;
         let place = Place::Phase { degrees: 360.0 * middle, of_hz: self.frequency_hz };
-        Some(TestResult { test: InnovationTest::Phase, p_value, size: size - 1.0, place: Some(place) })
+        Some(TestResult {
+            test: InnovationTest::Phase,
+            p_value,
+            size: size - 1.0,
+            place: Some(place),
+            signal: None,
+        })
     }
 
     /// Each harmonic that is seen by itself: at these samples a harmonic near zero, half the sampling rate or another harmonic
@@ -158,6 +164,6 @@ impl Cycle {
         let statistic: f64 = all.iter().map(|h| -2.0 * h.chance.max(f64::MIN_POSITIVE).ln()).sum();
         let p_value = ChiSquared::new(2.0 * all.len() as f64).ok()?.sf(statistic);
         let place = Place::Harmonic { number: worst.number, of_hz: self.frequency_hz };
-        Some(TestResult { test, p_value, size: worst.amplitude, place: Some(place) })
+        Some(TestResult { test, p_value, size: worst.amplitude, place: Some(place), signal: None })
     }
 }

@@ -51,7 +51,7 @@ impl Moments {
     pub fn size(&self) -> Option<TestResult> {
         let chi = ChiSquared::new(self.count).ok()?;
         let (test, mean) = (InnovationTest::MeanNis, self.mean_square());
-        Some(TestResult { test, p_value: chi.sf(self.powers[1]), size: mean, place: None })
+        Some(TestResult { test, p_value: chi.sf(self.powers[1]), size: mean, place: None, signal: None })
     }
 
     /// The same where nothing is known of how the innovations are correlated: as if they were all one.
@@ -77,7 +77,13 @@ impl Moments {
         let (skewness, kurtosis) = (m3 / m2.powf(1.5), m4 / (m2 * m2));
         let statistic = normal_skewness(skewness, n).powi(2) + normal_kurtosis(kurtosis, n).powi(2);
         let p_value = calibrated(ChiSquared::new(2.0).ok()?.sf(statistic), n);
-        Some(TestResult { test: InnovationTest::Shape, p_value, size: kurtosis - 3.0, place: None })
+        Some(TestResult {
+            test: InnovationTest::Shape,
+            p_value,
+            size: kurtosis - 3.0,
+            place: None,
+            signal: None,
+        })
     }
 
     /// Whether the filter claims larger innovations than it has. That is no fault, but its innovations are neither white nor of one
@@ -95,7 +101,13 @@ impl Moments {
         let (largest, at_s) = self.largest;
         let size = largest / self.mean_square().max(1.0).sqrt();
         let p_value = (2.0 * self.count * normal_tail(size)).min(1.0);
-        Some(TestResult { test: InnovationTest::Outlier, p_value, size, place: Some(Place::Time { at_s }) })
+        Some(TestResult {
+            test: InnovationTest::Outlier,
+            p_value,
+            size,
+            place: Some(Place::Time { at_s }),
+            signal: None,
+        })
     }
 }
 

@@ -95,6 +95,9 @@ pub struct TestResult {
     /// Where it is largest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<Place>,
+    /// The signal whose innovations these are, where it is not the first one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signal: Option<String>,
 }
 
 impl TestResult {
@@ -108,7 +111,8 @@ impl TestResult {
     /// What was found, in a word or two with its place.
     pub fn in_short(&self) -> String {
         let at = self.place.map_or_else(String::new, |place| format!(" {place}"));
-        match self.test {
+        let of = self.signal.as_ref().map_or_else(String::new, |of| format!(" of {of}"));
+        let found = match self.test {
             InnovationTest::MeanNis => format!("a mean NIS of {:.3}", self.size),
             InnovationTest::Level => format!("a mean{at}"),
             InnovationTest::Bands => format!("too much power{at}"),
@@ -119,7 +123,8 @@ impl TestResult {
             InnovationTest::Shape => "a distribution that is not normal".to_owned(),
             InnovationTest::Outlier => format!("an outlier{at}"),
             InnovationTest::Whiteness => "correlation".to_owned(),
-        }
+        };
+        found + &of
     }
 }
 
@@ -128,6 +133,9 @@ impl std::fmt::Display for TestResult {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { test, size, place, .. } = self;
         let at = place.map_or_else(String::new, |place| place.to_string());
+        if let Some(of) = &self.signal {
+            write!(f, "of {of} ")?;
+        }
         match test {
             InnovationTest::MeanNis => write!(
                 f,

@@ -143,13 +143,12 @@ impl Products {
         let mut before = [0.0; LAGS + 1];
         for (k, z) in block.iter().enumerate() {
             // The newest last, so that a window of the block serves where it has begun long enough ago.
-            let window: &[f64; LAGS + 1] = match block[..=k].last_chunk() {
-                Some(window) => window,
-                None => {
-                    before.rotate_left(1);
-                    before[LAGS] = *z;
-                    &before
-                }
+            let window: &[f64; LAGS + 1] = if let Some(window) = block[..=k].last_chunk() {
+                window
+            } else {
+                before.rotate_left(1);
+                before[LAGS] = *z;
+                &before
             };
             for (sum, other) in self.sums.iter_mut().zip(window) {
                 *sum += z * other;
@@ -220,6 +219,7 @@ impl Spectrum {
             p_value: (looks * chance).min(1.0),
             size,
             place: Some(place),
+            signal: None,
         })
     }
 
@@ -237,7 +237,7 @@ impl Spectrum {
         let (chance, size, frequency) = largest.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let place = Place::Frequency { hz: frequency / interval_s };
         let p_value = (looks as f64 * chance).min(1.0);
-        Some(TestResult { test: InnovationTest::Line, p_value, size, place: Some(place) })
+        Some(TestResult { test: InnovationTest::Line, p_value, size, place: Some(place), signal: None })
     }
 
     /// Whether an innovation tells of the next: the statistic of Ljung and Box over 20 lags (Biometrika 65, 297, 1978).
@@ -256,6 +256,6 @@ impl Spectrum {
         let p_value = ChiSquared::new(LAGS as f64).ok()?.sf(statistic).max(WRONG / ABOVE * above);
         let largest = (1..=LAGS).max_by(|a, b| term(*a).total_cmp(&term(*b)))?;
         let (test, size) = (InnovationTest::Whiteness, self.products.correlation(largest));
-        Some(TestResult { test, p_value, size, place: Some(Place::Lag { updates: largest }) })
+        Some(TestResult { test, p_value, size, place: Some(Place::Lag { updates: largest }), signal: None })
     }
 }

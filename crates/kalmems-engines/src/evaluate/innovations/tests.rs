@@ -220,10 +220,10 @@ fn too_few_innovations_are_tested_for_what_they_can_show() {
 #[test]
 #[ignore = "5 minutes in a release build"]
 fn slow_the_test_of_shape_fails_as_often_as_it_says() {
-    for (count, sets) in [(300, 2_000_000), (1000, 1_000_000), (5000, 200_000)] {
+    for (count, sets) in [(300_u32, 2_000_000), (1000, 1_000_000), (5000, 200_000)] {
         let bounds = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
         let mut below = [0_u32; 5];
-        let mut noise = WhiteNoise::new(count as u64, 9);
+        let mut noise = WhiteNoise::new(count.into(), 9);
         for _ in 0..sets {
             let mut moments = Moments::default();
             for _ in 0..count {

@@ -27,12 +27,12 @@ pub struct Windows {
     length: usize,
     /// Those of the last one.
     filled: usize,
-    windows: Vec<Window>,
+    all: Vec<Window>,
 }
 
 impl Default for Windows {
     fn default() -> Self {
-        Self { length: SHORTEST, filled: SHORTEST, windows: Vec::new() }
+        Self { length: SHORTEST, filled: SHORTEST, all: Vec::new() }
     }
 }
 
@@ -43,7 +43,7 @@ impl Windows {
         if self.filled == self.length {
             self.begin(time_s);
         }
-        if let Some(window) = self.windows.last_mut() {
+        if let Some(window) = self.all.last_mut() {
             window.to_s = time_s;
             window.count += 1.0;
             window.sum += z;
@@ -53,22 +53,19 @@ impl Windows {
     }
 
     fn begin(&mut self, time_s: f64) {
-        if self.windows.len() == MOST {
-            self.windows = self.windows.chunks(2).map(|pair| pair[0].with(pair.get(1))).collect();
+        if self.all.len() == MOST {
+            self.all = self.all.chunks(2).map(|pair| pair[0].with(pair.get(1))).collect();
             self.length *= 2;
         }
-        self.windows.push(Window { from_s: time_s, to_s: time_s, count: 0.0, sum: 0.0, squares: 0.0 });
+        self.all.push(Window { from_s: time_s, to_s: time_s, count: 0.0, sum: 0.0, squares: 0.0 });
         self.filled = 0;
     }
 
     /// The windows that are whole, or nearly so.
     fn whole(&self) -> &[Window] {
-        let ends = if 2 * self.filled < self.length {
-            self.windows.len().saturating_sub(1)
-        } else {
-            self.windows.len()
-        };
-        &self.windows[..ends]
+        let ends =
+            if 2 * self.filled < self.length { self.all.len().saturating_sub(1) } else { self.all.len() };
+        &self.all[..ends]
     }
 
     /// Whether the level stays at zero: Σ (Σz)²/n over the windows is χ² of a filter that is right. One-sided, with the
@@ -79,7 +76,7 @@ impl Windows {
         let p_value = ChiSquared::new(windows.len() as f64).ok()?.sf(statistic);
         let worst = windows.iter().max_by(|a, b| a.sum.abs().total_cmp(&b.sum.abs()))?;
         let (place, size) = (Some(worst.place()), worst.sum / worst.count);
-        Some(TestResult { test: InnovationTest::Level, p_value, size, place })
+        Some(TestResult { test: InnovationTest::Level, p_value, size, place, signal: None })
     }
 
     /// Whether the variance is larger than claimed in some window: of a careful filter, whose claim may be too large by a factor
@@ -91,7 +88,7 @@ impl Windows {
         let (chance, worst) = worst?;
         let p_value = (windows.len() as f64 * chance).min(1.0);
         let (size, place) = (worst.squares / worst.count, Some(worst.place()));
-        Some(TestResult { test: InnovationTest::Windows, p_value, size, place })
+        Some(TestResult { test: InnovationTest::Windows, p_value, size, place, signal: None })
     }
 
     /// Whether the variance is the same in all windows. The mean of n squares of a normal number is nearly normal as its cube
@@ -112,7 +109,7 @@ impl Windows {
         let worst = windows.iter().max_by(|a, b| deviation(a).abs().total_cmp(&deviation(b).abs()))?;
         let size = worst.squares / (worst.count * mean);
         let place = Some(worst.place());
-        Some(TestResult { test: InnovationTest::Windows, p_value, size, place })
+        Some(TestResult { test: InnovationTest::Windows, p_value, size, place, signal: None })
     }
 }
 
