@@ -130,6 +130,13 @@ fn deleting_the_reference_changes_no_estimate() {
     let (opposite, metrics) = run(&published().load(&path).unwrap());
     assert_eq!(bits(&with), bits(&opposite));
     assert!(metrics.estimators().filter(|e| e.key != "model_alone").all(|e| e.verdict == Verdict::WrongSign));
+    let says =
+        |metrics: &Metrics, text: &str| notices(metrics).iter().any(|notice| notice.text.contains(text));
+    assert!(says(&metrics, "estimate.first_peak") && !says(&metrics, "scale = -1"));
+    // Of a device whose signal tells the sign there is no such key.
+    let mut told_by_signal = metrics;
+    told_by_signal.recordings[0].segments[0].sign_is_hidden = false;
+    assert!(!says(&told_by_signal, "estimate.first_peak") && says(&told_by_signal, "scale = -1"));
 }
 
 #[test]

@@ -19,12 +19,12 @@ pub struct Lock {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum LockEvent {
-    /// Over a whole cycle of the motion the prediction left more than half of the signal unexplained, and far
-    /// more than the filter expected. The axes of a device share the signal, so that all of them lose it.
+    /// Over a whole cycle of the motion the prediction left more than half of the signal unexplained, noise from sample to sample
+    /// not counted, and far more than the filter expected. The axes of a device share the signal, so that all of them lose it.
     Lost {
         /// When the cycle began, in s.
         time_s: f64,
-        /// The root mean square innovation over the signal's standard deviation in that cycle.
+        /// The root mean square innovation, less its noise, over the signal's standard deviation in that cycle.
         unexplained: f64,
     },
     /// The estimated motion has moved by more than a quarter of a cycle against the drive since it was last
@@ -175,7 +175,12 @@ impl SignalJudge {
                 let mean = |f: &dyn Fn(&[f64; 3]) -> f64| updates().map(f).sum::<f64>() / count as f64;
                 let level = mean(&|[signal, ..]| *signal);
                 let spread = mean(&|[signal, ..]| (signal - level).powi(2));
-                let unexplained = (mean(&|[_, innovation, _]| innovation.powi(2)) / spread).sqrt();
+                // What is left of a motion goes on from one sample to the next; what does not is noise, and no motion was lost in it.
+                let left: Vec<f64> = updates().map(|[_, innovation, _]| *innovation).collect();
+                let steps: f64 = left.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+                let noise = 0.5 * steps / (count - 1) as f64;
+                let square = mean(&|[_, innovation, _]| innovation.powi(2));
+                let unexplained = ((square - noise).max(0.0) / spread).sqrt();
                 // Once lost, it is found again only when the prediction is twice as good, so that one loss is told once.
                 let share = if self.was_lost { UNEXPLAINED / 2.0 } else { UNEXPLAINED };
                 let is_lost = unexplained > share && mean(&|[_, _, nis]| *nis) > ALARM;

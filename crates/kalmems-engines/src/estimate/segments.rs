@@ -32,6 +32,8 @@ pub struct SegmentEstimate {
     /// When an angle was passed, as the signal itself shows it of these samples or some before them, in the order in which that
     /// became known; none of a device without a threshold.
     pub crossings: Vec<Crossing>,
+    /// Whether the signal is the same for the mirrored motion, so that the experiment states its sign.
+    pub sign_is_hidden: bool,
     /// What a reader of the figures has to know and cannot see from them, in sentences.
     pub remarks: Vec<String>,
     /// One per filter.
@@ -171,6 +173,7 @@ impl SignalSegment<'_> {
             skip_s: self.skip_s,
             parts: 1,
             crossings: Vec::new(),
+            sign_is_hidden: false,
             remarks: Vec::new(),
             trajectories,
         }

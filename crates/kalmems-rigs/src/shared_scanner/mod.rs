@@ -175,6 +175,7 @@ impl Estimator for ScannerEstimator<'_> {
         let mut remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
         remarks.extend(settings.poles_left_out().filter(|_| part.begins));
         Ok(SegmentEstimate {
+            sign_is_hidden: true,
             remarks,
             ..segment.estimated_under(drive_column, (axis, Vec::new()), trajectories)
         })

@@ -80,6 +80,9 @@ pub struct SegmentMetrics {
     /// The axes beside the one that `drive` and `motion_hz` are of.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub other_axes: Vec<AxisMetrics>,
+    /// Whether the signal is the same for the mirrored motion.
+    #[serde(skip)]
+    pub sign_is_hidden: bool,
     /// What a reader of the figures has to know and cannot see from them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -335,6 +338,7 @@ pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
                 drive: axis.drive.map(drive),
             })
             .collect(),
+        sign_is_hidden: estimate.sign_is_hidden,
         remarks: estimate.remarks.clone(),
         likeliest: likeliest(&estimators),
         estimators,

@@ -238,7 +238,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                 say(Severity::Note, format!("{place}: {remark}"));
             }
             for estimator in &segment.estimators {
-                for (severity, text) in sentences(estimator) {
+                for (severity, text) in sentences(estimator, segment.sign_is_hidden) {
                     say(severity, format!("{place}: {}: {text}", estimator.name));
                 }
             }
@@ -253,7 +253,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     notices
 }
 
-fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severity, String)> {
     let mut said = Vec::new();
     if let Some(failure) = &estimator.failure {
         said.push((Severity::Failure, failure.clone()));
@@ -286,14 +286,19 @@ fn sentences(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     if estimator.verdict == Verdict::WrongSign {
         let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
         let of = if angles.is_empty() { String::new() } else { format!(" in {}", angles.join(" and ")) };
-        said.push((
-            Severity::Failure,
-            format!(
-                "the reference moves the other way{of}; the sign of the motion cannot be seen in the signal, so \
-                 correct `estimate.first_peak`{}",
-                if of.is_empty() { "" } else { " of that axis" }
-            ),
-        ));
+        let mend = match (sign_is_hidden, of.is_empty()) {
+            (true, true) => {
+                "the sign of the motion cannot be seen in the signal, so correct `estimate.first_peak`"
+            }
+            (true, false) => {
+                "the sign of the motion cannot be seen in the signal, so correct `estimate.first_peak` of that axis"
+            }
+            (false, _) => {
+                "the signal of this device tells the sign, so that the signal or the reference is recorded with the wrong one: \
+                 `scale = -1` of its channel turns it"
+            }
+        };
+        said.push((Severity::Failure, format!("the reference moves the other way{of}; {mend}")));
     }
     said.extend(of_the_grade(estimator));
     let counts = &estimator.counts;

@@ -75,12 +75,12 @@ fn put(document: &mut Value, key: &str, value: Option<&str>) {
     match (place, value) {
         (Value::Array(list), None) => drop(list.remove(last.parse().unwrap())),
         (Value::Table(table), None) => drop(table.remove(last)),
-        (Value::Table(table), Some(text)) => {
+        (place, Some(text)) => {
             let parsed: Table =
                 format!("x = {text}").parse().unwrap_or_else(|e| panic!("{key} = {text}: {e}"));
-            table.insert(last.to_owned(), parsed["x"].clone());
+            *below(place, last) = parsed["x"].clone();
         }
-        (place, _) => panic!("{key} in {place}"),
+        (place, None) => panic!("{key} in {place}"),
     }
 }
 

@@ -135,6 +135,10 @@ impl Estimator for TwoAxesEstimator<'_> {
         let calibrated = settings.first_peak_positive.iter().any(Option::is_some);
         let remarks = sign_after_restart(part, calibrated);
         let axes = (axis(0, x), vec![axis(1, y)]);
-        Ok(SegmentEstimate { remarks, ..segment.estimated_under(drive_column, axes, trajectories) })
+        Ok(SegmentEstimate {
+            sign_is_hidden: true,
+            remarks,
+            ..segment.estimated_under(drive_column, axes, trajectories)
+        })
     }
 }
