@@ -5,6 +5,7 @@ mod regulation;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::LockEvent;
+use kalmems::evaluate::Grade;
 use kalmems::figures::{Figure, Series, Shape};
 use kalmems::progress::Silent;
 use kalmems::results::{
@@ -449,4 +450,32 @@ fn what_is_wrong_with_the_reference_is_noted() {
     // The ordinary example has neither.
     let said = notices_with_reference(|_, _| ());
     assert!(!said.iter().any(|notice| notice.contains("reference.csv")), "{said:?}");
+}
+
+/// The claim is held against the reference with the reference's own accuracy, which the experiment may state.
+#[test]
+fn the_references_own_accuracy_counts() {
+    let told = |lines: &str| {
+        let table = format!("[recording.reference]\n{lines}");
+        changed("experiment.toml", &[("[recording.reference]\n", &table), (Q, "1e7 rad^2/s^3")])
+    };
+    let claim = |lines: &str| {
+        let (_, metrics) = run(&told(lines));
+        let ekf = metrics.estimators().find(|e| e.key == "ekf").unwrap();
+        (ekf.errors.as_ref().unwrap().angle.claim.unwrap(), ekf.grade)
+    };
+    let (exact, grade) = claim("");
+    assert!(exact.fails() && grade == Some(Grade::Failed), "{exact:?}");
+    // With 1° of its own the reference cannot tell the estimate's tenth of one.
+    let (rough, _) = claim("sd = { angle = \"1 deg\" }\n");
+    assert!(!rough.fails() && rough.within == 1.0 && rough.mean_square < 0.1, "{rough:?}");
+    // A delay that may be off by a cycle explains the part of the error that is late.
+    let (late, _) = claim("delay_sd = \"60 us\"\n");
+    assert!(late.mean_square < exact.mean_square, "{late:?}");
+    let refused =
+        workflow::estimate(published(), &told("sd = { angel = \"1 deg\" }\n"), &Silent).unwrap_err();
+    assert!(refused.to_string().contains("recording[0].reference.sd.angel"), "{refused}");
+    let refused =
+        workflow::estimate(published(), &told("sd = { angle = \"-1 deg\" }\n"), &Silent).unwrap_err();
+    assert!(refused.to_string().contains("recording[0].reference.sd.angle"), "{refused}");
 }
