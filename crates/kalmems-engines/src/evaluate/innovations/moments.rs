@@ -67,23 +67,22 @@ impl Moments {
     /// `share` is how many of the innovations count, where they are correlated.
     pub fn shape(&self, share: f64) -> Option<TestResult> {
         let n = self.count * share;
-        if n < FEWEST {
-            return None;
-        }
+        let (stated, excess) = (n >= FEWEST).then(|| self.shape_by_law(n))?;
+        let p_value = calibrated(stated, n);
+        Some(TestResult { test: InnovationTest::Shape, p_value, size: excess, place: None, signal: None })
+    }
+
+    /// The probability that the law of χ² states of the shape of n numbers, which is exact in the middle alone, and their excess
+    /// kurtosis.
+    pub fn shape_by_law(&self, n: f64) -> (f64, f64) {
         let [m1, r2, r3, r4] = self.powers.map(|sum| sum / self.count);
         let m2 = r2 - m1 * m1;
         let m3 = r3 - 3.0 * m1 * r2 + 2.0 * m1.powi(3);
         let m4 = r4 - 4.0 * m1 * r3 + 6.0 * m1 * m1 * r2 - 3.0 * m1.powi(4);
         let (skewness, kurtosis) = (m3 / m2.powf(1.5), m4 / (m2 * m2));
         let statistic = normal_skewness(skewness, n).powi(2) + normal_kurtosis(kurtosis, n).powi(2);
-        let p_value = calibrated(ChiSquared::new(2.0).ok()?.sf(statistic), n);
-        Some(TestResult {
-            test: InnovationTest::Shape,
-            p_value,
-            size: kurtosis - 3.0,
-            place: None,
-            signal: None,
-        })
+        // That of two degrees of freedom.
+        ((-0.5 * statistic).exp(), kurtosis - 3.0)
     }
 
     /// Whether the filter claims larger innovations than it has. That is no fault, but its innovations are neither white nor of one
