@@ -22,6 +22,8 @@ pub struct Arguments {
 pub enum Command {
     /// Calibrate an instrument by a motion that is known.
     Calibrate(CalibrateArguments),
+    /// Find what of an experiment is wrong, by the innovations of a filter, and say what to write instead.
+    Diagnose(DiagnoseArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
     /// Write a filter of an experiment as source code for a microcontroller.
@@ -119,6 +121,24 @@ pub struct EstimateArguments {
     /// Do not write the trajectories, which take several times the room of a long recording.
     #[arg(long)]
     pub no_trajectories: bool,
+}
+
+#[derive(Args)]
+pub struct DiagnoseArguments {
+    /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
+    pub experiment: PathBuf,
+    /// The filter whose innovations are looked at, by its name [default: the first that is a Kalman filter].
+    #[arg(long, value_name = "NAME")]
+    pub filter: Option<String>,
+    /// Write the experiment with what the first cause says to this file, in the same folder.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was found as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

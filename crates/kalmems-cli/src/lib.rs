@@ -49,6 +49,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
         Command::Export(arguments) => commands::export::run(workbench, arguments),
         Command::Image(arguments) => commands::image::run(arguments),

@@ -10,7 +10,9 @@ pub mod shared_scanner;
 pub mod threshold_scanner;
 pub mod workflow;
 
-pub use kalmems_engines::rig::{DrivenDevice, DrivenModel, DrivenRig, Estimator, Rig, Workbench};
+pub use kalmems_engines::rig::{
+    DrivenDevice, DrivenModel, DrivenRig, Estimator, Form, LeftOut, Rig, Workbench,
+};
 
 use kalmems_engines::{
     circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, signal,

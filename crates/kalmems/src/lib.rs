@@ -28,6 +28,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod diagnose;
+mod patch;
 pub mod results;
 pub mod stream;
 pub mod study;

@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 pub mod calibrate;
+pub mod diagnose;
 pub mod estimate;
 pub mod export;
 pub mod identify;

@@ -134,6 +134,11 @@ impl Experiment {
         &self.source.path
     }
 
+    /// The text of that file.
+    pub fn text(&self) -> &str {
+        &self.source.text
+    }
+
     /// A file that the experiment names: relative to the folder of the experiment file.
     pub fn resolve(&self, file: &Path) -> PathBuf {
         self.source.path.parent().unwrap_or(Path::new("")).join(file)

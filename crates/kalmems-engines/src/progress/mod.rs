@@ -1,8 +1,10 @@
 //! What long work tells, and how it is stopped.
 
 mod pace;
+mod threads;
 
 pub use pace::Pace;
+pub use threads::map_on_threads;
 
 use std::ops::ControlFlow;
 

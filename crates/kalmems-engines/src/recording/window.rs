@@ -4,6 +4,21 @@ use super::Recording;
 use super::segment::Times;
 
 impl Recording {
+    /// What it would be if the numbers of a column were others: `change` is given times and values in SI of one segment after the
+    /// other. For questions about a filter; what was found in the file stays as it was.
+    #[must_use]
+    pub fn what_if(&self, column: &str, change: impl Fn(&[f64], &mut [f64])) -> Self {
+        let mut other = self.clone();
+        if let Some(column) = other.columns.iter_mut().find(|own| own.header.column == column) {
+            for segment in &other.segments {
+                if let Some(values) = column.values.get_mut(segment.rows.clone()) {
+                    change(&segment.time.to_vec(), values);
+                }
+            }
+        }
+        other
+    }
+
     /// Puts the rows of a later stretch of the same segment behind.
     pub(crate) fn extend(&mut self, later: &Self) {
         for (column, more) in self.columns.iter_mut().zip(&later.columns) {

@@ -4,9 +4,11 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
 mod driven;
+mod left_out;
 mod workbench;
 
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
+pub use left_out::{Form, LeftOut};
 pub use workbench::Workbench;
 
 use crate::config::kinds::Length;
@@ -77,6 +79,12 @@ pub trait Rig: Send + Sync {
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
         let _ = experiment;
         Ok(None)
+    }
+
+    /// Numbers that the device table may leave out, or have as zero, and that may be what is wrong.
+    fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
+        let _ = experiment;
+        Vec::new()
     }
 
     /// What estimates one of them, part by part.

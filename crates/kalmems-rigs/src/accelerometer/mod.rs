@@ -23,7 +23,7 @@ mod simulation;
 mod uncertainty;
 mod varied;
 
-use super::{Estimator, Rig};
+use super::{Estimator, Form, LeftOut, Rig};
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
@@ -80,6 +80,18 @@ impl Rig for AccelerometerRig {
             feedback: simulation::feedback(experiment).is_some(),
             ..Uses::default()
         }
+    }
+
+    fn left_out(&self, _: &Experiment) -> Vec<LeftOut> {
+        let squeezed_film = LeftOut {
+            key: "proof_mass.squeezed_film",
+            unit: "",
+            step: 1e-3,
+            is_never_negative: true,
+            form: Form::Number,
+            filter_switch: None,
+        };
+        vec![squeezed_film]
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -21,7 +21,7 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use super::{Estimator, Rig};
+use super::{Estimator, Form, LeftOut, Rig};
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{Around, Axis, Beside, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
@@ -52,6 +52,23 @@ static NO_METHODS: [(Method, &str); 1] = [(
     "its signal is even in the angle and tells no sign; use `lock_in`, or a filter such as `ekf`",
 )];
 
+/// How late the readout may be of a motion of this frequency in Hz, in steps of a two-thousandth of its cycle: as a whole, or by the
+/// poles of its demodulator.
+fn left_out(natural_hz: f64) -> Vec<LeftOut> {
+    let late = |key, form, filter_switch| LeftOut {
+        key,
+        unit: "s",
+        step: 5e-4 / natural_hz,
+        is_never_negative: true,
+        form,
+        filter_switch,
+    };
+    vec![
+        late("readout.delay", Form::Number, None),
+        late("readout.poles", Form::TwoPoles, Some("demodulator")),
+    ]
+}
+
 impl Rig for SharedScannerRig {
     fn name(&self) -> &'static str {
         "shared_scanner"
@@ -77,6 +94,10 @@ impl Rig for SharedScannerRig {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
         let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
         experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
+    }
+
+    fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
+        Hardware::of(experiment).map_or_else(|_| Vec::new(), |hardware| left_out(hardware.natural_hz()))
     }
 
     fn estimator<'a>(

@@ -21,7 +21,7 @@ mod settings;
 mod simulation;
 mod verdict;
 
-use super::{Estimator, Rig};
+use super::{Estimator, Form, LeftOut, Rig};
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
@@ -78,6 +78,18 @@ impl Rig for ThresholdScannerRig {
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
         instruments(experiment)
+    }
+
+    fn left_out(&self, _: &Experiment) -> Vec<LeftOut> {
+        let number = |key, unit, step| LeftOut {
+            key,
+            unit,
+            step,
+            is_never_negative: false,
+            form: Form::Number,
+            filter_switch: None,
+        };
+        vec![number("readout.feedthrough_capacitance", "pF", 1e-3), number("readout.offset", "mV", 0.1)]
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

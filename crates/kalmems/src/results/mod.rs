@@ -1,5 +1,6 @@
 //! Results: what is computed from an outcome, and the files and pictures that it becomes.
 
+mod diagnosis;
 mod figure_files;
 mod figures;
 mod files;

@@ -44,7 +44,6 @@ mod journal;
 mod map;
 #[cfg(feature = "parquet-results")]
 mod parquet;
-mod patch;
 mod pictures;
 mod plan;
 mod results;

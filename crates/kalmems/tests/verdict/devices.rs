@@ -69,7 +69,7 @@ fn below<'a>(value: &'a mut Value, key: &str) -> &'a mut Value {
 }
 
 /// Puts a value in its place, or takes what is there away.
-fn put(document: &mut Value, key: &str, value: Option<&str>) {
+pub fn put(document: &mut Value, key: &str, value: Option<&str>) {
     let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
     let place = path.split('.').filter(|part| !part.is_empty()).fold(document, below);
     match (place, value) {
@@ -108,15 +108,19 @@ impl Device {
         published().parse(&text, &path).unwrap_or_else(|e| panic!("{}: {e}", self.name))
     }
 
-    /// What filters that are `told` this make of a recording of what is `true`, which both are where neither differs from the
-    /// example; `None` where the recording is refused.
-    pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
+    /// What filters that are `told` this are told of a recording of what is `true`, which both are where neither differs from the
+    /// example, and that recording.
+    pub fn recorded(&self, real: &[Setting], told: &[Setting], seed: u64) -> (Experiment, Unwritten) {
         let real = self.experiment(real, seed);
         let simulation =
             published().rig(&real).unwrap().simulate(&real).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-        let told = described(&self.experiment(told, seed), &*simulation);
-        drop(simulation);
+        (described(&self.experiment(told, seed), &*simulation), simulated)
+    }
+
+    /// What those filters make of it; `None` where the recording is refused.
+    pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
+        let (told, simulated) = self.recorded(real, told, seed);
         let outcome = estimate_unwritten(published(), &told, &simulated, &Silent);
         outcome.ok().map(|outcome| Metrics::of(&outcome))
     }

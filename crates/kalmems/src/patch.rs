@@ -4,7 +4,7 @@ use crate::config::{Fault, Key, Step};
 use toml::{Table, Value};
 
 /// Puts a value at a key. Tables on the way that are not there are made; entries of lists are not.
-pub(super) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
+pub(crate) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
     let (Some(Step::Name(first)), steps) = (key.steps().first(), key.steps().get(1..).unwrap_or_default())
     else {
         return Err(Fault::Value { why: "a key begins with a name".to_owned() });
@@ -43,7 +43,7 @@ pub(super) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), F
 }
 
 /// The first name on the way to a key that the document does not have, and the names beside which it would stand.
-pub(super) fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
+pub(crate) fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
     let mut table = Some(document);
     let mut list: Option<&[Value]> = None;
     for step in key.steps() {

@@ -1,0 +1,208 @@
+//! Maximum likelihood of innovations.
+
+use super::triangle::Triangle;
+
+/// Innovations ν of a filter and their variances S, in the order of time; what is not finite is no update.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Innovations {
+    /// Measured minus predicted, in the unit of the signal.
+    pub value: Vec<f64>,
+    /// The variance that the filter gives each of them.
+    pub variance: Vec<f64>,
+}
+
+impl Innovations {
+    /// Σ ln p(ν) = −½ Σ (ν²/S + ln 2πS) over those that are updates.
+    pub fn log_likelihood(&self) -> f64 {
+        let each = self.value.iter().zip(&self.variance).map(|(value, variance)| {
+            -0.5 * (value * value / variance + (2.0 * std::f64::consts::PI * variance).ln())
+        });
+        each.filter(|l| l.is_finite()).sum()
+    }
+}
+
+/// Parameters that make innovations the likeliest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MostLikely<const P: usize> {
+    /// The parameters.
+    pub at: [f64; P],
+    /// Their standard errors by the information that the innovations hold; infinite of what they do not determine.
+    pub sd: [f64; P],
+    /// Σ ln p of the innovations there.
+    pub log_likelihood: f64,
+}
+
+/// What is predicted to be gained below which the maximum is reached, in units of ln p: a tenth of a standard error.
+const NEAR: f64 = 0.005;
+
+/// Iterations at most; each but the first doubles the digits.
+const ITERATIONS: usize = 12;
+
+/// Attempts to find a step that gains anything.
+const ATTEMPTS: usize = 6;
+
+/// The parameters, near these, that make the innovations of a filter the likeliest: Fisher's scoring, damped as Levenberg and
+/// Marquardt do it (Gupta & Mehra, IEEE Transactions on Automatic Control 19, 774, 1974).
+///
+/// With ν and S and their derivatives ν' and S' by a parameter the gradient of −ln p is Σ νν'/S + S'(1 − ν²/S)/2S, and the
+/// information Σ ν'ν'/S + S'S'/2S². Both are those of a least-squares problem with two rows for each innovation. The
+/// derivatives are differences over `steps` at first, then over a third of a standard error.
+///
+/// `filter` runs the filter with some parameters, and gives `None` where it cannot: as many innovations at each call. `None`
+/// where it cannot at the start.
+pub fn most_likely<const P: usize>(
+    start: [f64; P],
+    mut steps: [f64; P],
+    filter: &mut dyn FnMut(&[f64; P]) -> Option<Innovations>,
+) -> Option<MostLikely<P>> {
+    let (mut at, mut own) = (start, filter(&start)?);
+    let mut likelihood = own.log_likelihood();
+    let (mut damping, mut sd) = (0.0, [f64::INFINITY; P]);
+    for _ in 0..ITERATIONS {
+        let slopes = slopes(&at, &own, &steps, filter);
+        let triangle = triangle(&own, &slopes);
+        let norms = triangle.column_norms();
+        sd = standard_errors(&triangle);
+        for (step, norm) in steps.iter_mut().zip(norms) {
+            *step = if norm > 0.0 { step.min(0.3 / norm) } else { *step };
+        }
+        let mut gained = false;
+        for _ in 0..ATTEMPTS {
+            let by = damped(&triangle, &norms, damping).solve();
+            let predicted: f64 = -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
+            if predicted < NEAR {
+                return Some(MostLikely { at, sd, log_likelihood: likelihood });
+            }
+            let mut next = at;
+            next.iter_mut().zip(by).for_each(|(x, d)| *x += d);
+            if let Some(there) = filter(&next) {
+                let found = there.log_likelihood();
+                if found > likelihood {
+                    (at, own, likelihood, gained) = (next, there, found, true);
+                    damping *= 0.1;
+                    break;
+                }
+            }
+            damping = f64::max(10.0 * damping, 0.1);
+        }
+        if !gained {
+            break;
+        }
+    }
+    Some(MostLikely { at, sd, log_likelihood: likelihood })
+}
+
+/// ν' and S' by each parameter; nothing of one by which the filter cannot be run.
+fn slopes<const P: usize>(
+    at: &[f64; P],
+    own: &Innovations,
+    steps: &[f64; P],
+    filter: &mut dyn FnMut(&[f64; P]) -> Option<Innovations>,
+) -> [Innovations; P] {
+    std::array::from_fn(|i| {
+        let mut beside = |step: f64| {
+            let mut there = *at;
+            there[i] += step;
+            filter(&there).map(|innovations| (innovations, step))
+        };
+        let Some((there, step)) = beside(steps[i]).or_else(|| beside(-steps[i])) else {
+            return Innovations::default();
+        };
+        let slope = |there: &[f64], own: &[f64]| there.iter().zip(own).map(|(b, a)| (b - a) / step).collect();
+        Innovations {
+            value: slope(&there.value, &own.value),
+            variance: slope(&there.variance, &own.variance),
+        }
+    })
+}
+
+/// The least-squares problem of one step.
+fn triangle<const P: usize>(own: &Innovations, slopes: &[Innovations; P]) -> Triangle<P> {
+    let mut triangle = Triangle::new();
+    for (k, (value, variance)) in own.value.iter().zip(&own.variance).enumerate() {
+        let of = |all: &[f64]| all.get(k).copied().filter(|slope| slope.is_finite()).unwrap_or(0.0);
+        let (sd, z) = (variance.sqrt(), value / variance.sqrt());
+        if !z.is_finite() {
+            continue;
+        }
+        triangle.push(std::array::from_fn(|i| of(&slopes[i].value) / sd), z);
+        let relative = 1.0 / (std::f64::consts::SQRT_2 * variance);
+        let excess = (1.0 - z * z) * std::f64::consts::FRAC_1_SQRT_2;
+        triangle.push(std::array::from_fn(|i| of(&slopes[i].variance) * relative), excess);
+    }
+    triangle
+}
+
+/// The same with steps that are long against the lengths of the columns made dear.
+fn damped<const P: usize>(triangle: &Triangle<P>, norms: &[f64; P], damping: f64) -> Triangle<P> {
+    let mut damped = *triangle;
+    for (i, norm) in norms.iter().enumerate() {
+        let mut row = [0.0; P];
+        row[i] = damping.sqrt() * norm;
+        damped.push(row, 0.0);
+    }
+    damped
+}
+
+/// Roots of the diagonal of (RᵀR)⁻¹.
+fn standard_errors<const P: usize>(triangle: &Triangle<P>) -> [f64; P] {
+    let determined = (0..P).all(|i| triangle.r[i][i] != 0.0);
+    std::array::from_fn(|i| {
+        let mut unit = [0.0; P];
+        unit[i] = 1.0;
+        if determined {
+            triangle.solve_transposed(&unit).iter().map(|w| w * w).sum::<f64>().sqrt()
+        } else {
+            f64::INFINITY
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of zero mean and variance 1: sums of twelve of a linear congruential generator.
+    fn noise() -> impl FnMut() -> f64 {
+        let mut state = 5_u64;
+        let mut uniform = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+
+    /// y = a·sin t + noise of variance v: innovations of the filter that is told a and v. Both have closed maxima.
+    #[test]
+    fn mean_and_variance_are_those_of_the_closed_form() {
+        let mut noise = noise();
+        let basis: Vec<f64> = (0..4000).map(|k| (0.05 * f64::from(k)).sin()).collect();
+        let data: Vec<f64> = basis.iter().map(|s| 1.7 * s + 0.3 * noise()).collect();
+        let square: f64 = basis.iter().map(|s| s * s).sum();
+        let a = basis.iter().zip(&data).map(|(s, y)| s * y).sum::<f64>() / square;
+        let v = basis.iter().zip(&data).map(|(s, y)| (y - a * s).powi(2)).sum::<f64>() / 4000.0;
+        let mut filter = |at: &[f64; 2]| {
+            let value = basis.iter().zip(&data).map(|(s, y)| y - at[0] * s).collect();
+            Some(Innovations { value, variance: vec![at[1].exp(); basis.len()] })
+        };
+        let found = most_likely([1.0, 0.0], [1e-3, 1e-3], &mut filter).unwrap();
+        let expected_sd = [(v / square).sqrt(), (2.0_f64 / 4000.0).sqrt()];
+        for ((found, expected), sd) in found.at.iter().zip([a, v.ln()]).zip(expected_sd) {
+            assert!((found - expected).abs() < 0.1 * sd, "{found} {expected}");
+        }
+        for (found, expected) in found.sd.iter().zip(expected_sd) {
+            assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_determined_has_no_standard_error() {
+        let mut filter = |at: &[f64; 2]| {
+            let value = (0..100).map(|k| f64::from(k % 7) - 3.0 - at[0] - at[1]).collect();
+            Some(Innovations { value, variance: vec![1.0; 100] })
+        };
+        let found = most_likely([0.0, 0.0], [0.1, 0.1], &mut filter).unwrap();
+        assert!(found.sd.iter().all(|sd| *sd > 1e3), "{found:?}");
+        assert!(most_likely([0.0], [0.1], &mut |_| None).is_none());
+    }
+}

@@ -1,0 +1,192 @@
+//! One filter and the beginning of its recordings, run again and again with changes.
+
+use super::DiagnoseError;
+use super::change::Change;
+use super::trial::Trial;
+use crate::config::{Experiment, Fault, Key, Method};
+use crate::progress::{Progress, Silent};
+use crate::recording::{Around, Recording, Stretches};
+use crate::rigs::Workbench;
+use toml::{Table, Value};
+
+/// What trials have in common.
+pub(super) struct Bench<'a> {
+    workbench: &'a Workbench,
+    /// What the filter is told.
+    pub(super) experiment: Experiment,
+    /// The same, to be changed.
+    pub(super) document: Table,
+    /// Which of the experiment's filters it is.
+    pub(super) filter: usize,
+    /// Its name.
+    pub(super) filter_name: String,
+    /// Recordings with their places in the experiment.
+    recordings: Vec<(usize, Recording)>,
+}
+
+/// Rows after the settling time that are looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent(pub(super) usize);
+
+impl<'a> Bench<'a> {
+    /// One of an experiment's filters: that with this name, or else the first whose innovations are white when it is right.
+    pub(super) fn of(
+        workbench: &'a Workbench,
+        experiment: &Experiment,
+        filter: Option<&str>,
+    ) -> Result<Self, DiagnoseError> {
+        let filters = experiment.estimate.as_ref().map_or(&[][..], |estimate| &estimate.filters);
+        let place = match filter {
+            Some(name) => filters.iter().position(|filter| filter.name.as_str() == name),
+            None => filters.iter().position(|filter| is_judged(filter.method)),
+        };
+        let Some((place, chosen)) = place.and_then(|place| Some((place, filters.get(place)?))) else {
+            let known: Vec<&str> = filters.iter().map(|filter| filter.name.as_str()).collect();
+            let why = match filter {
+                Some(name) => format!("there is no filter `{name}`; there are `{}`", known.join("`, `")),
+                None => "no filter has innovations that are white when it is right; add one with `method = \"ekf\"`".to_owned(),
+            };
+            return Err(experiment.error("estimate.filter", Fault::Value { why }).into());
+        };
+        if !is_judged(chosen.method) {
+            let why = format!(
+                "the innovations of the method `{}` are not white when it is right, and do not tell what is wrong; expected a \
+                 filter such as `ekf`",
+                chosen.method.word()
+            );
+            let key = Key::from("estimate").child("filter").index(place).child("method");
+            return Err(experiment.error(key, Fault::Value { why }).into());
+        }
+        let mut document: Table = experiment.to_toml().unwrap_or_default().parse().unwrap_or_default();
+        keep_one_filter(&mut document, place);
+        let text = toml::to_string(&document).unwrap_or_default();
+        let told = workbench.parse(&text, experiment.path())?;
+        let filter_name = chosen.name.to_string();
+        Ok(Self { workbench, experiment: told, document, filter: place, filter_name, recordings: Vec::new() })
+    }
+
+    /// The same with the beginning of each recording that the rig wants, as much as has so many rows after the settling time, in all.
+    pub(super) fn with_files(
+        mut self,
+        Extent(rows): Extent,
+        progress: &dyn Progress,
+    ) -> Result<Self, DiagnoseError> {
+        let rig = self.workbench.rig(&self.experiment)?;
+        let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());
+        let wanted = rig.wanted(&self.experiment)?;
+        let mut left = rows;
+        for index in wanted {
+            let described = self.experiment.recording(index)?;
+            let file = self.experiment.resolve(&described.file);
+            let layout = rig.layout(&self.experiment, index)?;
+            let around = Around { rows, first: rows, before: 0, after: 0 };
+            let mut stretches = Stretches::open(&file, &layout, around)?;
+            let mut begun = false;
+            let hear = &mut |done: u64, total: u64| {
+                if !begun {
+                    progress.begin("reading", total);
+                    begun = true;
+                }
+                progress.reached(done)
+            };
+            while left > 0 {
+                let Some(interval_s) = stretches.beginning(hear)? else {
+                    // Within a segment, or after the last.
+                    if stretches.next(hear)?.is_none() {
+                        break;
+                    }
+                    continue;
+                };
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                // saturating; a number of rows
+                let skipped = (skip_s / interval_s).ceil() as usize;
+                let most = skipped.saturating_add(left);
+                stretches.give(Around { rows: most, first: most, before: 0, after: 0 });
+                let Some(stretch) = stretches.next(hear)? else { break };
+                left = left.saturating_sub(stretch.recording.rows().saturating_sub(skipped));
+                self.recordings.push((index, stretch.recording));
+            }
+        }
+        Ok(self)
+    }
+
+    /// The same with a recording that is there already, for the first that the rig wants.
+    pub(super) fn with_recording(mut self, recording: Recording) -> Result<Self, DiagnoseError> {
+        let wanted = self.workbench.rig(&self.experiment)?.wanted(&self.experiment)?;
+        self.recordings.extend(wanted.first().map(|index| (*index, recording)));
+        Ok(self)
+    }
+
+    /// What the filter says with these changes; `None` where it cannot be run.
+    pub(super) fn run(&self, changes: &[Change]) -> Option<Trial> {
+        let mut document = self.document.clone();
+        for change in changes {
+            change.write(&mut document).ok()?;
+        }
+        let text = toml::to_string(&document).ok()?;
+        let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
+        let rig = self.workbench.rig(&changed).ok()?;
+        let mut trial = Trial::default();
+        for (index, recording) in &self.recordings {
+            let described = changed.recording(*index).ok()?;
+            let columns: Vec<(String, String)> = described
+                .channels
+                .iter()
+                .map(|(meaning, column)| (meaning.to_owned(), column.to_owned()))
+                .collect();
+            let mut altered: Option<Recording> = None;
+            for change in changes {
+                altered = change.alter(altered.as_ref().unwrap_or(recording), &columns).or(altered);
+            }
+            let recording = altered.as_ref().unwrap_or(recording);
+            for estimate in rig.estimate(&changed, *index, recording, &Silent).ok()? {
+                trial.take(rig, &estimate)?;
+            }
+        }
+        trial.ended()
+    }
+
+    /// The rows that are looked at, and how long they take, in s.
+    pub(super) fn extent(&self) -> (usize, f64) {
+        let segments = self.recordings.iter().flat_map(|(_, recording)| recording.segments());
+        segments.fold((0, 0.0), |(rows, long_s), segment| {
+            let last = segment.time.at(segment.time.len().saturating_sub(1));
+            (rows + segment.time.len(), long_s + last - segment.time.start_s())
+        })
+    }
+}
+
+/// Whether the innovations of a method are white when it is right, and depend on what it is told.
+fn is_judged(method: Method) -> bool {
+    method.claims()
+        && !matches!(
+            method,
+            Method::Luenberger
+                | Method::KalmanBucy
+                | Method::SteadyState
+                | Method::ConsiderEkf
+                | Method::Bank
+        )
+}
+
+/// Leaves one filter, without its smoothers, and drops what an estimate does not read.
+fn keep_one_filter(document: &mut Table, place: usize) {
+    if !document.contains_key("recording") {
+        return;
+    }
+    for unread in ["simulate", "stream"] {
+        document.remove(unread);
+    }
+    let Some(Value::Table(estimate)) = document.get_mut("estimate") else { return };
+    estimate.remove("parts");
+    if let Some(Value::Array(filters)) = estimate.get_mut("filter")
+        && place < filters.len()
+    {
+        let mut filter = filters.swap_remove(place);
+        if let Value::Table(filter) = &mut filter {
+            filter.remove("smooth");
+            filter.remove("smooth_lag");
+        }
+        *filters = vec![filter];
+    }
+}

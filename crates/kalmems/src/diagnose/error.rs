@@ -1,0 +1,33 @@
+//! Why there is no diagnosis.
+
+use crate::config::ConfigError;
+use crate::recording::ReadError;
+
+/// What keeps a diagnosis from being made.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// The experiment file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The filter cannot be run.
+    #[error(
+        "the filter `{filter}` stops, or takes no sample in, so that there is nothing to diagnose; `kalmems estimate` says why"
+    )]
+    Stops {
+        /// Its name.
+        filter: String,
+    },
+    /// The work was stopped from outside.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl DiagnoseError {
+    /// Whether it was stopped from outside.
+    pub fn is_interruption(&self) -> bool {
+        matches!(self, Self::Interrupted | Self::Read(ReadError::Interrupted { .. }))
+    }
+}

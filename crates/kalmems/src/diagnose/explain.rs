@@ -1,0 +1,138 @@
+//! Which causes explain a recording, and which of them it cannot tell apart.
+
+use super::DiagnoseError;
+use super::answer::AnswerChange;
+use super::bench::Bench;
+use super::cause::Cause;
+use super::search::{Blocks, Search, Tried};
+use super::suspect::Suspect;
+use super::trial::Trial;
+use crate::progress::{Progress, map_on_threads};
+use std::num::NonZero;
+
+/// A cause that was followed up.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// With the sizes by all blocks.
+    pub(super) cause: Cause,
+    /// Their standard errors.
+    pub(super) sd: Vec<f64>,
+    /// By how much the blocks that were not fitted are likelier, ln p.
+    pub(super) gain: f64,
+    /// The run with it.
+    pub(super) trial: Trial,
+    /// What it makes of the answer.
+    pub(super) answer: Option<AnswerChange>,
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub(super) struct Explained {
+    /// Those that pass the tests, and those that the recording cannot tell from the first of them, the likeliest first.
+    pub(super) causes: Vec<Found>,
+    /// Where none passes: those that explain most.
+    pub(super) closest: Vec<Found>,
+    /// How many causes were tried.
+    pub(super) tried: usize,
+    /// What a gain has to be above.
+    pub(super) needed: f64,
+}
+
+/// The probability that any of the causes that were tried gains as much without being one. The likelihood ratio of blocks that were
+/// not fitted is 1 on average where nothing is wrong, so that its probability to be above c is below 1/c.
+const BY_CHANCE: f64 = 1e-3;
+
+/// Causes whose blocks that were not fitted are so nearly as likely, ln p, are the same to the recording: a factor of a thousand.
+const SAME: f64 = 6.9;
+
+/// Single causes that partners are looked for.
+const FIRSTS: usize = 2;
+
+/// Causes that are listed where none passes.
+const CLOSEST: usize = 3;
+
+impl Explained {
+    pub(super) fn by(
+        bench: &Bench,
+        suspects: &[Suspect],
+        base: &Trial,
+        progress: &dyn Progress,
+    ) -> Result<Self, DiagnoseError> {
+        let search = Search { bench, suspects, base };
+        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        let listed = |found: Option<Vec<Vec<Tried>>>| -> Result<Vec<Tried>, DiagnoseError> {
+            Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
+        };
+        // The last two points are those of the signal itself.
+        let count = suspects.len();
+        let tried =
+            listed(map_on_threads((progress, "trying causes"), threads, (count + 2, 1), |place, heard| {
+                if heard.reached(0).is_break() {
+                    return None;
+                }
+                Some(match place.checked_sub(count) {
+                    None => search.number(place).into_iter().collect(),
+                    Some(0) => search.lines(),
+                    Some(_) => search.outliers().into_iter().collect(),
+                })
+            }))?;
+        let alone = Self::of(&search, tried, count + 2);
+        if !alone.causes.is_empty() {
+            return Ok(alone);
+        }
+        let numbers = alone.closest.iter().filter(|found| matches!(found.cause, Cause::Numbers(_)));
+        let firsts: Vec<Tried> = numbers
+            .take(FIRSTS)
+            .map(|found| Tried { cause: found.cause.clone(), held_out: found.gain })
+            .collect();
+        let tried = listed(map_on_threads(
+            (progress, "trying pairs"),
+            threads,
+            (firsts.len(), 1),
+            |place, heard| {
+                if heard.reached(0).is_break() {
+                    return None;
+                }
+                Some(search.pairs(&firsts[place]))
+            },
+        ))?;
+        let tries = alone.tried + firsts.len() * count;
+        let mut pairs = Self::of(&search, tried, tries);
+        if pairs.causes.is_empty() {
+            pairs.closest = alone.closest;
+        }
+        Ok(pairs)
+    }
+
+    /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them passes the tests.
+    fn of(search: &Search, mut tried: Vec<Tried>, tries: usize) -> Self {
+        tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
+        let needed = (tries as f64 / BY_CHANCE).ln();
+        let best = tried.first().map_or(0.0, |tried| tried.held_out);
+        let worth = tried.iter().take_while(|tried| tried.held_out > needed).enumerate();
+        let listed = worth.take_while(|(place, tried)| *place < CLOSEST || tried.held_out > best - SAME);
+        let found: Vec<Found> = listed.filter_map(|(_, tried)| Found::of(search, tried)).collect();
+        let best = found.first().map_or(0.0, |found| found.gain);
+        let (mut causes, mut closest) = (Vec::new(), Vec::new());
+        for found in found {
+            if found.gain > best - SAME { &mut causes } else { &mut closest }.push(found);
+        }
+        if !causes.iter().any(|found| found.trial.passes()) {
+            closest = [causes, closest].concat();
+            closest.truncate(CLOSEST);
+            causes = Vec::new();
+        }
+        Self { causes, closest, tried: tries, needed }
+    }
+}
+
+impl Found {
+    /// With its sizes by all blocks.
+    fn of(search: &Search, tried: &Tried) -> Option<Self> {
+        let (sizes, sd) = search.fit(&tried.cause, Blocks::All)?;
+        let cause = tried.cause.resized(&sizes);
+        let trial = search.run(&cause)?;
+        let answer = AnswerChange::between(search.base, &trial);
+        Some(Self { cause, sd, gain: tried.held_out, trial, answer })
+    }
+}

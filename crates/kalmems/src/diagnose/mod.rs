@@ -1,0 +1,112 @@
+//! Diagnosis: what of an experiment is wrong, by its recordings alone.
+//!
+//! A filter is run again and again over the beginning of its recordings, with one number of the device table, or of what was
+//! recorded, changed. What makes its innovations the likeliest is found on every second block of the recording
+//! ([`fit::most_likely`](crate::fit::most_likely)) and judged on the others, so that a cause gains nothing by being fitted: where
+//! nothing is wrong the likelihood ratio of the others is 1 on average, whatever was tried. A cause explains a recording if no other is
+//! a thousand times as likely and the innovations pass the tests of the verdict. Causes that the recording cannot tell apart are named
+//! together.
+//!
+//! ```
+//! use kalmems::{diagnose::{self, Finding}, progress::Silent, rigs};
+//! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+//! let experiment = rigs::published().load(&root.join("examples/accelerometer/experiment.toml"))?;
+//! let diagnosis = diagnose::diagnose(rigs::published(), &experiment, None, &Silent)?;
+//! assert_eq!(diagnosis.finding, Finding::NothingToChange);
+//! # Ok::<(), diagnose::DiagnoseError>(())
+//! ```
+
+mod answer;
+mod bench;
+mod cause;
+mod change;
+mod error;
+mod explain;
+mod note;
+mod paste;
+mod report;
+mod search;
+mod suspect;
+mod trial;
+
+pub use answer::AnswerChange;
+pub use error::DiagnoseError;
+pub use note::ScaleNote;
+pub use paste::pasted;
+pub use report::{CauseReport, Diagnosis, Edit, Finding};
+
+use crate::config::Experiment;
+use crate::progress::Progress;
+use crate::recording::Recording;
+use crate::rigs::Workbench;
+use bench::{Bench, Extent};
+use explain::Explained;
+use suspect::Suspect;
+use trial::Trial;
+
+/// Rows after the settling time that a diagnosis looks at.
+const ROWS: Extent = Extent(50_000);
+
+/// Those that notes of what the signal cannot tell are computed from.
+const ROWS_OF_NOTES: Extent = Extent(4_000);
+
+/// Finds what of an experiment is wrong, by the innovations of one of its filters: that with this name, or else the first whose
+/// innovations are white when it is right.
+pub fn diagnose(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    filter: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<Diagnosis, DiagnoseError> {
+    let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS, progress)?;
+    of_bench(workbench, experiment, &bench, progress)
+}
+
+/// The same by a recording that is held in memory, in the place of the first that the rig wants.
+pub fn diagnose_recording(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    filter: Option<&str>,
+    recording: Recording,
+    progress: &dyn Progress,
+) -> Result<Diagnosis, DiagnoseError> {
+    let bench = Bench::of(workbench, experiment, filter)?.with_recording(recording)?;
+    of_bench(workbench, experiment, &bench, progress)
+}
+
+/// What of an experiment's device the signal cannot tell, and by how much it moves the answer of one of its filters, likewise.
+pub fn scale_notes(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    filter: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<Vec<ScaleNote>, DiagnoseError> {
+    let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS_OF_NOTES, progress)?;
+    let (base, suspects) = begin(workbench, &bench)?;
+    note::notes(&bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)
+}
+
+fn begin(workbench: &Workbench, bench: &Bench) -> Result<(Trial, Vec<Suspect>), DiagnoseError> {
+    let stops = || DiagnoseError::Stops { filter: bench.filter_name.clone() };
+    let base = bench.run(&[]).ok_or_else(stops)?;
+    let rig = workbench.rig(&bench.experiment)?;
+    let suspects = Suspect::all(rig, &bench.experiment, &bench.document, base.innovation_sd());
+    Ok((base, suspects))
+}
+
+fn of_bench(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    bench: &Bench,
+    progress: &dyn Progress,
+) -> Result<Diagnosis, DiagnoseError> {
+    let (base, suspects) = begin(workbench, bench)?;
+    // What the signal cannot tell is a question about a model that is right.
+    let (explained, notes) = if base.passes() {
+        (None, note::notes(bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)?)
+    } else {
+        (Some(Explained::by(bench, &suspects, &base, progress)?), Vec::new())
+    };
+    let rig = workbench.rig(&bench.experiment)?.name();
+    Ok(Diagnosis::of((experiment, rig), (bench, &suspects), &base, explained, notes))
+}

@@ -1,0 +1,95 @@
+//! An experiment file with other values at some keys: every other character of it stays.
+
+use super::{CauseReport, Edit};
+use crate::config::{Experiment, Key, Step};
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The text of an experiment file with what a cause says in it; `None` where a key has no place in it.
+pub fn pasted(experiment: &Experiment, cause: &CauseReport) -> Option<String> {
+    cause.edits.iter().try_fold(experiment.text().to_owned(), |text, edit| changed(&text, edit))
+}
+
+fn changed(text: &str, edit: &Edit) -> Option<String> {
+    let key = Key::parse(&edit.key)?;
+    let document = DeTable::parse(text).ok()?;
+    let steps = key.steps();
+    if let Some(span) = span_of(&document, steps) {
+        return Some(format!("{}{}{}", text.get(..span.start)?, edit.to, text.get(span.end..)?));
+    }
+    let (Step::Name(name), above) = steps.split_last()? else { return None };
+    let line = format!("{name} = {}", edit.to);
+    if let Some(first) = first_entry(&document, above) {
+        // Before an entry of the same table, on a line of its own or within its braces.
+        let begins = text.get(..first)?.rfind('\n').map_or(0, |end| end + 1);
+        let is_alone = text.get(begins..first)?.trim().is_empty();
+        let joint = if is_alone { "\n" } else { ", " };
+        return Some(format!("{}{line}{joint}{}", text.get(..first)?, text.get(first..)?));
+    }
+    let header: Option<Vec<&str>> = above
+        .iter()
+        .map(|step| match step {
+            Step::Name(name) => Some(name.as_str()),
+            Step::Index(_) => None,
+        })
+        .collect();
+    Some(format!("{}\n\n[{}]\n{line}\n", text.trim_end(), header?.join(".")))
+}
+
+/// Where the value of a key stands.
+fn span_of(document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<Range<usize>> {
+    let (Step::Name(first), rest) = steps.split_first()? else { return None };
+    let mut value = document.get_ref().get(first.as_str())?;
+    for step in rest {
+        value = below(value.get_ref(), step)?;
+    }
+    Some(value.span())
+}
+
+fn below<'a, 'b>(value: &'a DeValue<'b>, step: &Step) -> Option<&'a Spanned<DeValue<'b>>> {
+    match (value, step) {
+        (DeValue::Table(table), Step::Name(name)) => table.get(name.as_str()),
+        (DeValue::Array(list), Step::Index(index)) => list.get(*index),
+        _ => None,
+    }
+}
+
+/// Where the first key of a table stands that has a value of its own in the text.
+fn first_entry(document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<usize> {
+    let (Step::Name(first), rest) = steps.split_first()? else { return None };
+    let mut value = document.get_ref().get(first.as_str())?;
+    for step in rest {
+        value = below(value.get_ref(), step)?;
+    }
+    let DeValue::Table(table) = value.get_ref() else { return None };
+    let own = table.iter().filter(|(_, value)| !matches!(value.get_ref(), DeValue::Table(_)));
+    own.map(|(key, _)| key.span().start).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(text: &str, key: &str, to: &str) -> String {
+        let edit = Edit { key: key.to_owned(), from: None, to: to.to_owned(), sd: None };
+        changed(text, &edit).unwrap()
+    }
+
+    #[test]
+    fn a_value_is_replaced_and_all_else_stays() {
+        let text = "a = 1 # one\n[b.c]\nd = \"2 V\"   # two\n[[e]]\nf = { g = 1, h = 2 }\n";
+        assert_eq!(after(text, "b.c.d", "\"3 V\""), text.replace("2 V", "3 V"));
+        assert_eq!(after(text, "e[0].f.h", "5"), text.replace("h = 2", "h = 5"));
+    }
+
+    #[test]
+    fn a_new_key_gets_a_place_in_its_table() {
+        let text = "[b.c]\n# of d\nd = 1\n[[e]]\nf = { g = 1 }\n";
+        assert_eq!(after(text, "b.c.new", "7"), text.replace("d = 1", "new = 7\nd = 1"));
+        assert_eq!(after(text, "e[0].new", "true"), text.replace("f = {", "new = true\nf = {"));
+        assert_eq!(after(text, "e[0].f.new", "7"), text.replace("g = 1", "new = 7, g = 1"));
+        assert_eq!(after(text, "b.x.new", "7"), format!("{text}\n[b.x]\nnew = 7\n"));
+        assert!(after("a = 1\n", "b.new", "7").parse::<toml::Table>().is_ok());
+    }
+}

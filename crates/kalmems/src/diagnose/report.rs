@@ -1,0 +1,282 @@
+//! What is told of a diagnosis.
+
+use super::answer::AnswerChange;
+use super::bench::Bench;
+use super::cause::Cause;
+use super::change::{Altered, Change};
+use super::explain::{Explained, Found};
+use super::note::ScaleNote;
+use super::suspect::{DRIVE, Suspect, What};
+use super::trial::Trial;
+use crate::config::{Experiment, Key};
+use crate::evaluate::TestResult;
+use serde::Serialize;
+
+/// What came of a diagnosis.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The rig's.
+    pub rig: &'static str,
+    /// The filter whose innovations were looked at.
+    pub filter: String,
+    /// How much of the recordings was looked at: rows, and their duration in s.
+    pub rows: usize,
+    /// Their duration in s.
+    pub duration_s: f64,
+    /// What was found.
+    pub finding: Finding,
+    /// What the tests find in the innovations as they are, that is not by chance.
+    pub tests: Vec<String>,
+    /// How many causes were tried.
+    pub tried: usize,
+    /// What a gain has to be above, ln p.
+    pub needed: f64,
+    /// The causes that explain the recording, the likeliest first; those that it cannot tell apart.
+    pub causes: Vec<CauseReport>,
+    /// Where nothing explains it: what explains most.
+    pub closest: Vec<CauseReport>,
+    /// What the signal cannot tell, and what it does to the answer.
+    pub notes: Vec<ScaleNote>,
+}
+
+/// What a diagnosis comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finding {
+    /// The innovations pass all tests: there is nothing that the recording could say against the experiment.
+    NothingToChange,
+    /// With one of the causes they do.
+    Explained,
+    /// They do not, whatever was tried.
+    NoneOfThese,
+}
+
+/// A cause.
+#[derive(Clone, Debug, Serialize)]
+pub struct CauseReport {
+    /// What is wrong, in a few words.
+    pub name: String,
+    /// By how much the blocks that were not fitted are likelier, ln p.
+    pub gain: f64,
+    /// Whether the innovations pass the tests with it.
+    pub passes: bool,
+    /// What it makes of the answer.
+    pub answer: Option<AnswerChange>,
+    /// The state that is the answer.
+    pub answer_name: &'static str,
+    /// Its SI unit.
+    pub answer_unit: &'static str,
+    /// What to change in the experiment; nothing where the file cannot say it.
+    pub edits: Vec<Edit>,
+    /// What cannot be said in the experiment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<String>,
+}
+
+/// A key of the experiment with its new value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Edit {
+    /// The key.
+    pub key: String,
+    /// What stands there; nothing where the key is new.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
+    /// What is to stand there, as TOML.
+    pub to: String,
+    /// The relative standard error of a factor, or the standard error in the unit of the value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
+}
+
+impl Diagnosis {
+    pub(super) fn of(
+        (experiment, rig): (&Experiment, &'static str),
+        (bench, suspects): (&Bench, &[Suspect]),
+        base: &Trial,
+        explained: Option<Explained>,
+        notes: Vec<ScaleNote>,
+    ) -> Self {
+        let (rows, duration_s) = bench.extent();
+        let finding = match &explained {
+            None => Finding::NothingToChange,
+            Some(found) if found.causes.is_empty() => Finding::NoneOfThese,
+            Some(_) => Finding::Explained,
+        };
+        let reports = |all: &[Found]| all.iter().map(|found| report((bench, suspects), found)).collect();
+        let explained = explained.as_ref();
+        Self {
+            experiment: experiment.name.to_string(),
+            rig,
+            filter: bench.filter_name.clone(),
+            rows,
+            duration_s,
+            finding,
+            tests: base.failing().map(TestResult::to_string).collect(),
+            tried: explained.map_or(0, |found| found.tried),
+            needed: explained.map_or(0.0, |found| found.needed),
+            causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
+            closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
+            notes,
+        }
+    }
+}
+
+fn report((bench, suspects): (&Bench, &[Suspect]), found: &Found) -> CauseReport {
+    let changes = found.cause.changes(suspects).unwrap_or_default();
+    CauseReport {
+        name: name(&found.cause, suspects),
+        gain: found.gain,
+        passes: found.trial.passes(),
+        answer: found.answer,
+        answer_name: found.trial.answer_name,
+        answer_unit: found.trial.answer_unit,
+        edits: edits(bench, &changes, &found.cause, (suspects, &found.sd)),
+        remedy: remedy(&changes),
+    }
+}
+
+fn name(cause: &Cause, suspects: &[Suspect]) -> String {
+    match cause {
+        Cause::Numbers(numbers) => {
+            let names: Vec<String> =
+                numbers.iter().filter_map(|(place, _)| suspects.get(*place)).map(Suspect::name).collect();
+            names.join(" and ")
+        }
+        Cause::Line { frequency_hz, amplitude: [a, b] } => {
+            format!("a line of {} in the signal, {:.3e} in SI", hertz(*frequency_hz), a.hypot(*b))
+        }
+        Cause::Outliers(times) => format!("{} samples of the signal that are none of its noise", times.len()),
+    }
+}
+
+fn hertz(frequency_hz: f64) -> String {
+    if frequency_hz >= 1e3 {
+        format!("{:.6} kHz", frequency_hz * 1e-3)
+    } else {
+        format!("{frequency_hz:.4} Hz")
+    }
+}
+
+/// The keys that a change is about, in the experiment as it was written.
+fn edits(
+    bench: &Bench,
+    changes: &[Change],
+    cause: &Cause,
+    (suspects, sd): (&[Suspect], &[f64]),
+) -> Vec<Edit> {
+    let mut edits = Vec::new();
+    for change in changes {
+        match change {
+            Change::Key(key, value) => {
+                let sd = sd_of(cause, key, (suspects, sd));
+                edits.push(Edit {
+                    key: in_file(key, bench.filter).to_string(),
+                    from: value_at(&bench.document, key).map(ToString::to_string),
+                    to: rounded(value, sd).to_string(),
+                    sd,
+                });
+            }
+            Change::Channel { meaning, how } => {
+                let (name, number) = match how {
+                    Altered::Scaled(factor) => ("scale", toml::Value::Float(*factor)),
+                    Altered::Raised(by) => ("offset", toml::Value::String(format!("{by:.4e} V"))),
+                    _ => continue,
+                };
+                let channel = Key::from("recording").index(0).child("channels").child(meaning);
+                let Some(column) = value_at(&bench.document, &channel) else { continue };
+                let mut table = match column {
+                    toml::Value::Table(table) => table.clone(),
+                    other => toml::Table::from_iter([("column".to_owned(), other.clone())]),
+                };
+                let number = match (table.get(name), &number) {
+                    (Some(toml::Value::Float(own)), toml::Value::Float(factor)) => {
+                        toml::Value::Float(own * factor)
+                    }
+                    // What stands there is not ours to add to.
+                    (Some(_), _) => continue,
+                    (None, toml::Value::Float(factor)) => toml::Value::Float(digits(*factor, 6)),
+                    (None, _) => number,
+                };
+                table.insert(name.to_owned(), number);
+                edits.push(Edit {
+                    key: channel.to_string(),
+                    from: Some(column.to_string()),
+                    to: toml::Value::Table(table).to_string(),
+                    sd: sd.first().copied(),
+                });
+            }
+        }
+    }
+    edits
+}
+
+/// The key with the place that the filter has in the file.
+fn in_file(key: &Key, filter: usize) -> Key {
+    let own = Key::from("estimate").child("filter").index(0);
+    match key.steps().strip_prefix(own.steps()) {
+        Some([crate::config::Step::Name(name)]) => {
+            Key::from("estimate").child("filter").index(filter).child(name)
+        }
+        _ => key.clone(),
+    }
+}
+
+fn value_at<'a>(document: &'a toml::Table, key: &Key) -> Option<&'a toml::Value> {
+    let (first, steps) = key.steps().split_first()?;
+    let crate::config::Step::Name(first) = first else { return None };
+    steps.iter().try_fold(document.get(first)?, |value, step| match step {
+        crate::config::Step::Name(name) => value.get(name),
+        crate::config::Step::Index(index) => value.get(index),
+    })
+}
+
+/// The relative standard error of a number by the size of its suspect.
+fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Option<f64> {
+    let Cause::Numbers(numbers) = cause else { return None };
+    let place = numbers.iter().position(|(place, _)| match suspects.get(*place).map(|s| &s.what) {
+        Some(What::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
+        _ => false,
+    })?;
+    sd.get(place).copied().filter(|sd| sd.is_finite())
+}
+
+/// A quantity with as many digits as its standard error leaves sense in.
+fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Value {
+    let (Some(sd), toml::Value::String(text)) = (relative_sd, value) else { return value.clone() };
+    let Ok(quantity) = crate::units::Value::parse(text) else { return value.clone() };
+    let (number, unit) = quantity.parts();
+    let Ok(number) = number.parse::<f64>() else { return value.clone() };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+    let count = (2.0 - sd.log10().floor()).clamp(2.0, 12.0) as usize;
+    let plain = digits(number, count);
+    let written = if (1e-3..1e6).contains(&plain.abs()) { format!("{plain}") } else { format!("{plain:e}") };
+    toml::Value::String(format!("{written} {unit}"))
+}
+
+/// A number with so many digits.
+fn digits(number: f64, count: usize) -> f64 {
+    format!("{number:.*e}", count.saturating_sub(1)).parse().unwrap_or(number)
+}
+
+/// What the experiment cannot say.
+fn remedy(changes: &[Change]) -> Option<String> {
+    changes.iter().find_map(|change| match change {
+        Change::Channel { meaning, how: Altered::Later(samples) } if meaning == DRIVE => Some(format!(
+            "the drive's column shows the drive {:.3} samples too {}: correct its time in the file, or how it is recorded",
+            samples.abs(),
+            if *samples > 0.0 { "late" } else { "early" }
+        )),
+        Change::Channel { how: Altered::WithoutLine { .. }, .. } => {
+            Some("take it away where it gets into the signal".to_owned())
+        }
+        Change::Channel { how: Altered::Without(times), .. } => {
+            let listed: Vec<String> = times.iter().take(10).map(|t| format!("{t} s")).collect();
+            let more = times.len().saturating_sub(10);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            Some(format!("leave these samples empty in the file: {}{more}", listed.join(", ")))
+        }
+        _ => None,
+    })
+}

@@ -1,0 +1,260 @@
+//! The search for sizes that make the innovations of the fitted blocks the likeliest.
+
+use super::bench::Bench;
+use super::cause::Cause;
+use super::suspect::Suspect;
+use super::trial::Trial;
+use crate::evaluate::{InnovationTest, TestPlace};
+use crate::fit::{Innovations, MostLikely, most_likely};
+
+/// What is searched among, and what a cause has to be better than.
+pub(super) struct Search<'a> {
+    pub(super) bench: &'a Bench<'a>,
+    pub(super) suspects: &'a [Suspect],
+    /// As the experiment is.
+    pub(super) base: &'a Trial,
+}
+
+/// A cause with the sizes that fit the fitted blocks best.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    pub(super) cause: Cause,
+    /// ln p of the blocks that were not fitted, less that of the experiment as it is.
+    pub(super) held_out: f64,
+}
+
+/// Which blocks are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Blocks {
+    Fitted,
+    All,
+}
+
+/// How far beyond the first sizes that are tried a search may go.
+const BEYOND: f64 = 3.0;
+
+/// Standard deviations from which on an innovation is an outlier.
+const OUTLYING: f64 = 6.0;
+
+/// Rounds of looking for outliers: those that are large hide others.
+const ROUNDS: usize = 4;
+
+/// A share of samples above which they are no outliers.
+const MOST_OUTLIERS: f64 = 0.03;
+
+/// Sizes in a row on one side that make the innovations less likely, from which on larger ones are not tried.
+const ENOUGH_IN_VAIN: usize = 2;
+
+/// ln p that a number must promise to gain, by its slope, to be followed up.
+const LEAST_PROMISE: f64 = 2.0;
+
+/// Second causes that are followed up for a first.
+const SECONDS: usize = 4;
+
+impl Search<'_> {
+    /// One run; `None` where it cannot be compared with the experiment as it is.
+    pub(super) fn run(&self, cause: &Cause) -> Option<Trial> {
+        let trial = self.bench.run(&cause.changes(self.suspects)?)?;
+        // A filter that takes fewer samples in has more likely ones for that reason alone.
+        let fewer = self.base.updates().saturating_sub(trial.updates());
+        let allowed = match cause {
+            Cause::Outliers(times) => times.len(),
+            _ => self.base.updates() / 1000,
+        };
+        (fewer <= allowed).then_some(trial)
+    }
+
+    /// A single number that may be wrong; `None` of one that changes nothing, or promises nothing.
+    pub(super) fn number(&self, place: usize) -> Option<Tried> {
+        let promise = self.promise(&[], place, self.base)?;
+        if self.base.follows() && promise < LEAST_PROMISE {
+            return None;
+        }
+        let own = self.base.log_likelihood(true);
+        let mut best = (0.0, own);
+        // Of a filter that follows the motion the likelihood falls on the side where it is not: so far from there on in vain.
+        let mut in_vain = [0_usize; 2];
+        for size in &self.suspects.get(place)?.sizes {
+            let side = usize::from(*size < 0.0);
+            if self.base.follows() && in_vain[side] >= ENOUGH_IN_VAIN {
+                continue;
+            }
+            in_vain[side] += 1;
+            let Some(trial) = self.run(&Cause::Numbers(vec![(place, *size)])) else { continue };
+            let found = trial.log_likelihood(true);
+            if found > own {
+                in_vain[side] = 0;
+            }
+            if found > best.1 {
+                best = (*size, found);
+            }
+        }
+        self.refined(Cause::Numbers(vec![(place, best.0)]))
+    }
+
+    /// Pairs with a number that explains most by itself: the partners by which the likelihood rises most at first, followed up.
+    pub(super) fn pairs(&self, first: &Tried) -> Vec<Tried> {
+        let Cause::Numbers(numbers) = &first.cause else { return Vec::new() };
+        let Some(&(place, size)) = numbers.first() else { return Vec::new() };
+        let Some(alone) = self.run(&first.cause) else { return Vec::new() };
+        let mut seconds: Vec<(f64, usize)> = (0..self.suspects.len())
+            .filter(|second| *second != place)
+            .filter_map(|second| Some((self.promise(&[(place, size)], second, &alone)?, second)))
+            .collect();
+        seconds.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let followed = seconds.into_iter().take(SECONDS).filter_map(|(_, second)| {
+            let sizes = self.suspects[second].sizes.iter().copied().chain([0.0]);
+            let tried = sizes.filter_map(|other| {
+                let cause = Cause::Numbers(vec![(place, size), (second, other)]);
+                Some((self.run(&cause)?.log_likelihood(true), cause))
+            });
+            let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
+            self.refined(cause)
+        });
+        followed.collect()
+    }
+
+    /// What a number promises to gain beside others, by the slope of the innovations: g²/2I; `None` of one that changes nothing.
+    fn promise(&self, others: &[(usize, f64)], place: usize, alone: &Trial) -> Option<f64> {
+        let step = self.step(place);
+        let beside = self.run(&Cause::Numbers([others, &[(place, step)]].concat()))?;
+        let (own, there) = (alone.part(true), beside.part(true));
+        let (mut gradient, mut information) = (0.0, 0.0);
+        for k in 0..own.value.len() {
+            let (variance, z2) = (own.variance[k], own.value[k] * own.value[k] / own.variance[k]);
+            let slope = (there.value[k] - own.value[k]) / step;
+            let of_variance = (there.variance[k] - variance) / (step * variance);
+            let g = own.value[k] * slope / variance + 0.5 * of_variance * (1.0 - z2);
+            if g.is_finite() {
+                gradient += g;
+                information += slope * slope / variance + 0.5 * of_variance * of_variance;
+            }
+        }
+        (information > 0.0).then(|| 0.5 * gradient * gradient / information)
+    }
+
+    /// A line at each frequency at which the tests of the innovations find one.
+    pub(super) fn lines(&self) -> Vec<Tried> {
+        let mut frequencies: Vec<f64> = Vec::new();
+        for found in self.base.failing() {
+            let frequency_hz = match (found.test, found.place) {
+                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => hz,
+                (InnovationTest::Harmonics, Some(TestPlace::Harmonic { number, of_hz })) => {
+                    number as f64 * of_hz
+                }
+                _ => continue,
+            };
+            if frequencies.iter().all(|known| (known / frequency_hz - 1.0).abs() > 1e-6) {
+                frequencies.push(frequency_hz);
+            }
+        }
+        let each = frequencies
+            .into_iter()
+            .filter_map(|frequency_hz| self.refined(Cause::Line { frequency_hz, amplitude: [0.0; 2] }));
+        each.collect()
+    }
+
+    /// Samples that are none of the noise, where there are some and not too many.
+    pub(super) fn outliers(&self) -> Option<Tried> {
+        let mut times: Vec<f64> = Vec::new();
+        let mut lost = 0.0;
+        for _ in 0..ROUNDS {
+            let trial =
+                if times.is_empty() { self.base.clone() } else { self.run(&Cause::Outliers(times.clone()))? };
+            let found = outlying(&trial);
+            if found.is_empty() {
+                break;
+            }
+            times.extend(found.iter().map(|(time, _)| time));
+            let held_out = found.iter().filter(|(_, is_fitted)| !is_fitted).count();
+            lost += held_out as f64 * self.density_of_outliers();
+            times.sort_by(f64::total_cmp);
+            times.dedup();
+        }
+        let share = times.len() as f64 / self.base.updates() as f64;
+        if times.is_empty() || share > MOST_OUTLIERS {
+            return None;
+        }
+        let cause = Cause::Outliers(times);
+        let trial = self.run(&cause)?;
+        let held_out = trial.log_likelihood(false) + lost - self.base.log_likelihood(false);
+        Some(Tried { cause, held_out })
+    }
+
+    /// ln p of a sample that may be anywhere among the innovations.
+    fn density_of_outliers(&self) -> f64 {
+        let finite = self.base.innovations.value.iter().filter(|value| value.is_finite());
+        let largest = finite.fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        -(2.0 * largest).ln()
+    }
+
+    /// The sizes of a cause that fit best, from these on.
+    fn refined(&self, cause: Cause) -> Option<Tried> {
+        let found = self.fit(&cause, Blocks::Fitted)?;
+        let cause = cause.resized(&found.0);
+        let trial = self.run(&cause)?;
+        let held_out = trial.log_likelihood(false) - self.base.log_likelihood(false);
+        held_out.is_finite().then_some(Tried { cause, held_out })
+    }
+
+    /// Sizes and their standard errors by some of the blocks.
+    pub(super) fn fit(&self, cause: &Cause, blocks: Blocks) -> Option<(Vec<f64>, Vec<f64>)> {
+        let steps: Vec<f64> = match cause {
+            Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
+            Cause::Line { .. } => vec![0.1 * self.base.innovation_sd(); 2],
+            Cause::Outliers(_) => return Some((Vec::new(), Vec::new())),
+        };
+        let listed = |found: &MostLikely<1>| (found.at.to_vec(), found.sd.to_vec());
+        match (cause.sizes().as_slice(), steps.as_slice()) {
+            (&[size], &[step]) => {
+                most_likely([size], [step], &mut |at| self.innovations(cause, at, blocks)).map(|m| listed(&m))
+            }
+            (&[a, b], &[c, d]) => most_likely([a, b], [c, d], &mut |at| self.innovations(cause, at, blocks))
+                .map(|found| (found.at.to_vec(), found.sd.to_vec())),
+            _ => None,
+        }
+    }
+
+    fn innovations(&self, cause: &Cause, sizes: &[f64], blocks: Blocks) -> Option<Innovations> {
+        if let Cause::Numbers(numbers) = cause {
+            let beyond = numbers.iter().zip(sizes).any(|((place, _), size)| {
+                let largest = self.suspects[*place].sizes.iter().fold(0.0_f64, |l, s| l.max(s.abs()));
+                size.abs() > BEYOND * largest
+            });
+            if beyond {
+                return None;
+            }
+        }
+        let trial = self.run(&cause.resized(sizes))?;
+        Some(if blocks == Blocks::All { trial.innovations } else { trial.part(true) })
+    }
+
+    /// A first step of a number: half of the smallest size that is tried.
+    fn step(&self, place: usize) -> f64 {
+        let sizes = self.suspects.get(place).map_or(&[][..], |suspect| &suspect.sizes);
+        0.5 * sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
+    }
+}
+
+/// Innovations of the first signal that are far larger than the others, with whether their block is fitted.
+fn outlying(trial: &Trial) -> Vec<(f64, bool)> {
+    let z: Vec<f64> =
+        trial.innovations.value.iter().zip(&trial.innovations.variance).map(|(v, s)| v / s.sqrt()).collect();
+    let mut sizes: Vec<f64> = z.iter().filter(|z| z.is_finite()).map(|z| z.abs()).collect();
+    if sizes.is_empty() {
+        return Vec::new();
+    }
+    let middle = sizes.len() / 2;
+    // The median of the size of a normal number is 0.6745 of its standard deviation; outliers do not move it.
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    let sd = (*median / 0.6745).max(1.0);
+    let large = |k: &usize| trial.is_of_first[*k] && z[*k].abs() > OUTLYING * sd;
+    // What follows an outlier is disturbed by it: the first of those that follow each other is taken alone.
+    let mut last: Option<usize> = None;
+    let first_of_run = |k: &usize| {
+        let is_first = last.is_none_or(|last| *k > last + 1);
+        last = Some(*k);
+        is_first
+    };
+    (0..z.len()).filter(large).filter(first_of_run).map(|k| (trial.time_s[k], trial.is_fitted(k))).collect()
+}

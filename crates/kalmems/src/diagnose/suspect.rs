@@ -1,0 +1,250 @@
+//! What may be wrong: numbers of the device table, and what was recorded.
+
+use super::change::{Altered, Change};
+use crate::config::{Experiment, Key, Step};
+use crate::rigs::{LeftOut, Rig};
+use crate::units::Value as Quantity;
+use kalmems_core::Scalar;
+use toml::{Table, Value};
+
+/// Something that may be wrong by a size, 0 if it is right.
+#[derive(Clone, Debug)]
+pub(super) struct Suspect {
+    pub(super) what: What,
+    /// The sizes that are tried first, on both sides where it has two.
+    pub(super) sizes: Vec<f64>,
+}
+
+/// What it is, and what its size means.
+#[derive(Clone, Debug)]
+pub(super) enum What {
+    /// Numbers of the experiment that are wrong by the same factor, e to the size.
+    Factor(Vec<Number>),
+    /// A number that the device table leaves out, or has as zero: the size, in steps.
+    LeftOut { key: Key, left_out: LeftOut },
+    /// The drive's column is wrong by a factor, e to the size.
+    DriveScale,
+    /// The drive's column is early, by the size in samples.
+    DriveEarly,
+    /// What the signal's column shows without motion is wrong, by the size in standard deviations of its noise.
+    Offset { meaning: String, sd: f64 },
+}
+
+/// A number in an experiment.
+#[derive(Clone, Debug)]
+pub(super) struct Number {
+    pub(super) key: Key,
+    /// As it is written.
+    pub(super) written: f64,
+    /// The unit behind it; empty of a plain ratio.
+    pub(super) unit: String,
+}
+
+impl Number {
+    fn times(&self, factor: f64) -> Value {
+        quantity(self.written * factor, &self.unit)
+    }
+}
+
+/// A number with its unit, as an experiment has it.
+pub(super) fn quantity(number: f64, unit: &str) -> Value {
+    if unit.is_empty() { Value::Float(number) } else { Value::String(format!("{number:e} {unit}")) }
+}
+
+/// Relative sizes by which a number of a device may be wrong.
+const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
+
+/// Those of a noise, which is seldom known well.
+const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.6];
+
+/// Steps of what has no size of its own.
+const STEPS: [f64; 5] = [1.0, 4.0, 16.0, 64.0, 256.0];
+
+impl Suspect {
+    /// All that may be wrong of a device, by its table and its channels; `noise_sd` is that of a sample of the signal.
+    pub(super) fn all(rig: &dyn Rig, experiment: &Experiment, document: &Table, noise_sd: f64) -> Vec<Self> {
+        let device = Key::from("device").child(experiment.device_name());
+        let mut numbers = Vec::new();
+        if let Some(table) = document.get("device").and_then(|d| d.get(experiment.device_name())) {
+            collect(table, &device, &mut numbers);
+        }
+        let left_out = rig.left_out(experiment);
+        let is_there = |left: &LeftOut| numbers.iter().any(|number: &Number| number.key == left.key(&device));
+        let mut suspects: Vec<Self> = left_out
+            .iter()
+            .filter(|left| !is_there(left))
+            .map(|left| {
+                let what = What::LeftOut { key: left.key(&device), left_out: *left };
+                Self { what, sizes: sides(&STEPS, !left.is_never_negative) }
+            })
+            .collect();
+        let siblings = siblings(&numbers);
+        let has_offset = numbers.iter().any(|number| number.key.last() == "offset")
+            || left_out.iter().any(|left| left.key.ends_with("offset"));
+        let each = siblings.into_iter().chain(numbers.into_iter().map(|number| vec![number]));
+        suspects.extend(each.map(|numbers| {
+            let is_noise = numbers[0].key.last().starts_with("noise");
+            let sizes = if is_noise { sides(&NOISE_FACTORS, true) } else { sides(&FACTORS, true) };
+            Self { what: What::Factor(numbers), sizes }
+        }));
+        suspects.extend(of_channels(experiment, noise_sd, has_offset));
+        suspects
+    }
+
+    /// What a size changes; `None` of one that there cannot be.
+    pub(super) fn changes(&self, size: f64) -> Option<Vec<Change>> {
+        let channel = |meaning: &str, how| vec![Change::Channel { meaning: meaning.to_owned(), how }];
+        Some(match &self.what {
+            _ if size == 0.0 => Vec::new(),
+            What::Factor(numbers) => {
+                let factor = Scalar::exp(size);
+                numbers.iter().map(|n| Change::Key(n.key.clone(), n.times(factor))).collect()
+            }
+            What::LeftOut { key, left_out } => {
+                if size < 0.0 && left_out.is_never_negative {
+                    return None;
+                }
+                let mut changes = vec![Change::Key(key.clone(), left_out.value(size))];
+                if let Some(switch) = left_out.filter_switch {
+                    let filter = Key::from("estimate").child("filter").index(0).child(switch);
+                    changes.push(Change::Key(filter, Value::Boolean(true)));
+                }
+                changes
+            }
+            What::DriveScale => channel(DRIVE, Altered::Scaled(Scalar::exp(size))),
+            What::DriveEarly => channel(DRIVE, Altered::Later(size)),
+            What::Offset { meaning, sd } => channel(meaning, Altered::Raised(size * sd)),
+        })
+    }
+
+    /// What it is called: keys as the experiment has them, below the device's table.
+    pub(super) fn name(&self) -> String {
+        match &self.what {
+            What::Factor(numbers) => match numbers.as_slice() {
+                [one] => below_device(&one.key),
+                all => format!("{} of all {}", all[0].key.last(), all.len()),
+            },
+            What::LeftOut { key, .. } => below_device(key),
+            What::DriveScale => "the scale of the drive's column".to_owned(),
+            What::DriveEarly => "the time of the drive's column".to_owned(),
+            What::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
+        }
+    }
+}
+
+/// A key without the way to the device's table.
+fn below_device(key: &Key) -> String {
+    let steps = key.steps().iter().skip(2);
+    steps
+        .fold(Key::default(), |key, step| match step {
+            Step::Name(name) => key.child(name),
+            Step::Index(index) => key.index(*index),
+        })
+        .to_string()
+}
+
+/// The channel of the drive, by its meaning.
+pub(super) const DRIVE: &str = "drive";
+
+fn of_channels(experiment: &Experiment, noise_sd: f64, has_offset: bool) -> Vec<Suspect> {
+    let Some(recording) = experiment.recordings.first() else { return Vec::new() };
+    let mut suspects = Vec::new();
+    for (meaning, _) in recording.channels.iter() {
+        if meaning == DRIVE {
+            suspects.push(Suspect { what: What::DriveScale, sizes: sides(&FACTORS, true) });
+            let sizes = [0.1, 0.5, 2.0].to_vec();
+            suspects.push(Suspect { what: What::DriveEarly, sizes: sides(&sizes, true) });
+        } else if meaning.starts_with("signal") && !has_offset {
+            let what = What::Offset { meaning: meaning.to_owned(), sd: 0.1 * noise_sd };
+            suspects.push(Suspect { what, sizes: sides(&STEPS, true) });
+        }
+    }
+    suspects
+}
+
+/// Sizes on one side or on both.
+fn sides(sizes: &[f64], both: bool) -> Vec<f64> {
+    sizes.iter().flat_map(|size| [Some(*size), both.then_some(-size)]).flatten().collect()
+}
+
+/// The numbers of a table, but for those that are zero, which no factor changes.
+fn collect(value: &Value, key: &Key, numbers: &mut Vec<Number>) {
+    match value {
+        Value::Table(table) => {
+            table.iter().for_each(|(name, value)| collect(value, &key.clone().child(name), numbers));
+        }
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, value)| collect(value, &key.clone().index(i), numbers));
+        }
+        Value::String(text) => {
+            if let Ok(quantity) = Quantity::parse(text)
+                && quantity.si() != 0.0
+                && let (number, unit) = quantity.parts()
+                && let Ok(written) = number.parse()
+            {
+                numbers.push(Number { key: key.clone(), written, unit: unit.to_owned() });
+            }
+        }
+        Value::Float(number) if *number != 0.0 => {
+            numbers.push(Number { key: key.clone(), written: *number, unit: String::new() });
+        }
+        _ => {}
+    }
+}
+
+/// Numbers of the same name in tables beside one another that have the same names in them, as those of several electrodes do.
+fn siblings(numbers: &[Number]) -> Vec<Vec<Number>> {
+    let table = |number: &Number| number.key.steps().split_last().map(|(_, table)| table.to_vec());
+    let names = |table: &[Step]| -> Vec<&str> {
+        let inside =
+            numbers.iter().filter(|number| number.key.steps().split_last().is_some_and(|(_, t)| t == table));
+        inside.map(|number| number.key.last()).collect()
+    };
+    let mut families: Vec<Vec<Number>> = Vec::new();
+    for number in numbers {
+        let Some(own) = table(number) else { continue };
+        let is_sibling = |members: &&mut Vec<Number>| {
+            let Some(other) = members.first().and_then(table) else { return false };
+            members[0].key.last() == number.key.last()
+                && own.split_last().map(|(_, parent)| parent) == other.split_last().map(|(_, parent)| parent)
+                && names(&own) == names(&other)
+        };
+        match families.iter_mut().find(is_sibling) {
+            Some(members) => members.push(number.clone()),
+            None => families.push(vec![number.clone()]),
+        }
+    }
+    families.retain(|members| members.len() > 1);
+    families
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(text: &str) -> Vec<Number> {
+        let mut numbers = Vec::new();
+        collect(&Value::Table(text.parse().unwrap()), &Key::from("device.stage"), &mut numbers);
+        numbers
+    }
+
+    #[test]
+    fn numbers_with_and_without_units_are_found_and_changed() {
+        let numbers =
+            numbers("a = \"2.5 kHz\"\nb = 0.25\nc = \"0 V\"\nd = \"logistic\"\ne = [\"1 pF\", \"2 pF\"]");
+        let keys: Vec<String> = numbers.iter().map(|number| number.key.to_string()).collect();
+        assert_eq!(keys, ["device.stage.a", "device.stage.b", "device.stage.e[0]", "device.stage.e[1]"]);
+        assert_eq!(numbers[0].times(2.0), Value::String("5e0 kHz".to_owned()));
+        assert_eq!(numbers[1].times(2.0), Value::Float(0.5));
+    }
+
+    #[test]
+    fn only_tables_that_are_alike_have_numbers_in_common() {
+        let numbers = numbers(
+            "[electrodes.A]\ngap = \"2 um\"\ngain = 3.0\n[electrodes.B]\ngap = \"3 um\"\ngain = 4.0\n[electrodes.C]\ngain = 5.0",
+        );
+        let families = siblings(&numbers);
+        let named: Vec<(&str, usize)> = families.iter().map(|f| (f[0].key.last(), f.len())).collect();
+        assert_eq!(named, [("gain", 2), ("gap", 2)]);
+    }
+}

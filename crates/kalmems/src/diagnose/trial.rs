@@ -1,0 +1,136 @@
+//! What a filter says of the recordings of a bench.
+
+use crate::estimate::{SegmentEstimate, Trajectory};
+use crate::evaluate::{SegmentJudge, TestResult};
+use crate::fit::Innovations;
+use crate::rigs::Rig;
+
+/// Blocks of a segment, of which every second one is fitted.
+const BLOCKS: f64 = 20.0;
+
+/// One run of the filter.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Trial {
+    /// The innovations after the settling time, of all signals.
+    pub(super) innovations: Innovations,
+    /// Whether an innovation is of a block that is fitted.
+    is_fitted: Vec<bool>,
+    /// When each was, in s, and whether it is of the first signal.
+    pub(super) time_s: Vec<f64>,
+    pub(super) is_of_first: Vec<bool>,
+    /// The answer at each sample after the settling time, its claimed standard deviation, and the time in s.
+    pub(super) answer: Vec<f64>,
+    pub(super) answer_sd: Vec<f64>,
+    pub(super) answer_time_s: Vec<f64>,
+    /// The name of the answer among the states, and its unit.
+    pub(super) answer_name: &'static str,
+    pub(super) answer_unit: &'static str,
+    /// What the tests find.
+    pub(super) tests: Vec<TestResult>,
+    /// Whether the filter lost the motion.
+    loses_lock: bool,
+    /// Whether a parameter that is a state speaks against it.
+    has_fault: bool,
+    updates: usize,
+}
+
+impl Trial {
+    /// Takes what the filter says of a segment in; `None` where it stopped.
+    pub(super) fn take(&mut self, rig: &dyn Rig, estimate: &SegmentEstimate) -> Option<()> {
+        let trajectory = estimate.trajectories.first()?;
+        if trajectory.failure.is_some() {
+            return None;
+        }
+        let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
+        let times = trajectory.time_s.get(scored.clone())?;
+        let (first, last) = (times.first().copied()?, times.last().copied()?);
+        let is_fitted = |time: f64| {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // one of a few blocks
+            let block = (BLOCKS * (time - first) / (last - first)) as usize;
+            block.is_multiple_of(2)
+        };
+        let signals = std::iter::once((&trajectory.innovation, &trajectory.innovation_sd))
+            .chain(trajectory.further.iter().map(|signal| (&signal.innovation, &signal.sd)));
+        for (place, (innovation, sd)) in signals.enumerate() {
+            for k in scored.clone() {
+                let time = trajectory.time_s[k];
+                let (value, sd) = (*innovation.get(k)?, *sd.get(k)?);
+                self.innovations.value.push(value);
+                self.innovations.variance.push(sd * sd);
+                self.is_fitted.push(is_fitted(time));
+                self.time_s.push(time);
+                self.is_of_first.push(place == 0);
+                self.updates += usize::from(value.is_finite());
+            }
+        }
+        self.take_answer(rig, trajectory, scored);
+        let mut judge = SegmentJudge::default();
+        judge.take(estimate);
+        let judgement = judge.of(&trajectory.key).unwrap_or_default();
+        self.has_fault |= judgement.parameters.iter().any(|parameter| parameter.fault.is_some());
+        self.loses_lock |= !trajectory.lock.held();
+        self.tests.extend(judgement.tests);
+        Some(())
+    }
+
+    fn take_answer(&mut self, rig: &dyn Rig, trajectory: &Trajectory, scored: std::ops::Range<usize>) {
+        let angle = || rig.angles().first().map(|[angle, _]| *angle);
+        let name = rig.values().first().map(|value| value.name).or_else(angle);
+        let named = name.and_then(|name| trajectory.state(name));
+        let Some(state) = named.or_else(|| trajectory.states.first()) else { return };
+        (self.answer_name, self.answer_unit) = (state.name, state.unit);
+        self.answer.extend(state.mean.get(scored.clone()).unwrap_or_default());
+        self.answer_sd.extend(state.sd.get(scored.clone()).unwrap_or_default());
+        self.answer_time_s.extend(&trajectory.time_s[scored]);
+    }
+
+    /// The run as a whole; `None` without a single innovation.
+    pub(super) fn ended(self) -> Option<Self> {
+        (self.updates > 0).then_some(self)
+    }
+
+    /// Σ ln p of the innovations in the blocks that are fitted, or in those that are not.
+    pub(super) fn log_likelihood(&self, fitted: bool) -> f64 {
+        self.part(fitted).log_likelihood()
+    }
+
+    /// Those of the blocks that are fitted, or of those that are not; the others are missing.
+    pub(super) fn part(&self, fitted: bool) -> Innovations {
+        let each = self.innovations.value.iter().zip(&self.is_fitted);
+        let value = each.map(|(value, own)| if *own == fitted { *value } else { f64::NAN }).collect();
+        Innovations { value, variance: self.innovations.variance.clone() }
+    }
+
+    /// Whether an innovation, by its place, is of a block that is fitted.
+    pub(super) fn is_fitted(&self, place: usize) -> bool {
+        self.is_fitted.get(place).copied().unwrap_or(false)
+    }
+
+    /// The root mean square of what the filter claims of the innovations of the first signal, in its unit.
+    pub(super) fn innovation_sd(&self) -> f64 {
+        let variances = self.innovations.variance.iter().zip(&self.is_of_first);
+        let (count, sum) = (variances.filter(|(variance, is_first)| **is_first && variance.is_finite()))
+            .fold((0.0, 0.0), |(count, sum), (variance, _)| (count + 1.0, sum + variance));
+        f64::sqrt(sum / f64::max(count, 1.0))
+    }
+
+    /// How many innovations there were.
+    pub(super) const fn updates(&self) -> usize {
+        self.updates
+    }
+
+    /// What the tests find that is not by chance.
+    pub(super) fn failing(&self) -> impl Iterator<Item = &TestResult> {
+        self.tests.iter().filter(|found| found.fails())
+    }
+
+    /// Whether the filter follows the motion, be its answer right or not.
+    pub(super) const fn follows(&self) -> bool {
+        !self.loses_lock
+    }
+
+    /// Whether the filter's answer would pass.
+    pub(super) fn passes(&self) -> bool {
+        !self.loses_lock && !self.has_fault && self.failing().next().is_none()
+    }
+}

@@ -1,0 +1,140 @@
+//! A diagnosis in words.
+
+use super::summary::shown;
+use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, ScaleNote};
+use kalmems_figures::significant;
+use std::fmt::Write as _;
+
+impl Diagnosis {
+    /// What was found, what to write, and what the signal cannot tell, for a terminal.
+    pub fn to_text(&self) -> String {
+        let mut text = format!(
+            "{}, filter `{}`, by {} rows ({} s) of its recordings\n\n",
+            self.experiment,
+            self.filter,
+            self.rows,
+            significant(self.duration_s)
+        );
+        text += &match self.finding {
+            Finding::NothingToChange => {
+                "nothing to change: the innovations pass all tests, so that the recording says nothing \
+                                         against the experiment\n"
+                    .to_owned()
+            }
+            Finding::Explained => self.explained(),
+            Finding::NoneOfThese => self.unexplained(),
+        };
+        for note in &self.notes {
+            text += &format!("\nnote: {note}\n");
+        }
+        text
+    }
+
+    fn explained(&self) -> String {
+        let of = match self.causes.len() {
+            1 => "one explains the recording".to_owned(),
+            several => format!("{several} explain the recording, and it cannot tell them apart"),
+        };
+        let mut text = format!("of {} causes that were tried {of}:\n", self.tried);
+        for (place, cause) in self.causes.iter().enumerate() {
+            text += &format!("\n{}. {}\n", place + 1, cause.to_text());
+        }
+        if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
+            text +=
+                "\nWrite one of them, that which is known worst, or measure it; `--write` takes the first.\n";
+        }
+        text
+    }
+
+    fn unexplained(&self) -> String {
+        let mut text =
+            format!("none of these: {} causes were tried, and with none the innovations pass", self.tried);
+        text += ". They show:\n";
+        for test in &self.tests {
+            let _ = writeln!(text, "  {test}");
+        }
+        if !self.closest.is_empty() {
+            text += "\nWhat explains most, and not all; the cause is likely something that the model does not have:\n";
+        }
+        for cause in &self.closest {
+            text += &format!("\n- {}\n", cause.to_text());
+        }
+        text
+    }
+}
+
+impl CauseReport {
+    fn to_text(&self) -> String {
+        let mut text =
+            format!("{}: ln p of the blocks that were not fitted rises by {:.0}", self.name, self.gain);
+        if !self.passes {
+            text += "; the innovations then still fail a test";
+        }
+        if let Some(answer) = &self.answer {
+            let _ = write!(text, "; it {}", effect(answer, self.answer_name, self.answer_unit));
+        }
+        for Edit { key, from, to, sd } in &self.edits {
+            let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
+            let sd = sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
+            let _ = write!(text, "\n     {key} = {to}  # {was}{sd}");
+        }
+        if let Some(remedy) = &self.remedy {
+            let _ = write!(text, "\n     {remedy}");
+        }
+        text
+    }
+}
+
+impl std::fmt::Display for ScaleNote {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { parameter, hidden, by, change, answer, unit } = self;
+        let (unit_of_answer, factor) = people_read(unit);
+        if *hidden < 1.0 {
+            write!(
+                f,
+                "`{parameter}` may be wrong by {} % before the signal shows it; ",
+                significant(100.0 * hidden)
+            )?;
+        } else {
+            write!(f, "the signal alone cannot tell `{parameter}`; ")?;
+        }
+        write!(
+            f,
+            "an error of {} % {}, where the filter claims {} {unit_of_answer}",
+            significant(100.0 * by),
+            effect(change, answer, unit),
+            significant(change.claimed * factor)
+        )
+    }
+}
+
+/// What a change makes of an answer.
+fn effect(change: &AnswerChange, answer: &str, unit: &'static str) -> String {
+    let (unit, factor) = people_read(unit);
+    let mut text = format!("changes the {answer} by {} {unit} rms", significant(change.rms * factor));
+    if change.share > 0.5 {
+        let mut parts = Vec::new();
+        // What makes less than a tenth of the difference is none of its parts.
+        if change.scale.abs() * change.of_rms > 0.1 * change.rms {
+            let larger = if change.scale < 0.0 { "smaller" } else { "larger" };
+            parts.push(format!("{} % {larger}", significant(100.0 * change.scale.abs())));
+        }
+        if change.offset.abs() > 0.1 * change.rms {
+            let higher = if change.offset < 0.0 { "lower" } else { "higher" };
+            parts.push(format!("{} {unit} {higher}", significant(change.offset.abs() * factor)));
+        }
+        if parts.is_empty() && change.early_s != 0.0 {
+            let earlier = if change.early_s < 0.0 { "later" } else { "earlier" };
+            parts.push(format!("{} us {earlier}", significant(1e6 * change.early_s.abs())));
+        }
+        if !parts.is_empty() {
+            text += &format!(" ({})", parts.join(", "));
+        }
+    }
+    text
+}
+
+/// The unit in which people read it, and how many of that one of its SI unit is.
+fn people_read(unit: &'static str) -> (&'static str, f64) {
+    if unit == "rad" { ("deg", 180.0 / std::f64::consts::PI) } else { shown(unit) }
+}

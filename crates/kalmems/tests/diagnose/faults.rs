@@ -1,0 +1,229 @@
+//! Faults of a device, of its readout and of what was recorded of it.
+
+use super::devices::{Device, Setting};
+use kalmems::config::Experiment;
+use kalmems::diagnose::{Diagnosis, diagnose_recording};
+use kalmems::progress::Silent;
+use kalmems::recording::Recording;
+use kalmems::results::Metrics;
+use kalmems::rigs::published;
+use kalmems::simulate::{Unwritten, WhiteNoise};
+use kalmems::workflow::estimate_unwritten;
+
+/// What a fault of a size does.
+#[derive(Clone, Copy)]
+pub enum Does {
+    /// The filters are told a number that is larger by this part: key, true value, unit.
+    Told(&'static str, f64, &'static str),
+    /// They are told a number that is so many times too small.
+    ToldTooSmall(&'static str, f64, &'static str),
+    /// The device has a number that they are not told, in its unit.
+    Has(&'static str, &'static str),
+    /// The numbers of a channel are others.
+    Records(&'static str, fn(&mut [f64], &[f64], f64, u64)),
+}
+
+/// A fault of a device.
+pub struct Fault {
+    pub device: &'static str,
+    pub does: Does,
+    /// What a diagnosis has to name.
+    pub is_named: &'static str,
+    /// The first size that is tried, and the largest.
+    pub sizes: [f64; 2],
+}
+
+/// Both sides of a fault: a recording that shows it, and filters that do not know of it.
+pub struct Faulty {
+    pub told: Experiment,
+    pub simulated: Unwritten,
+    pub recording: Recording,
+}
+
+impl Fault {
+    /// Keys of the true device and of what the filters are told.
+    fn settings(&self, size: f64) -> [Vec<Setting<'static>>; 2] {
+        let written = |number: f64, unit: &str| {
+            if unit.is_empty() { format!("{number:e}") } else { format!("\"{number:e} {unit}\"") }
+        };
+        match self.does {
+            Does::Told(key, value, unit) => [vec![], vec![(key, written(value * (1.0 + size), unit))]],
+            Does::ToldTooSmall(key, value, unit) => {
+                [vec![], vec![(key, written(value / (1.0 + size), unit))]]
+            }
+            Does::Has(key, unit) => [vec![(key, written(size, unit))], vec![]],
+            Does::Records(..) => [vec![], vec![]],
+        }
+    }
+
+    /// A recording with the fault.
+    pub fn of_size(&self, size: f64, seed: u64) -> Faulty {
+        let [real, told] = self.settings(size);
+        let (told, simulated) = Device::named(self.device).recorded(&real, &told, seed);
+        let rig = published().rig(&told).unwrap();
+        let index = rig.wanted(&told).unwrap()[0];
+        let mut recording = simulated.recorded(&rig.layout(&told, index).unwrap()).unwrap();
+        if let Does::Records(meaning, change) = self.does {
+            let described = told.recording(index).unwrap();
+            let (_, column) = described.channels.iter().find(|(own, _)| *own == meaning).unwrap();
+            recording = recording.what_if(column, |times, values| change(values, times, size, seed));
+        }
+        Faulty { told, simulated, recording }
+    }
+
+    /// The error of the first filter if it is told all: what a diagnosis is to reach.
+    pub fn right_error(&self, size: f64, seed: u64) -> Option<f64> {
+        let [real, _] = self.settings(size);
+        let (told, simulated) = Device::named(self.device).recorded(&real, &real, seed);
+        error(&told, &simulated)
+    }
+
+    /// The first size, of a factor of 2 between them, at which the innovations of three recordings that judge nothing show it, and half
+    /// of that more; `None` where they do not up to the largest.
+    pub fn visible_size(&self) -> Option<f64> {
+        let [from, to] = self.sizes;
+        let mut size = from;
+        while size <= to {
+            if (1..=3).all(|seed| self.of_size(size, seed).is_seen()) {
+                return Some(1.5 * size);
+            }
+            size *= 2.0;
+        }
+        None
+    }
+}
+
+impl Faulty {
+    pub fn diagnosis(&self) -> Diagnosis {
+        diagnose_recording(published(), &self.told, None, self.recording.clone(), &Silent).unwrap()
+    }
+
+    /// Whether the innovations of the first filter show anything.
+    fn is_seen(&self) -> bool {
+        let rig = published().rig(&self.told).unwrap();
+        let index = rig.wanted(&self.told).unwrap()[0];
+        let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return false };
+        estimates.iter().any(|estimate| {
+            let mut judge = kalmems::evaluate::SegmentJudge::default();
+            judge.take(estimate);
+            let key = &estimate.trajectories[0].key;
+            !estimate.trajectories[0].lock.held()
+                || judge.of(key).is_some_and(|judgement| judgement.tests.iter().any(|found| found.fails()))
+        })
+    }
+
+    /// The error of the first filter if it is told what a cause says.
+    pub fn error_with(&self, diagnosis: &Diagnosis, name: &str) -> Option<f64> {
+        let cause = diagnosis.causes.iter().find(|cause| cause.name == name)?;
+        let mut document: toml::Value = self.told.to_toml().unwrap().parse::<toml::Table>().unwrap().into();
+        for edit in &cause.edits {
+            let value: toml::Table = format!("x = {}", edit.to).parse().unwrap();
+            let key = edit.key.replace('[', ".").replace(']', "");
+            super::devices::put(&mut document, &key, Some(&value["x"].to_string()));
+        }
+        let text = toml::to_string(&document).unwrap();
+        error(&published().parse(&text, self.told.path()).unwrap(), &self.simulated)
+    }
+}
+
+/// The error of the first filter's answer, in whatever unit it has.
+fn error(told: &Experiment, simulated: &Unwritten) -> Option<f64> {
+    let outcome = estimate_unwritten(published(), told, simulated, &Silent).ok()?;
+    let metrics = Metrics::of(&outcome);
+    let estimator = metrics.estimators().next()?;
+    let angle = estimator.errors.as_ref().map(|errors| errors.angle.rmse_deg);
+    angle.or_else(|| metrics.values.iter().find_map(|value| Some(estimator.values.get(value.name)?.rmse)))
+}
+
+/// The standard deviation of a channel's numbers from one to the next: that of its noise, where it is not much slower than the samples.
+fn noise(values: &[f64]) -> f64 {
+    let second = |w: &[f64]| w[0] - 2.0 * w[1] + w[2];
+    let sum: f64 = values.windows(3).map(|w| second(w).powi(2)).sum();
+    (sum / (6.0 * values.len() as f64)).sqrt()
+}
+
+/// A line of 50 Hz, or of 333 Hz where the recording is shorter than two of its periods.
+pub fn hum(values: &mut [f64], times: &[f64], size: f64, seed: u64) {
+    let long_s = times[times.len() - 1] - times[0];
+    let hz = if long_s > 0.04 { 50.0 } else { 2.0 / long_s };
+    let (amplitude, phase) = (size * noise(values), seed as f64);
+    for (value, time) in values.iter_mut().zip(times) {
+        *value += amplitude * (std::f64::consts::TAU * hz * time + phase).sin();
+    }
+}
+
+/// Twenty samples that are off by so many standard deviations of the noise.
+pub fn spikes(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
+    let (height, count) = (size * noise(values), values.len());
+    for k in 0..20 {
+        let place = count / 3 + (k * 7919 + 31 * usize::try_from(seed).unwrap()) % (count / 2);
+        values[place] += if k % 2 == 0 { height } else { -height };
+    }
+}
+
+/// A factor that is one by this part too large.
+pub fn scaled(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    values.iter_mut().for_each(|value| *value *= 1.0 + size);
+}
+
+/// What is shown comes so many samples later.
+pub fn late(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    let before = values.to_vec();
+    for (k, value) in values.iter_mut().enumerate() {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let place = (k as f64 - size).max(0.0);
+        let whole = place as usize;
+        let next = before[(whole + 1).min(before.len() - 1)];
+        *value = before[whole] + place.fract() * (next - before[whole]);
+    }
+}
+
+/// An amplifier whose gain grows by this part from the beginning to the end.
+pub fn drifting(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    let (mean, count) = (values.iter().sum::<f64>() / values.len() as f64, values.len() as f64);
+    for (k, value) in values.iter_mut().enumerate() {
+        *value += size * (k as f64 / count) * (*value - mean);
+    }
+}
+
+/// A random walk of so many standard deviations of the noise over the recording.
+pub fn wandering(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
+    let step = size * noise(values) / (values.len() as f64).sqrt();
+    let (mut walk, mut source) = (0.0, WhiteNoise::new(seed, 9));
+    for value in values {
+        walk += step * source.sample();
+        *value += walk;
+    }
+}
+
+/// A step of so many standard deviations of the noise in the middle.
+pub fn stepping(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    let (height, half) = (size * noise(values), values.len() / 2);
+    values[half..].iter_mut().for_each(|value| *value += height);
+}
+
+/// Noise that is so many times as large in the second half.
+pub fn noisier(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
+    let (sd, half) = (size * noise(values), values.len() / 2);
+    let mut source = WhiteNoise::new(seed, 10);
+    values[half..].iter_mut().for_each(|value| *value += sd * source.sample());
+}
+
+/// An amplifier that compresses what is far from the mean, by this part at the largest.
+pub fn compressed(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max((value - mean).abs()));
+    for value in values {
+        let part = (*value - mean) / largest;
+        *value -= size * largest * part.powi(3);
+    }
+}
+
+/// A gap of so many samples in the middle, filled with the last one.
+pub fn stuck(values: &mut [f64], _: &[f64], size: f64, _: u64) {
+    let half = values.len() / 2;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let end = (half + size as usize).min(values.len());
+    let held = values[half];
+    values[half..end].fill(held);
+}
