@@ -4,7 +4,8 @@ use crate::args::EstimateArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
-use kalmems::config::Experiment;
+use kalmems::config::{Experiment, Recording};
+use kalmems::diagnose::{ScaleNote, scale_notes};
 use kalmems::results::{
     LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, parameters_table,
     summary_table, write_estimate,
@@ -63,7 +64,7 @@ fn at_once(
     let bar = Bar::default();
     let outcome = workflow::estimate(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let metrics = Metrics::of(&outcome);
+    let metrics = Metrics::of(&outcome).with_scale_notes(notes(workbench, experiment)?);
     let info = RunInfo { started, took: clock.elapsed() };
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
     write_estimate(&outcome, &metrics, output, wanted, info, &crate::interrupt::requested)
@@ -88,7 +89,21 @@ fn in_parts(
         PartsError::Taken(error) => of_writing(error),
     })?;
     drop(bar);
-    results.finish(&whole, RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
+    let notes = notes(workbench, experiment)?;
+    results.finish(&whole, notes, RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
+}
+
+/// What the signal cannot tell, where there is a file that can be read again and a filter whose innovations say anything.
+fn notes(workbench: &Workbench, experiment: &Experiment) -> Result<Vec<ScaleNote>, Ending> {
+    let can_be_read = |recording: &Recording| experiment.resolve(&recording.file).is_file();
+    if !experiment.recordings.iter().all(can_be_read) {
+        return Ok(Vec::new());
+    }
+    let bar = Bar::default();
+    match scale_notes(workbench, experiment, None, &bar) {
+        Err(e) if e.is_interruption() => Err(Ending::Interrupted),
+        found => Ok(found.unwrap_or_default()),
+    }
 }
 
 fn of_work(error: &WorkflowError) -> Ending {

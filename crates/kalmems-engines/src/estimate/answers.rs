@@ -70,6 +70,8 @@ impl<const N: usize> Run for RunOf<N> {
         let mut filtered = self.followed.follow(names, course, &samples.fresh, states, progress)?;
         filtered.whitens = !matches!(filter.method, Method::ConsiderEkf | Method::Luenberger);
         filtered.parameters = filter.parameters().iter().map(Tracked::prior).collect();
+        let names: Vec<&'static str> = filtered.parameters.iter().map(|prior| prior.name).collect();
+        filtered.parameter_correlations = self.followed.known().correlations(states, &names);
         let mut trajectories = vec![filtered];
         for (word, smoother) in &mut self.smoothers {
             let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));

@@ -4,7 +4,7 @@ use super::answers::{Begun, Run};
 use super::engine::Filtering;
 use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
-use super::{ConstantGain, GainOf, ModelAlone};
+use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
 use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
@@ -87,6 +87,32 @@ impl Known {
         let lower = (0..mean.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let lower = lower.map(|(i, j)| if i == j { sd[i] * sd[i] } else { 0.0 }).collect();
         Self { mean, lower }
+    }
+
+    /// How the errors of some states hang together, by their names, pair by pair; nothing of one whose variance is zero.
+    pub(super) fn correlations(
+        &self,
+        states: &[StateName],
+        of: &[&'static str],
+    ) -> Vec<ParameterCorrelation> {
+        let place = |name: &str| states.iter().position(|(own, ..)| *own == name);
+        let covariance = |i: usize, j: usize| {
+            let (i, j) = (i.max(j), i.min(j));
+            self.lower.get(i * (i + 1) / 2 + j).copied()
+        };
+        let mut all = Vec::new();
+        for (k, second) in of.iter().enumerate() {
+            for first in of.iter().take(k) {
+                let (Some(i), Some(j)) = (place(first), place(second)) else { continue };
+                let parts = (covariance(i, j), covariance(i, i), covariance(j, j));
+                let (Some(both), Some(own), Some(other)) = parts else { continue };
+                let correlation = both / (own * other).sqrt();
+                if correlation.is_finite() {
+                    all.push(ParameterCorrelation { names: [first, second], correlation });
+                }
+            }
+        }
+        all
     }
 
     /// The same with states behind them that are uncorrelated with all others.

@@ -190,6 +190,7 @@ impl Trajectory {
             error_spans: Vec::new(),
             whitens: true,
             parameters: Vec::new(),
+            parameter_correlations: Vec::new(),
             mirrored: false,
             failure: None,
             seconds_per_step: f64::NAN,
@@ -237,6 +238,7 @@ impl Trajectory {
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
             parameters: self.parameters.clone(),
+            parameter_correlations: self.parameter_correlations.clone(),
             time_s: Vec::new(),
             ..*self
         }

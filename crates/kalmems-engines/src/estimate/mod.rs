@@ -48,6 +48,7 @@ pub use stretches::{LeftOut, StretchJudge, StretchSummary};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{
-    Consistency, Counts, Failure, FurtherSignal, StateSeries, TrackedPrior, Trajectory, TrajectoryKind,
+    Consistency, Counts, Failure, FurtherSignal, ParameterCorrelation, StateSeries, TrackedPrior, Trajectory,
+    TrajectoryKind,
 };
 pub use transition::{Reading, Sensor, Step, Transition};

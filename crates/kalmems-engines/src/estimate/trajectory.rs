@@ -44,6 +44,8 @@ pub struct Trajectory {
     pub whitens: bool,
     /// Which of its states are parameters, and what was known of them before.
     pub parameters: Vec<TrackedPrior>,
+    /// How the errors of these parameters hang together at the end, pair by pair.
+    pub parameter_correlations: Vec<ParameterCorrelation>,
     /// Whether the filter followed the motion.
     pub lock: Lock,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
@@ -111,6 +113,15 @@ pub struct TrackedPrior {
     pub drift: f64,
     /// Whether it is a factor, whose sign is lost below −1.
     pub is_factor: bool,
+}
+
+/// How the errors of two parameters that are states hang together, by the filter's covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ParameterCorrelation {
+    /// The parameters, by their names.
+    pub names: [&'static str; 2],
+    /// From −1 to 1; where it is near an end the recording tells a combination of both alone.
+    pub correlation: f64,
 }
 
 /// What happened to the samples.

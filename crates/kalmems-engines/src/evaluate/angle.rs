@@ -311,6 +311,7 @@ mod tests {
             error_spans: Vec::new(),
             whitens: true,
             parameters: Vec::new(),
+            parameter_correlations: Vec::new(),
             counts: Counts::default(),
             lock: Lock::default(),
             mirrored: false,

@@ -20,6 +20,7 @@ mod answer;
 mod bench;
 mod cause;
 mod change;
+mod distinguish;
 mod error;
 mod explain;
 mod note;
@@ -30,6 +31,7 @@ mod suspect;
 mod trial;
 
 pub use answer::AnswerChange;
+pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use note::ScaleNote;
 pub use paste::pasted;
@@ -40,6 +42,7 @@ use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::rigs::Workbench;
 use bench::{Bench, Extent};
+use change::Change;
 use explain::Explained;
 use suspect::Suspect;
 use trial::Trial;
@@ -74,7 +77,8 @@ pub fn diagnose_recording(
     of_bench(workbench, experiment, &bench, progress)
 }
 
-/// What of an experiment's device the signal cannot tell, and by how much it moves the answer of one of its filters, likewise.
+/// What of an experiment's device the signal cannot tell, and by how much it moves the answer of one of its filters, likewise; nothing
+/// where the innovations say that something is wrong, as it is a question about a model that is right.
 pub fn scale_notes(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -83,6 +87,9 @@ pub fn scale_notes(
 ) -> Result<Vec<ScaleNote>, DiagnoseError> {
     let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS_OF_NOTES, progress)?;
     let (base, suspects) = begin(workbench, &bench)?;
+    if !base.passes() {
+        return Ok(Vec::new());
+    }
     note::notes(&bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)
 }
 
@@ -108,5 +115,14 @@ fn of_bench(
         (Some(Explained::by(bench, &suspects, &base, progress)?), Vec::new())
     };
     let rig = workbench.rig(&bench.experiment)?.name();
-    Ok(Diagnosis::of((experiment, rig), (bench, &suspects), &base, explained, notes))
+    let causes: Vec<Vec<Change>> = (explained.iter().flat_map(|found| &found.causes))
+        .filter_map(|found| found.cause.changes(&suspects))
+        .collect();
+    let of_device = |changes: &Vec<Change>| changes.iter().all(|change| matches!(change, Change::Key(..)));
+    let proposal = if causes.len() > 1 && causes.iter().all(of_device) {
+        distinguish::proposal(workbench, experiment, (bench, &base), &causes)
+    } else {
+        None
+    };
+    Ok(Diagnosis::of((experiment, rig), (bench, &suspects), &base, (explained, notes, proposal)))
 }

@@ -4,6 +4,7 @@ use super::answer::AnswerChange;
 use super::bench::Bench;
 use super::cause::Cause;
 use super::change::{Altered, Change};
+use super::distinguish::Proposal;
 use super::explain::{Explained, Found};
 use super::note::ScaleNote;
 use super::suspect::{DRIVE, Suspect, What};
@@ -35,6 +36,9 @@ pub struct Diagnosis {
     pub needed: f64,
     /// The causes that explain the recording, the likeliest first; those that it cannot tell apart.
     pub causes: Vec<CauseReport>,
+    /// A recording that would tell them apart, where there are several and one was found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub proposal: Option<Proposal>,
     /// Where nothing explains it: what explains most.
     pub closest: Vec<CauseReport>,
     /// What the signal cannot tell, and what it does to the answer.
@@ -58,6 +62,8 @@ pub enum Finding {
 pub struct CauseReport {
     /// What is wrong, in a few words.
     pub name: String,
+    /// How many numbers of the experiment are wrong at once; 0 of what is in the signal alone.
+    pub numbers: usize,
     /// By how much the blocks that were not fitted are likelier, ln p.
     pub gain: f64,
     /// Whether the innovations pass the tests with it.
@@ -95,8 +101,7 @@ impl Diagnosis {
         (experiment, rig): (&Experiment, &'static str),
         (bench, suspects): (&Bench, &[Suspect]),
         base: &Trial,
-        explained: Option<Explained>,
-        notes: Vec<ScaleNote>,
+        (explained, notes, proposal): (Option<Explained>, Vec<ScaleNote>, Option<Proposal>),
     ) -> Self {
         let (rows, duration_s) = bench.extent();
         let finding = match &explained {
@@ -117,6 +122,7 @@ impl Diagnosis {
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
             causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
+            proposal,
             closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
             notes,
         }
@@ -127,6 +133,10 @@ fn report((bench, suspects): (&Bench, &[Suspect]), found: &Found) -> CauseReport
     let changes = found.cause.changes(suspects).unwrap_or_default();
     CauseReport {
         name: name(&found.cause, suspects),
+        numbers: match &found.cause {
+            Cause::Numbers(numbers) => numbers.len(),
+            Cause::Line { .. } | Cause::Outliers(_) => 0,
+        },
         gain: found.gain,
         passes: found.trial.passes(),
         answer: found.answer,
@@ -244,15 +254,26 @@ fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Opti
 
 /// A quantity with as many digits as its standard error leaves sense in.
 fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Value {
-    let (Some(sd), toml::Value::String(text)) = (relative_sd, value) else { return value.clone() };
+    let text = match value {
+        toml::Value::String(text) => text,
+        toml::Value::Float(number) => return toml::Value::Float(digits(*number, count_of(relative_sd))),
+        toml::Value::Array(list) => {
+            return toml::Value::Array(list.iter().map(|value| rounded(value, relative_sd)).collect());
+        }
+        other => return other.clone(),
+    };
     let Ok(quantity) = crate::units::Value::parse(text) else { return value.clone() };
     let (number, unit) = quantity.parts();
     let Ok(number) = number.parse::<f64>() else { return value.clone() };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
-    let count = (2.0 - sd.log10().floor()).clamp(2.0, 12.0) as usize;
-    let plain = digits(number, count);
+    let plain = digits(number, count_of(relative_sd));
     let written = if (1e-3..1e6).contains(&plain.abs()) { format!("{plain}") } else { format!("{plain:e}") };
     toml::Value::String(format!("{written} {unit}"))
+}
+
+/// How many digits a relative standard error leaves sense in: two of its own. Four where nothing is known.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+fn count_of(relative_sd: Option<f64>) -> usize {
+    relative_sd.map_or(4, |sd| (2.0 - sd.log10().floor()).clamp(2.0, 12.0) as usize)
 }
 
 /// A number with so many digits.

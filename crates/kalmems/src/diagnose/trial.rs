@@ -4,9 +4,13 @@ use crate::estimate::{SegmentEstimate, Trajectory};
 use crate::evaluate::{SegmentJudge, TestResult};
 use crate::fit::Innovations;
 use crate::rigs::Rig;
+use crate::signal::Sine;
 
 /// Blocks of a segment, of which every second one is fitted.
 const BLOCKS: f64 = 20.0;
+
+/// States of a motion along one axis: where it is, and how fast.
+const MOTION: usize = 2;
 
 /// One run of the filter.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +29,10 @@ pub(super) struct Trial {
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
+    /// The drive, where it is a steady sine.
+    pub(super) drive: Option<Sine>,
+    /// The states of the motion after the settling time: name, unit and value.
+    pub(super) start: Vec<(&'static str, String, f64)>,
     /// What the tests find.
     pub(super) tests: Vec<TestResult>,
     /// Whether the filter lost the motion.
@@ -62,6 +70,14 @@ impl Trial {
                 self.is_of_first.push(place == 0);
                 self.updates += usize::from(value.is_finite());
             }
+        }
+        if self.start.is_empty() {
+            self.drive = estimate.drive;
+            let of_motion = trajectory.states.iter().take(MOTION).filter_map(|state| {
+                let unit = state.unit.replace("_per_", "/").replace("s2", "s^2");
+                Some((state.name, unit, *state.mean.get(scored.start)?))
+            });
+            self.start = of_motion.collect();
         }
         self.take_answer(rig, trajectory, scored);
         let mut judge = SegmentJudge::default();

@@ -1,7 +1,7 @@
 //! A diagnosis in words.
 
 use super::summary::shown;
-use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, ScaleNote};
+use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, Proposal, ScaleNote};
 use kalmems_figures::significant;
 use std::fmt::Write as _;
 
@@ -39,9 +39,20 @@ impl Diagnosis {
         for (place, cause) in self.causes.iter().enumerate() {
             text += &format!("\n{}. {}\n", place + 1, cause.to_text());
         }
+        if self.causes.iter().any(|cause| cause.numbers > 1) {
+            text += "\nNo single number explains it. Where several are wrong many pairs may explain it as well as these: identify them \
+                     together, with `kalmems identify`.\n";
+        }
         if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
             text +=
                 "\nWrite one of them, that which is known worst, or measure it; `--write` takes the first.\n";
+        }
+        match &self.proposal {
+            Some(proposal) => text += &proposal.to_text(),
+            None if self.causes.len() > 1 => {
+                text += "\nNo other amplitude, frequency or duration of the drive was found that would tell them apart.\n";
+            }
+            None => {}
         }
         text
     }
@@ -82,6 +93,16 @@ impl CauseReport {
             let _ = write!(text, "\n     {remedy}");
         }
         text
+    }
+}
+
+impl Proposal {
+    fn to_text(&self) -> String {
+        let lines: String = self.simulate.lines().map(|line| format!("     {line}\n")).collect();
+        format!(
+            "\nA recording with {} would tell them apart: the true one would be ahead by {:.0} in ln p. As a simulation:\n\n{lines}",
+            self.what, self.ahead
+        )
     }
 }
 

@@ -27,7 +27,30 @@ pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
         figures.push(phase_error(segment, prefix));
     }
     figures.push(nis(segment, prefix));
+    let own = segment.estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
+    figures.extend(own.filter(|t| !t.parameters.is_empty()).map(|t| parameters(t, prefix)));
     figures
+}
+
+/// The parameters that are states of a filter, over time.
+fn parameters(trajectory: &Trajectory, prefix: &str) -> Figure {
+    let known = trajectory.parameters.iter().filter_map(|prior| trajectory.state(prior.name));
+    let panels = known.map(|state| {
+        let (unit, factor) = if state.unit == "1" { ("%", 100.0) } else { shown_unit(state.unit) };
+        let each = trajectory.time_s.iter().zip(state.mean.iter().zip(&state.sd));
+        let band = each.map(|(t, (mean, sd))| (*t, factor * (mean - 3.0 * sd), factor * (mean + 3.0 * sd)));
+        let mean = trajectory.time_s.iter().zip(&state.mean).map(|(t, mean)| (*t, factor * mean));
+        Panel::new(time_axis(), Axis::new(words(state.name), unit))
+            .with(Series::band("±3σ", Role::Estimate, band.collect::<Vec<_>>()))
+            .with(Series::line(words(state.name), Role::Estimate, mean.collect::<Vec<_>>()))
+    });
+    let caption = "The parameters that are states, as deviations from what the device table says, with three standard deviations on \
+                   each side. What a filter that is right has found stays within the band of what it knew before.";
+    let name = format!("{prefix}parameters_{}", trajectory.key);
+    stacked(
+        Figure::new(name, format!("Parameters as states, {}", trajectory.name), caption),
+        panels.collect(),
+    )
 }
 
 fn time_axis() -> Axis {

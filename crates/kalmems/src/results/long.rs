@@ -11,6 +11,7 @@ use super::{
     WriteOptions,
 };
 use crate::config::Experiment;
+use crate::diagnose::ScaleNote;
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
 use crate::rigs::Rig;
@@ -174,8 +175,13 @@ impl<'a> LongEstimate<'a> {
         Ok(())
     }
 
-    /// Writes what belongs to the whole; the figures.
-    pub fn finish(mut self, whole: &[WholeRecording], info: RunInfo) -> Result<Metrics, WriteError> {
+    /// Writes what belongs to the whole, with what the signal cannot tell; the figures.
+    pub fn finish(
+        mut self,
+        whole: &[WholeRecording],
+        notes: Vec<ScaleNote>,
+        info: RunInfo,
+    ) -> Result<Metrics, WriteError> {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
             own.diagnosis = texts(&whole.diagnosis);
             own.stretches = whole.stretches.clone();
@@ -188,6 +194,7 @@ impl<'a> LongEstimate<'a> {
             experiment: self.experiment.name.to_string(),
             rig: rig.name(),
             values: rig.values(),
+            scale_notes: notes,
             recordings: std::mem::take(&mut self.recordings),
         };
         self.output.write("metrics.json", |w| {

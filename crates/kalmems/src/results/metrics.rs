@@ -1,8 +1,10 @@
 //! The figures of an estimate.
 
 use super::Verdict;
+use crate::diagnose::ScaleNote;
 use crate::estimate::{
-    Consistency, Counts, Lock, SegmentEstimate, StretchSummary, Trajectory, TrajectoryKind,
+    Consistency, Counts, Lock, ParameterCorrelation, SegmentEstimate, StretchSummary, Trajectory,
+    TrajectoryKind,
 };
 use crate::evaluate::{
     ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, TestResult, ValueState,
@@ -24,6 +26,9 @@ pub struct Metrics {
     /// What the device tells that is no angle; the first is what it is for.
     #[serde(skip)]
     pub values: &'static [ValueState],
+    /// What the signal cannot tell of the device, and what that does to the answer; of the first filter that it could tell it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub scale_notes: Vec<ScaleNote>,
     /// One per recording.
     pub recordings: Vec<RecordingMetrics>,
 }
@@ -176,6 +181,9 @@ pub struct EstimatorMetrics {
     /// What became of its parameters that are states.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
     pub parameters: Vec<ParameterAnswer>,
+    /// How the errors of these hang together at the end.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parameter_correlations: Vec<ParameterCorrelation>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of what is no angle, likewise, by the state.
@@ -261,6 +269,7 @@ impl EstimatorMetrics {
         self.failure = self.failure.take().or(later.failure);
         // They are of the whole, and come with its last part.
         (self.tests, self.parameters) = (later.tests, later.parameters);
+        self.parameter_correlations = later.parameter_correlations;
         self.judge();
     }
 }
@@ -300,8 +309,15 @@ impl Metrics {
             experiment: outcome.experiment.name.to_string(),
             rig: outcome.rig,
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
+            scale_notes: Vec::new(),
             recordings: recordings.collect(),
         }
+    }
+
+    /// The same with what the signal cannot tell.
+    #[must_use]
+    pub fn with_scale_notes(self, scale_notes: Vec<ScaleNote>) -> Self {
+        Self { scale_notes, ..self }
     }
 
     /// All filters of all segments.
@@ -371,6 +387,7 @@ fn estimator(
         grade: None,
         tests,
         parameters,
+        parameter_correlations: trajectory.parameter_correlations.clone(),
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),

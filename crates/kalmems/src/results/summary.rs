@@ -2,7 +2,7 @@
 
 use super::verdict::angles_of;
 use super::{EstimatorMetrics, Likeliest, Metrics, SegmentMetrics, Verdict};
-use crate::estimate::{Consistency, TrajectoryKind};
+use crate::estimate::{Consistency, ParameterCorrelation, TrajectoryKind};
 use crate::evaluate::{Claim, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult};
 use kalmems_figures::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -201,6 +201,12 @@ fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 
     ]
 }
 
+/// Parameters that the signal cannot tell, of which so many are told: those that change the answer most.
+const SCALE_NOTES: usize = 4;
+
+/// The correlation of two parameters from which on a recording does not tell them apart.
+const INSEPARABLE: f64 = 0.99;
+
 /// What a reader must know before trusting a figure, the worst first.
 pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     let mut notices = Vec::new();
@@ -242,6 +248,30 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
                     say(severity, format!("{place}: {}: {text}", estimator.name));
                 }
             }
+        }
+    }
+    for note in metrics.scale_notes.iter().take(SCALE_NOTES) {
+        say(Severity::Note, note.to_string());
+    }
+    if let Some(more) = metrics.scale_notes.len().checked_sub(SCALE_NOTES).filter(|more| *more > 0) {
+        say(Severity::Note, format!("`metrics.json` names {more} more that the signal cannot tell"));
+    }
+    let is_unexplained = |e: &EstimatorMetrics| !e.passes() && e.failing().next().is_some();
+    if metrics.estimators().any(is_unexplained) {
+        let text = "`kalmems diagnose`, with the same experiment file, looks for what is wrong";
+        say(Severity::Note, text.to_owned());
+    }
+    for estimator in metrics.estimators() {
+        let firm = |of: &&ParameterCorrelation| of.correlation.abs() > INSEPARABLE;
+        for ParameterCorrelation { names: [first, second], correlation } in
+            estimator.parameter_correlations.iter().filter(firm)
+        {
+            let text = format!(
+                "{}: `{first}` and `{second}` have a correlation of {correlation:.4}: the recording tells a combination of both, \
+                 and neither by itself",
+                estimator.name
+            );
+            say(Severity::Note, text);
         }
     }
     notices.sort_by_key(|notice| match notice.severity {

@@ -1,0 +1,177 @@
+//! The recording that would tell causes apart which this one cannot.
+
+use super::bench::Bench;
+use super::change::Change;
+use super::suspect::quantity;
+use super::trial::Trial;
+use crate::config::{Experiment, Key};
+use crate::patch::put;
+use crate::progress::Silent;
+use crate::rigs::Workbench;
+use crate::simulate::{Unwritten, described};
+use crate::units::Value as Quantity;
+use serde::Serialize;
+use toml::{Table, Value};
+
+/// A recording that would tell causes apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Proposal {
+    /// How it differs from the one that there is.
+    pub what: String,
+    /// By how much the first cause is likelier than the next in such a recording, if it is the true one, ln p.
+    pub ahead: f64,
+    /// The recording as a table `[simulate]`, to be tried.
+    pub simulate: String,
+}
+
+/// What of a drive is varied.
+const VARIED: [(&str, &[f64]); 6] = [
+    ("amplitude", &[0.5, 0.8, 1.2]),
+    ("voltage", &[0.8, 1.2]),
+    ("high", &[0.8, 1.2]),
+    ("frequency", &[0.97, 0.99, 1.01, 1.03]),
+    ("rms", &[0.3, 3.0]),
+    ("offset", &[0.8, 1.2]),
+];
+
+/// How much longer a recording is proposed.
+const LONGER: f64 = 4.0;
+
+/// ln p from which on two causes are told apart: a factor of a thousand.
+const APART: f64 = 6.9;
+
+/// The recording in which the first of these causes would be likeliest against all others; `None` where none of those that were tried
+/// tells them apart, or none can be simulated.
+pub(super) fn proposal(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    (bench, base): (&Bench, &Trial),
+    causes: &[Vec<Change>],
+) -> Option<Proposal> {
+    let (first, others) = causes.split_first()?;
+    let usual = simulate(workbench, experiment, (bench, base))?;
+    let tried = variations(&usual).into_iter().filter_map(|(what, simulate)| {
+        let ahead = ahead(workbench, experiment, (bench, &simulate), (first, others))?;
+        let text =
+            toml::to_string(&Table::from_iter([("simulate".to_owned(), Value::Table(simulate))])).ok()?;
+        Some(Proposal { what, ahead, simulate: text })
+    });
+    let best = tried.max_by(|a, b| a.ahead.total_cmp(&b.ahead))?;
+    (best.ahead > APART).then_some(best)
+}
+
+/// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
+fn simulate(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    (bench, base): (&Bench, &Trial),
+) -> Option<Table> {
+    if experiment.simulate.is_some() {
+        let whole: Table = experiment.to_toml().ok()?.parse().ok()?;
+        return whole.get("simulate")?.as_table().cloned();
+    }
+    let (rows, duration_s) = bench.extent();
+    let (drive, rate_hz) = (base.drive?, rows as f64 / duration_s);
+    let sine = Table::from_iter([
+        ("offset".to_owned(), quantity(drive.offset, "V")),
+        ("amplitude".to_owned(), quantity(drive.amplitude, "V")),
+        ("frequency".to_owned(), quantity(drive.frequency_hz, "Hz")),
+    ]);
+    // The start has the states of the motion, or none where it is at rest.
+    let starts = [base.start.as_slice(), &[]].map(|states| {
+        let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), quantity(*value, unit)));
+        Table::from_iter(each)
+    });
+    starts.into_iter().find_map(|start| {
+        let simulate = Table::from_iter([
+            ("duration".to_owned(), quantity(duration_s, "s")),
+            ("sampling_rate".to_owned(), quantity(rate_hz, "Hz")),
+            ("integration_rate".to_owned(), quantity(10.0 * rate_hz, "Hz")),
+            ("start".to_owned(), Value::Table(start)),
+            (
+                "drive".to_owned(),
+                Value::Table(Table::from_iter([("sine".to_owned(), Value::Table(sine.clone()))])),
+            ),
+        ]);
+        let changed = with_simulation(workbench, experiment, bench, &simulate, &[])?;
+        workbench.rig(&changed).ok()?.simulate(&changed).ok()?;
+        Some(simulate)
+    })
+}
+
+/// The experiment without its recordings, with a simulation and with changes of its device.
+fn with_simulation(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    bench: &Bench,
+    simulate: &Table,
+    changes: &[Change],
+) -> Option<Experiment> {
+    let mut document = bench.document.clone();
+    document.remove("recording");
+    document.remove("identify");
+    document.insert("simulate".to_owned(), Value::Table(simulate.clone()));
+    for change in changes {
+        change.write(&mut document).ok()?;
+    }
+    workbench.parse(&toml::to_string(&document).ok()?, experiment.path()).ok()
+}
+
+/// Recordings that differ from a simulated one in one thing each.
+fn variations(usual: &Table) -> Vec<(String, Table)> {
+    let mut all = Vec::new();
+    let mut vary = |key: Key, text: &str, factors: &[f64], name: &str| {
+        let Ok(value) = Quantity::parse(text) else { return };
+        let (number, unit) = value.parts();
+        let Some(number) = number.parse::<f64>().ok().filter(|number| *number != 0.0) else { return };
+        for factor in factors {
+            let mut varied = usual.clone();
+            // The digits that a factor of two of them leaves.
+            let number: f64 = format!("{:.7e}", number * factor).parse().unwrap_or(number * factor);
+            if put(&mut varied, &key, quantity(number, unit)).is_ok() {
+                let written = format!("{number} {unit}");
+                all.push((format!("the drive's {name} {} instead of {text}", written.trim()), varied));
+            }
+        }
+    };
+    if let Some(Value::Table(drive)) = usual.get("drive") {
+        for (kind, table) in drive {
+            let Value::Table(table) = table else { continue };
+            for (name, factors) in VARIED {
+                if let Some(Value::String(text)) = table.get(name) {
+                    vary(Key::from("drive").child(kind).child(name), text, factors, name);
+                }
+            }
+        }
+    }
+    if let Some(Value::String(text)) = usual.get("duration")
+        && let Ok(value) = Quantity::parse(text)
+    {
+        let mut longer = usual.clone();
+        longer.insert("duration".to_owned(), quantity(LONGER * value.si(), "s"));
+        all.push((format!("{LONGER} times as long"), longer));
+    }
+    all
+}
+
+/// By how much the first cause is likelier than the next one in a simulated recording of a device that has it, ln p.
+fn ahead(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    (bench, simulate): (&Bench, &Table),
+    (first, others): (&[Change], &[Vec<Change>]),
+) -> Option<f64> {
+    let real = with_simulation(workbench, experiment, bench, simulate, first)?;
+    let simulation = workbench.rig(&real).ok()?.simulate(&real).ok()?;
+    let simulated = Unwritten::of(&*simulation, &Silent).ok()?;
+    let told = described(&with_simulation(workbench, experiment, bench, simulate, &[])?, &*simulation);
+    let there = Bench::of(workbench, &told, None).ok()?;
+    let rig = workbench.rig(&there.experiment).ok()?;
+    let index = *rig.wanted(&there.experiment).ok()?.first()?;
+    let recording = simulated.recorded(&rig.layout(&there.experiment, index).ok()?).ok()?;
+    let there = there.with_recording(recording).ok()?;
+    let likelihood = |changes: &[Change]| Some(there.run(changes)?.innovations.log_likelihood());
+    let own = likelihood(first)?;
+    let next = others.iter().filter_map(|changes| likelihood(changes)).fold(f64::NEG_INFINITY, f64::max);
+    Some(own - next).filter(|ahead| ahead.is_finite())
+}
