@@ -63,19 +63,27 @@ impl Explained {
         let listed = |found: Option<Vec<Vec<Tried>>>| -> Result<Vec<Tried>, DiagnoseError> {
             Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
         };
-        // The last two points are those of the signal itself.
         let count = suspects.len();
-        let tried =
-            listed(map_on_threads((progress, "trying causes"), threads, (count + 2, 1), |place, heard| {
-                if heard.reached(0).is_break() {
-                    return None;
-                }
-                Some(match place.checked_sub(count) {
-                    None => search.number(place).into_iter().collect(),
-                    Some(0) => search.lines(),
-                    Some(_) => search.outliers().into_iter().collect(),
-                })
-            }))?;
+        let promises =
+            map_on_threads((progress, "looking at slopes"), threads, (count, 1), |place, heard| {
+                heard.reached(0).is_continue().then(|| search.promise(&[], place, base))
+            });
+        let promises = promises.ok_or(DiagnoseError::Interrupted)?;
+        let largest = promises.iter().flatten().copied().fold(0.0, f64::max);
+        let worth: Vec<usize> =
+            (0..count).filter(|place| search.is_worth(promises[*place], largest)).collect();
+        // The last two points are those of the signal itself.
+        let points = (worth.len() + 2, 1);
+        let tried = listed(map_on_threads((progress, "trying causes"), threads, points, |point, heard| {
+            if heard.reached(0).is_break() {
+                return None;
+            }
+            Some(match (worth.get(point), point - worth.len().min(point)) {
+                (Some(place), _) => search.number(*place).into_iter().collect(),
+                (None, 0) => search.lines(),
+                (None, _) => search.outliers().into_iter().collect(),
+            })
+        }))?;
         let alone = Self::of(&search, tried, count + 2);
         if !alone.causes.is_empty() {
             return Ok(alone);

@@ -48,6 +48,9 @@ const ENOUGH_IN_VAIN: usize = 2;
 /// ln p that a number must promise to gain, by its slope, to be followed up.
 const LEAST_PROMISE: f64 = 2.0;
 
+/// The share of the largest promise below which a number is not followed up: what gains so little at first cannot gain most.
+const SMALL_PROMISE: f64 = 0.02;
+
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
 
@@ -64,12 +67,16 @@ impl Search<'_> {
         (fewer <= allowed).then_some(trial)
     }
 
-    /// A single number that may be wrong; `None` of one that changes nothing, or promises nothing.
+    /// Whether a number promises enough to be searched, with the largest promise of all; every one that has any effect, where the filter
+    /// does not follow the motion and slopes say nothing.
+    pub(super) fn is_worth(&self, promise: Option<f64>, largest: f64) -> bool {
+        promise.is_some_and(|promise| {
+            !self.base.follows() || promise > LEAST_PROMISE.max(SMALL_PROMISE * largest)
+        })
+    }
+
+    /// A single number that may be wrong.
     pub(super) fn number(&self, place: usize) -> Option<Tried> {
-        let promise = self.promise(&[], place, self.base)?;
-        if self.base.follows() && promise < LEAST_PROMISE {
-            return None;
-        }
         let own = self.base.log_likelihood(true);
         let mut best = (0.0, own);
         // Of a filter that follows the motion the likelihood falls on the side where it is not: so far from there on in vain.
@@ -115,7 +122,7 @@ impl Search<'_> {
     }
 
     /// What a number promises to gain beside others, by the slope of the innovations: g²/2I; `None` of one that changes nothing.
-    fn promise(&self, others: &[(usize, f64)], place: usize, alone: &Trial) -> Option<f64> {
+    pub(super) fn promise(&self, others: &[(usize, f64)], place: usize, alone: &Trial) -> Option<f64> {
         let step = self.step(place);
         let beside = self.run(&Cause::Numbers([others, &[(place, step)]].concat()))?;
         let (own, there) = (alone.part(true), beside.part(true));

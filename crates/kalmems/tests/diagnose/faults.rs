@@ -46,14 +46,21 @@ impl Fault {
         let written = |number: f64, unit: &str| {
             if unit.is_empty() { format!("{number:e}") } else { format!("\"{number:e} {unit}\"") }
         };
-        match self.does {
+        // Long enough that a number which is fitted is known better than what follows from it.
+        let both = if self.device == "shared scanner" {
+            vec![("simulate.duration", "\"32 ms\"".to_owned())]
+        } else {
+            Vec::new()
+        };
+        let own = match self.does {
             Does::Told(key, value, unit) => [vec![], vec![(key, written(value * (1.0 + size), unit))]],
             Does::ToldTooSmall(key, value, unit) => {
                 [vec![], vec![(key, written(value / (1.0 + size), unit))]]
             }
             Does::Has(key, unit) => [vec![(key, written(size, unit))], vec![]],
             Does::Records(..) => [vec![], vec![]],
-        }
+        };
+        own.map(|settings| [both.clone(), settings].concat())
     }
 
     /// A recording with the fault.

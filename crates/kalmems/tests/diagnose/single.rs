@@ -47,7 +47,7 @@ const LINE: &str = "a line of";
 const SPIKES: &str = "samples of the signal";
 
 /// Written down before any of them was diagnosed.
-const FAULTS: [Fault; 51] = [
+const FAULTS: [Fault; 48] = [
     // A stiffness, or what stands for it.
     told(SHARED, "device.shared_scanner.resonator.stiffness", "resonator.stiffness", 1.10e-4, "N m"),
     told(
@@ -127,7 +127,6 @@ const FAULTS: [Fault; 51] = [
         1.92e-4,
         "V^2",
     ),
-    too_quiet(AXES, "device.shared_scanner.readout.noise_variance", "readout.noise_variance", 1.92e-4, "V^2"),
     too_quiet(
         THRESHOLD,
         "device.threshold_scanner.readout.noise_variance",
@@ -197,12 +196,10 @@ const FAULTS: [Fault; 51] = [
     ),
     // Lines.
     records(SHARED, "signal", hum, LINE, [0.01, 10.0]),
-    records(AXES, "signal", hum, LINE, [0.01, 10.0]),
     records(THRESHOLD, "signal", hum, LINE, [0.01, 10.0]),
     records(PISTON, "signal", hum, LINE, [0.01, 10.0]),
     // Outliers.
     records(SHARED, "signal", spikes, SPIKES, [5.0, 100.0]),
-    records(AXES, "signal", spikes, SPIKES, [5.0, 100.0]),
     records(THRESHOLD, "signal", spikes, SPIKES, [5.0, 100.0]),
     records(ACCELEROMETER, "signal", spikes, SPIKES, [5.0, 100.0]),
     records(PISTON, "signal", spikes, SPIKES, [5.0, 100.0]),
