@@ -12,6 +12,7 @@ use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::ops::Range;
 
 /// Cycles of the motion that the close-up shows.
 const CYCLES: f64 = 4.0;
@@ -28,29 +29,35 @@ pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
     }
     figures.push(nis(segment, prefix));
     let own = segment.estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
-    figures.extend(own.filter(|t| !t.parameters.is_empty()).map(|t| parameters(t, prefix)));
+    figures.extend(own.filter(|t| !t.parameters.is_empty()).map(|t| parameters(segment, t, prefix)));
     figures
 }
 
-/// The parameters that are states of a filter, over time.
-fn parameters(trajectory: &Trajectory, prefix: &str) -> Figure {
-    let known = trajectory.parameters.iter().filter_map(|prior| trajectory.state(prior.name));
-    let panels = known.map(|state| {
-        let (unit, factor) = if state.unit == "1" { ("%", 100.0) } else { shown_unit(state.unit) };
-        let each = trajectory.time_s.iter().zip(state.mean.iter().zip(&state.sd));
-        let band = each.map(|(t, (mean, sd))| (*t, factor * (mean - 3.0 * sd), factor * (mean + 3.0 * sd)));
-        let mean = trajectory.time_s.iter().zip(&state.mean).map(|(t, mean)| (*t, factor * mean));
-        Panel::new(time_axis(), Axis::new(words(state.name), unit))
-            .with(Series::band("±3σ", Role::Estimate, band.collect::<Vec<_>>()))
-            .with(Series::line(words(state.name), Role::Estimate, mean.collect::<Vec<_>>()))
-    });
+/// The parameters that are states of a filter, over time: on all of their way, and after the settling time, where they move by
+/// far less.
+fn parameters(segment: &SegmentOutcome, trajectory: &Trajectory, prefix: &str) -> Figure {
+    let settled = trajectory.scored_after(segment.estimate.start_s, segment.estimate.skip_s);
     let caption = "The parameters that are states, as deviations from what the device table says, with three standard deviations on \
-                   each side. What a filter that is right has found stays within the band of what it knew before.";
+                   each side; of each all of its way, and what comes after the settling time.";
     let name = format!("{prefix}parameters_{}", trajectory.key);
-    stacked(
-        Figure::new(name, format!("Parameters as states, {}", trajectory.name), caption),
-        panels.collect(),
-    )
+    let mut figure = Figure::new(name, format!("Parameters as states, {}", trajectory.name), caption);
+    for state in trajectory.parameters.iter().filter_map(|prior| trajectory.state(prior.name)) {
+        let (unit, factor) = if state.unit == "1" { ("%", 100.0) } else { shown_unit(state.unit) };
+        let panel = |samples: Range<usize>, label: String| {
+            let each =
+                samples.map(|k| (trajectory.time_s[k], factor * state.mean[k], 3.0 * factor * state.sd[k]));
+            let (band, mean): (Vec<_>, Vec<_>) =
+                each.map(|(t, mean, by)| ((t, mean - by, mean + by), (t, mean))).unzip();
+            Panel::new(time_axis(), Axis::new(label, unit))
+                .with(Series::band("±3σ", Role::Estimate, band))
+                .with(Series::line(words(state.name), Role::Estimate, mean))
+        };
+        figure = figure.with(panel(0..trajectory.time_s.len(), words(state.name)));
+        if settled.start > 0 && !settled.is_empty() {
+            figure = figure.with(panel(settled.clone(), format!("{}, settled", words(state.name))));
+        }
+    }
+    figure
 }
 
 fn time_axis() -> Axis {
