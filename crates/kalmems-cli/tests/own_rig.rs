@@ -77,6 +77,9 @@ fn a_told_frequency_is_found(place: &Path) {
     assert!(error("ekf_with_the_frequency") < 0.5 * error("ekf"), "{metrics:#}");
     assert_eq!(of("ekf_with_the_frequency")["verdict"], "consistent", "{metrics:#}");
     assert!(fs::read_to_string(place.join("estimate/report.html")).unwrap().contains("deflection"));
+    // Nobody has told the diagnosis of this device.
+    let diagnosis = run(place, &["diagnose", "simulated/experiment.toml"], None);
+    assert!(diagnosis.contains("natural_frequency: ln p") && diagnosis.contains("explain"), "{diagnosis}");
 }
 
 /// The samples one after the other say what the recording as a whole said.
