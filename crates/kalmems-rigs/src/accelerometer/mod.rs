@@ -26,7 +26,7 @@ mod varied;
 use super::{Estimator, Rig};
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -80,6 +80,10 @@ impl Rig for AccelerometerRig {
             feedback: simulation::feedback(experiment).is_some(),
             ..Uses::default()
         }
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &uncertainty::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

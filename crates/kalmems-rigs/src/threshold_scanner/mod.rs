@@ -24,7 +24,9 @@ mod verdict;
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::Instruments;
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::export::{ExportError, Filter};
@@ -78,6 +80,10 @@ impl Rig for ThresholdScannerRig {
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
         instruments(experiment)
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
