@@ -80,8 +80,12 @@ impl Plan {
         for group in &filters {
             let Some(filter) = group.first() else { continue };
             let priors = prior::priors(&told, parameters, *filter).map_err(refused)?;
-            for key in priors.iter().flat_map(|prior| prior.keys(&told, parameters)) {
-                self.refuse_twice(&key)?;
+            for prior in priors {
+                for key in prior.keys(&told, parameters) {
+                    self.refuse_twice(&key)?;
+                }
+                // What cannot be drawn once can never be.
+                prior.draw((&mut told.clone(), &told), parameters, (0, 0)).map_err(refused)?;
             }
         }
         Ok(Groups { parameters, filters })

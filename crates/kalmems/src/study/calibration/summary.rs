@@ -3,7 +3,7 @@
 use super::judged::{Claimed, Judged, LEVELS};
 use super::{Share, Uniformity};
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, Normal};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use std::fmt;
 
 /// What a calibration came to.
@@ -93,11 +93,11 @@ pub struct Level {
     pub found: Share,
 }
 
-/// What ranks come to.
+/// What the errors of a claim come to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding {
-    /// They are uniform as far as so many can tell.
+    /// Nothing speaks against it, as far as so many can tell.
     Holds,
     /// The errors are smaller than claimed.
     Careful,
@@ -111,8 +111,8 @@ pub enum Finding {
     TooFew,
 }
 
-/// The probability of ranks from which on they count as uniform: each table has many rows.
-const UNIFORM: f64 = 1e-3;
+/// The probability from which on a claim counts as one that holds, after a correction for four looks: each table has many rows.
+const HOLDS: f64 = 1e-3;
 
 impl Finding {
     /// In a word or two.
@@ -127,20 +127,27 @@ impl Finding {
         }
     }
 
-    /// From ranks, and mean and mean square of what they are of.
+    /// By the least probable of four: the ranks, and of what they are of the mean, a spread that is larger and one that is smaller.
     fn of(ranks: Option<&Uniformity>, (mean, square): (f64, f64), count: usize) -> Self {
-        let Some(ranks) = ranks else { return Self::TooFew };
-        if ranks.p_value >= UNIFORM {
-            return Self::Holds;
-        }
-        // Standard deviations of both under the claim are 1/√n and √(2/n).
         let n = count as f64;
-        let (bias, excess) = (mean.abs() * n.sqrt(), (square - 1.0) * (n / 2.0).sqrt());
-        match () {
-            () if bias > 4.0 && bias > excess.abs() => Self::Biased,
-            () if excess < -3.0 => Self::Careful,
-            () if excess > 3.0 => Self::Overconfident,
-            () => Self::NotNormal,
+        let (Some(ranks), Ok(chi)) = (ranks, ChiSquared::new(n - 1.0)) else { return Self::TooFew };
+        // Σ(z − z̄)² is χ² with n − 1 degrees of freedom.
+        let spread = n * (square - mean * mean);
+        let looks = [
+            (Self::Overconfident, chi.sf(spread)),
+            (Self::Careful, chi.cdf(spread)),
+            (Self::Biased, 2.0 * Normal::standard().sf(mean.abs() * n.sqrt())),
+            (Self::NotNormal, ranks.p_value),
+        ];
+        let [first, rest @ ..] = looks;
+        let (finding, p) =
+            rest.into_iter().fold(first, |least, look| if look.1 < least.1 { look } else { least });
+        // The ranks see the others as well; what they see has a name then.
+        let named = looks.into_iter().take(3).find(|(_, p)| *p < HOLDS / 4.0);
+        match (p * 4.0 < HOLDS, finding, named) {
+            (false, ..) => Self::Holds,
+            (true, Self::NotNormal, Some((finding, _))) => finding,
+            (true, finding, _) => finding,
         }
     }
 }
@@ -304,5 +311,55 @@ impl ClaimCalibration {
             rms: square.sqrt(),
             ranks,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::WhiteNoise;
+
+    fn finding(count: usize, error: impl Fn(f64, usize) -> f64) -> Finding {
+        let mut noise = WhiteNoise::new(7, 2);
+        let deviates = (0..count).map(|k| error(noise.sample(), k)).collect();
+        let claim =
+            Claimed { quantity: String::new(), errors: 1, independent: 1.0, within: [1; 3], deviates };
+        ClaimCalibration::of(claim).finding
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_claim_is_named() {
+        assert_eq!(finding(19, |z, _| 10.0 * z), Finding::TooFew);
+        assert_eq!(finding(1000, |z, _| z), Finding::Holds);
+        assert_eq!(finding(1000, |z, _| 0.8 * z), Finding::Careful);
+        assert_eq!(finding(1000, |z, _| 1.2 * z), Finding::Overconfident);
+        assert_eq!(finding(1000, |z, _| z + 0.2), Finding::Biased);
+        // Of the same mean and spread, on two sides.
+        assert_eq!(finding(1000, |z, k| 0.1 * z + if k % 2 == 0 { 1.0 } else { -1.0 }), Finding::NotNormal);
+        // Few that are far off are in no bin of a histogram, and in the spread.
+        assert_eq!(finding(100, |z, k| if k < 3 { 15.0 } else { z }), Finding::Overconfident);
+    }
+
+    #[test]
+    fn runs_are_counted_by_filter_and_grade() {
+        let judged = |estimator: &str, grade: &str, fails: bool| Judged {
+            recording: "r".to_owned(),
+            segment: String::new(),
+            estimator: estimator.to_owned(),
+            name: estimator.to_owned(),
+            grade: Some(grade.to_owned()),
+            tests: vec![("line".to_owned(), fails)],
+            claims: Vec::new(),
+        };
+        let runs = [
+            vec![judged("a", "passes", false), judged("b", "doubtful", true)],
+            vec![judged("a", "passes with remarks", false), judged("b", "passes", false)],
+        ];
+        let summary = CalibrationSummary::of(runs.iter().map(|run| (String::new(), run.as_slice())));
+        let [a, b] = &summary.filters[..] else { panic!("{summary:?}") };
+        assert_eq!((a.runs, a.doubted.share, b.doubted.share), (2, 0.0, 0.5));
+        assert_eq!(b.grades[0], GradeCount { grade: "doubtful".to_owned(), runs: 1 });
+        assert_eq!((b.tests[0].failed, summary.tests()[0].failed, summary.tests()[0].rate.of), (1, 1, 4.0));
+        assert_eq!(summary.label(a), "a");
     }
 }

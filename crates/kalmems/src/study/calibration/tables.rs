@@ -23,7 +23,11 @@ fn percent(share: &Share) -> String {
 
 /// A probability with as many digits as mean something.
 fn probability(p: f64) -> String {
-    if p < 1e-3 { format!("{p:.0e}") } else { format!("{p:.3}") }
+    match p {
+        p if p < 1e-99 => "< 1e-99".to_owned(),
+        p if p < 1e-3 => format!("{p:.0e}"),
+        p => format!("{p:.3}"),
+    }
 }
 
 /// Verdicts, tests and claims.
