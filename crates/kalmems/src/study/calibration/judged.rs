@@ -43,7 +43,7 @@ const KEPT: usize = 16;
 
 /// How many times as long as a square of an error lasts two errors are apart. A swing whose errors decay as e^(−t/T) has squares
 /// that last T/2: four times that leaves a correlation of 0.14, and 0.02 of what is counted in bins.
-const APART: f64 = 4.0;
+pub(super) const APART: f64 = 4.0;
 
 /// A deviation that is shown as larger than this tells no more.
 const MOST: f64 = 1e6;

@@ -9,6 +9,7 @@
 //! Filters that state different priors are different statements about the device: each group of filters with the same priors has
 //! runs of its own, in which the truth is drawn from theirs.
 
+mod claim;
 mod judged;
 mod pictures;
 mod plan;
@@ -18,13 +19,12 @@ mod summary;
 mod tables;
 mod uniformity;
 
+pub use claim::{ClaimCalibration, Finding, Level};
 pub(super) use judged::{Judged, judged};
 pub(super) use pictures::figures;
 pub(super) use plan::Groups;
 pub(super) use prior::Drawn;
 pub use share::Share;
-pub use summary::{
-    CalibrationSummary, ClaimCalibration, FilterCalibration, Finding, GradeCount, Level, TestCount,
-};
+pub use summary::{CalibrationSummary, FilterCalibration, GradeCount, TestCount};
 pub(super) use tables::{long_table, page_tables};
 pub use uniformity::Uniformity;

@@ -1,10 +1,8 @@
 //! What all runs of a calibration say together.
 
-use super::judged::{Claimed, Judged, LEVELS};
-use super::{Share, Uniformity};
+use super::judged::{Claimed, Judged};
+use super::{ClaimCalibration, Share};
 use serde::Serialize;
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
-use std::fmt;
 
 /// What a calibration came to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -60,104 +58,6 @@ pub struct TestCount {
     pub rate: Share,
 }
 
-/// The claim of one quantity.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ClaimCalibration {
-    /// The quantity, or the parameter at the end of the recording.
-    pub quantity: String,
-    /// How many errors were compared, and how many independent ones they are worth.
-    pub errors: u64,
-    /// How many independent ones they are worth.
-    pub independent: f64,
-    /// The share of them within one, two and three standard deviations.
-    pub coverage: [Level; LEVELS.len()],
-    /// How many errors that have nothing to do with each other the ranks are of.
-    pub ranked: usize,
-    /// The mean of (truth − estimate)/sd of these; 0 of a claim that holds.
-    pub mean: f64,
-    /// The root of the mean of its square; 1 of a claim that holds, and less of a filter that claims larger errors than it makes.
-    pub rms: f64,
-    /// Whether the ranks Φ((truth − estimate)/sd) are uniform; `None` of too few.
-    pub ranks: Option<Uniformity>,
-    /// What that comes to.
-    pub finding: Finding,
-}
-
-/// A level of coverage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Level {
-    /// What a normal distribution has within so many standard deviations.
-    pub claimed: f64,
-    /// What was found.
-    #[serde(flatten)]
-    pub found: Share,
-}
-
-/// What the errors of a claim come to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Finding {
-    /// Nothing speaks against it, as far as so many can tell.
-    Holds,
-    /// The errors are smaller than claimed.
-    Careful,
-    /// The errors are larger than claimed.
-    Overconfident,
-    /// The errors have a mean.
-    Biased,
-    /// The errors have another distribution.
-    NotNormal,
-    /// There are too few.
-    TooFew,
-}
-
-/// The probability from which on a claim counts as one that holds, after a correction for four looks: each table has many rows.
-const HOLDS: f64 = 1e-3;
-
-impl Finding {
-    /// In a word or two.
-    pub const fn words(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::Careful => "careful",
-            Self::Overconfident => "overconfident",
-            Self::Biased => "biased",
-            Self::NotNormal => "not normal",
-            Self::TooFew => "too few",
-        }
-    }
-
-    /// By the least probable of four: the ranks, and of what they are of the mean, a spread that is larger and one that is smaller.
-    fn of(ranks: Option<&Uniformity>, (mean, square): (f64, f64), count: usize) -> Self {
-        let n = count as f64;
-        let (Some(ranks), Ok(chi)) = (ranks, ChiSquared::new(n - 1.0)) else { return Self::TooFew };
-        // Σ(z − z̄)² is χ² with n − 1 degrees of freedom.
-        let spread = n * (square - mean * mean);
-        let looks = [
-            (Self::Overconfident, chi.sf(spread)),
-            (Self::Careful, chi.cdf(spread)),
-            (Self::Biased, 2.0 * Normal::standard().sf(mean.abs() * n.sqrt())),
-            (Self::NotNormal, ranks.p_value),
-        ];
-        let [first, rest @ ..] = looks;
-        let (finding, p) =
-            rest.into_iter().fold(first, |least, look| if look.1 < least.1 { look } else { least });
-        // The ranks see the others as well; what they see has a name then.
-        let named = looks.into_iter().take(3).find(|(_, p)| *p < HOLDS / 4.0);
-        match (p * 4.0 < HOLDS, finding, named) {
-            (false, ..) => Self::Holds,
-            (true, Self::NotNormal, Some((finding, _))) => finding,
-            (true, finding, _) => finding,
-        }
-    }
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.words())
-    }
-}
-
 /// The sums of one filter.
 struct Sums {
     point: String,
@@ -166,7 +66,8 @@ struct Sums {
     doubted: u64,
     grades: Vec<GradeCount>,
     tests: Vec<(String, u64, u64)>,
-    claims: Vec<Claimed>,
+    /// Those of each quantity, one for each run.
+    claims: Vec<(String, Vec<Claimed>)>,
 }
 
 impl CalibrationSummary {
@@ -256,16 +157,9 @@ impl Sums {
             count(&mut self.tests, test, u64::from(*fails), 1);
         }
         for claim in &judged.claims {
-            match self.claims.iter_mut().find(|sums| sums.quantity == claim.quantity) {
-                Some(sums) => {
-                    sums.errors += claim.errors;
-                    sums.independent += claim.independent;
-                    for (sum, more) in sums.within.iter_mut().zip(claim.within) {
-                        *sum += more;
-                    }
-                    sums.deviates.extend(&claim.deviates);
-                }
-                None => self.claims.push(claim.clone()),
+            match self.claims.iter_mut().find(|(quantity, _)| *quantity == claim.quantity) {
+                Some((_, runs)) => runs.push(claim.clone()),
+                None => self.claims.push((claim.quantity.clone(), vec![claim.clone()])),
             }
         }
     }
@@ -282,34 +176,7 @@ impl Sums {
             doubted: Share::counted(self.doubted, self.runs),
             grades: self.grades,
             tests: self.tests.into_iter().map(TestCount::from).collect(),
-            claims: self.claims.into_iter().map(ClaimCalibration::of).collect(),
-        }
-    }
-}
-
-impl ClaimCalibration {
-    fn of(sums: Claimed) -> Self {
-        let normal = Normal::standard();
-        let mut level = 0..;
-        let coverage = sums.within.map(|within| {
-            let sds = level.next().and_then(|place: usize| LEVELS.get(place)).copied().unwrap_or(f64::NAN);
-            let share = within as f64 / sums.errors as f64;
-            Level { claimed: 1.0 - 2.0 * normal.sf(sds), found: Share::new(share, sums.independent) }
-        });
-        let n = sums.deviates.len() as f64;
-        let mean = sums.deviates.iter().sum::<f64>() / n;
-        let square = sums.deviates.iter().map(|z| z * z).sum::<f64>() / n;
-        let ranks = Uniformity::of(&sums.deviates);
-        Self {
-            finding: Finding::of(ranks.as_ref(), (mean, square), sums.deviates.len()),
-            quantity: sums.quantity,
-            errors: sums.errors,
-            independent: sums.independent,
-            coverage,
-            ranked: sums.deviates.len(),
-            mean,
-            rms: square.sqrt(),
-            ranks,
+            claims: self.claims.into_iter().map(|(name, runs)| ClaimCalibration::of(name, &runs)).collect(),
         }
     }
 }
@@ -317,28 +184,6 @@ impl ClaimCalibration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::WhiteNoise;
-
-    fn finding(count: usize, error: impl Fn(f64, usize) -> f64) -> Finding {
-        let mut noise = WhiteNoise::new(7, 2);
-        let deviates = (0..count).map(|k| error(noise.sample(), k)).collect();
-        let claim =
-            Claimed { quantity: String::new(), errors: 1, independent: 1.0, within: [1; 3], deviates };
-        ClaimCalibration::of(claim).finding
-    }
-
-    #[test]
-    fn what_is_wrong_with_a_claim_is_named() {
-        assert_eq!(finding(19, |z, _| 10.0 * z), Finding::TooFew);
-        assert_eq!(finding(1000, |z, _| z), Finding::Holds);
-        assert_eq!(finding(1000, |z, _| 0.8 * z), Finding::Careful);
-        assert_eq!(finding(1000, |z, _| 1.2 * z), Finding::Overconfident);
-        assert_eq!(finding(1000, |z, _| z + 0.2), Finding::Biased);
-        // Of the same mean and spread, on two sides.
-        assert_eq!(finding(1000, |z, k| 0.1 * z + if k % 2 == 0 { 1.0 } else { -1.0 }), Finding::NotNormal);
-        // Few that are far off are in no bin of a histogram, and in the spread.
-        assert_eq!(finding(100, |z, k| if k < 3 { 15.0 } else { z }), Finding::Overconfident);
-    }
 
     #[test]
     fn runs_are_counted_by_filter_and_grade() {
