@@ -47,7 +47,7 @@ pub enum Command {
     Spectrum(SpectrumArguments),
     /// Estimate samples while they arrive, as the table `[stream]` of an experiment file says.
     Stream(StreamArguments),
-    /// Run an experiment again and again, over a grid or by chance, and compare its estimators.
+    /// Run an experiment again and again, over a grid or by chance, and compare its estimators, or calibrate their claims.
     Study(StudyArguments),
 }
 
@@ -332,7 +332,7 @@ pub struct StudyArguments {
     /// The study file, such as `examples/shared_scanner/study.toml`.
     pub study: PathBuf,
     /// The folder for the results; the journal of finished runs stands beside it
-    /// [default: out/studies/<name of the study>].
+    /// [default: out/studies/<name of the study>, or out/calibrations/<name>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Replace the results, and the finished runs, of another study.
@@ -344,6 +344,14 @@ pub struct StudyArguments {
     /// Run one part of several, such as `2/3`, for `kalmems merge` to join.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
+    /// Ask whether the verdict and what the filters claim hold: draw the truth of each run from what its filters hold as uncertain, every
+    /// parameter that is a state from its `start_sd`, beside what the study draws, and count false alarms, coverage and ranks.
+    /// STUDY may then be an experiment file with a table `[simulate]` as well.
+    #[arg(long)]
+    pub calibration: bool,
+    /// Runs of a calibration at each point [default: the study's `repeats`, or 200 of an experiment file].
+    #[arg(long, value_name = "N", requires = "calibration")]
+    pub runs: Option<NonZero<u64>>,
     /// Print the summary as JSON instead of text.
     #[arg(long)]
     pub json: bool,

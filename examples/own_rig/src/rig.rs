@@ -34,7 +34,7 @@ impl DrivenDevice<3> for CombDevice {
     ];
     const NOISE: (usize, Entry) = (1, Entry::new("velocity", &kind::VELOCITY_DRIFT, Sign::NotNegative));
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::factor("natural_frequency").in_motion("rate"),
+        Parameter::factor("natural_frequency").in_motion("rate").written(&[("natural_frequency", 1)]),
         Parameter::volts("offset").in_readout("offset"),
     ];
 

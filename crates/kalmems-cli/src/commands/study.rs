@@ -10,7 +10,12 @@ use kalmems::study::{Options, Plan, StudyError};
 use std::path::PathBuf;
 
 pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Ending> {
-    let plan = Plan::load(workbench, &arguments.study).map_err(ending)?;
+    let plan = if arguments.calibration {
+        Plan::calibration(workbench, &arguments.study, arguments.runs)
+    } else {
+        Plan::load(workbench, &arguments.study)
+    };
+    let plan = plan.map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     // The journal of a shard stands beside the folder, which no shard writes.
@@ -43,7 +48,8 @@ pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), En
 }
 
 fn folder(plan: &Plan, out: Option<&PathBuf>) -> PathBuf {
-    out.map_or_else(|| PathBuf::from("out").join("studies").join(plan.name()), Clone::clone)
+    let kind = if plan.is_calibration() { "calibrations" } else { "studies" };
+    out.map_or_else(|| PathBuf::from("out").join(kind).join(plan.name()), Clone::clone)
 }
 
 #[allow(clippy::needless_pass_by_value)] // as `map_err` has it

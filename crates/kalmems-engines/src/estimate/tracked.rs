@@ -24,7 +24,7 @@ impl Tracked {
             Drift::RandomWalk { density } => density,
             Drift::GaussMarkov { .. } => 0.0,
         };
-        let is_factor = *self.parameter.kind == kind::RATIO;
+        let is_factor = self.parameter.is_factor();
         TrackedPrior { name: self.parameter.name, sd: self.sd, drift, is_factor }
     }
 }
@@ -47,6 +47,10 @@ pub struct Parameter {
     pub unit: &'static str,
     /// What its drift is.
     pub drift: &'static Kind,
+    /// The keys of the device's table that stand for it, as `resonator.stiffness`: a factor multiplies each by its power, and what
+    /// is no factor is added. `*` stands for every entry of a table. The first one is always there; one that is left out in the
+    /// file is left alone.
+    pub written: &'static [(&'static str, i32)],
 }
 
 impl Parameter {
@@ -69,7 +73,7 @@ impl Parameter {
         name: &'static str,
         (kind, unit, drift): (&'static Kind, &'static str, &'static Kind),
     ) -> Self {
-        Self { name, in_motion: None, in_readout: None, in_whole: None, kind, unit, drift }
+        Self { name, in_motion: None, in_readout: None, in_whole: None, kind, unit, drift, written: &[] }
     }
 
     /// What a deviation of 1 adds to it in these models of motion and readout: of a factor, its value there; else one of its
@@ -93,6 +97,17 @@ impl Parameter {
     #[must_use]
     pub const fn in_readout(self, name: &'static str) -> Self {
         Self { in_readout: Some(name), ..self }
+    }
+
+    /// The same, for which these keys of the device's table stand.
+    #[must_use]
+    pub const fn written(self, keys: &'static [(&'static str, i32)]) -> Self {
+        Self { written: keys, ..self }
+    }
+
+    /// Whether it is a factor on what the device's table says.
+    pub fn is_factor(&self) -> bool {
+        *self.kind == kind::RATIO
     }
 
     /// The same, which the model of both in one depends on under this name.

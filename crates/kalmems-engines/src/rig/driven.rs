@@ -142,6 +142,10 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         D::VALUES
     }
 
+    fn parameters(&self) -> &'static [Parameter] {
+        D::PARAMETERS
+    }
+
     fn estimator<'a>(
         &self,
         experiment: &'a Experiment,

@@ -13,7 +13,9 @@ pub use workbench::Workbench;
 
 use crate::config::kinds::Length;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Positive, Quantity, Uses};
-use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, StretchJudge, StretchSummary};
+use crate::estimate::{
+    Around, EstimateError, Parameter, Part, Past, SegmentEstimate, StretchJudge, StretchSummary,
+};
 use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, Reference, ReferenceChannels, ValueState};
 use crate::export::{self, ExportError, Exported, Filter};
 use crate::identify::{Identification, IdentifyError};
@@ -59,6 +61,11 @@ pub trait Rig: Send + Sync {
 
     /// The states that a reference may know and that are no angles; the first is what the device is for.
     fn values(&self) -> &'static [ValueState] {
+        &[]
+    }
+
+    /// The parameters of the device that a filter may hold as uncertain, with the keys that stand for them.
+    fn parameters(&self) -> &'static [Parameter] {
         &[]
     }
 

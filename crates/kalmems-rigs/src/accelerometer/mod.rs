@@ -26,7 +26,7 @@ mod varied;
 use super::{Estimator, Form, LeftOut, Rig};
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
@@ -92,6 +92,10 @@ impl Rig for AccelerometerRig {
             filter_switch: None,
         };
         vec![squeezed_film]
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &uncertainty::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

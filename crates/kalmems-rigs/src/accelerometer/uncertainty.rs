@@ -1,10 +1,18 @@
 //! Which parameters of the mechanics a filter takes for uncertain.
 
 use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Method, Sign, TrackedState};
+use crate::estimate::Parameter;
 use crate::units::kind;
 
 /// The parameters, in the order of their states.
 pub const NAMES: [&str; 3] = ["spring", "damping", "mass"];
+
+/// The same, with the keys that stand for them.
+pub static PARAMETERS: [Parameter; 3] = [
+    Parameter::factor(NAMES[0]).written(&[("proof_mass.spring", 1)]),
+    Parameter::factor(NAMES[1]).written(&[("proof_mass.damping", 1)]),
+    Parameter::factor(NAMES[2]).written(&[("proof_mass.mass", 1)]),
+];
 
 /// How far each of them may be off, relative to what the device table says; 0 where the filter does not ask.
 pub fn spread(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<[f64; 3], ConfigError> {

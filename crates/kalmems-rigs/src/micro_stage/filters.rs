@@ -21,12 +21,16 @@ pub struct FilterSettings {
 }
 
 /// The parameters that can be states. Gap and gain are off by one ratio for all electrodes.
-static PARAMETERS: [Parameter; 5] = [
-    Parameter::factor("natural_frequency").in_motion("resonator.natural_rate"),
-    Parameter::factor("damping_ratio").in_motion("resonator.damping_ratio"),
-    Parameter::factor("drive_gain").in_motion("drive_gain"),
-    Parameter::factor("gap").in_readout("plate.gap"),
-    Parameter::factor("gain").in_readout("gain"),
+pub static PARAMETERS: [Parameter; 5] = [
+    Parameter::factor("natural_frequency")
+        .in_motion("resonator.natural_rate")
+        .written(&[("resonator.natural_frequency", 1)]),
+    Parameter::factor("damping_ratio")
+        .in_motion("resonator.damping_ratio")
+        .written(&[("resonator.damping_ratio", 1)]),
+    Parameter::factor("drive_gain").in_motion("drive_gain").written(&[("resonator.drive_gain", 1)]),
+    Parameter::factor("gap").in_readout("plate.gap").written(&[("electrodes.*.gap", 1)]),
+    Parameter::factor("gain").in_readout("gain").written(&[("electrodes.*.gain", 1)]),
 ];
 
 /// The states, as tables of values name them.

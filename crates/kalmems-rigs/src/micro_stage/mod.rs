@@ -21,7 +21,9 @@ mod simulation;
 
 use super::{Estimator, Rig};
 use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{Around, Axis, EstimateError, Motion, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    Around, Axis, EstimateError, Motion, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::{EdgeVelocity, Instruments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
@@ -80,6 +82,10 @@ impl Rig for MicroStageRig {
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
         let stage = experiment.device::<MicroStage>()?;
         Ok(Instruments { edge: stage.vibrometer.as_ref().map(EdgeVelocity::from), ..Instruments::default() })
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

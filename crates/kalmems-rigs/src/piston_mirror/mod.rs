@@ -26,7 +26,7 @@ mod trigger;
 
 use super::{Estimator, Rig};
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role};
-use crate::estimate::{Around, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
@@ -85,6 +85,10 @@ impl Rig for PistonMirrorRig {
         let mirror = experiment.device::<PistonMirror>()?;
         let length = mirror.capacitance.reference_distance.clone();
         Ok(Some(LengthScale { key: "device.piston_mirror.capacitance.reference_distance", length }))
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &settings::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

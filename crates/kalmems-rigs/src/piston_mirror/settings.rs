@@ -46,9 +46,18 @@ pub struct FilterSettings {
 }
 
 /// What of the readout can be a state: its gain on all that varies with the distance, and a capacitance beside the plates.
-static PARAMETERS: [Parameter; 2] = [
-    Parameter::factor("gain").in_readout("gain"),
-    Parameter::farads("stray_capacitance").in_readout("stray"),
+pub static PARAMETERS: [Parameter; 2] = [
+    Parameter::factor("gain").in_readout("gain").written(&[
+        ("capacitance.coefficients[1]", 1),
+        ("capacitance.coefficients[2]", 1),
+        ("capacitance.coefficients[3]", 1),
+        ("capacitance.coefficients[4]", 1),
+        ("capacitance.coefficients[5]", 1),
+        ("capacitance.coefficients[6]", 1),
+        ("capacitance.coefficients[7]", 1),
+        ("capacitance.coefficients[8]", 1),
+    ]),
+    Parameter::farads("stray_capacitance").in_readout("stray").written(&[("capacitance.coefficients[0]", 1)]),
 ];
 
 /// What a filter knows of the motion.

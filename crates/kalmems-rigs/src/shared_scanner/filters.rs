@@ -21,16 +21,21 @@ pub struct FilterSettings {
 }
 
 /// All of them, for one axis.
-static PARAMETERS: [Parameter; 5] = [
+pub static PARAMETERS: [Parameter; 5] = [
     Parameter::factor("stiffness")
         .in_motion("scanner.resonator.stiffness")
-        .in_whole("device.scanner.resonator.stiffness"),
+        .in_whole("device.scanner.resonator.stiffness")
+        .written(&[("resonator.stiffness", 1)]),
     Parameter::factor("damping")
         .in_motion("scanner.resonator.damping")
-        .in_whole("device.scanner.resonator.damping"),
-    Parameter::factor("drive_gain").in_motion("drive_gain").in_whole("device.drive_gain"),
-    Parameter::factor("gain").in_readout("gain").in_whole("gain"),
-    Parameter::volts("offset").in_readout("offset").in_whole("offset"),
+        .in_whole("device.scanner.resonator.damping")
+        .written(&[("resonator.damping", 1)]),
+    Parameter::factor("drive_gain")
+        .in_motion("drive_gain")
+        .in_whole("device.drive_gain")
+        .written(&super::settings::DRIVE_GAIN),
+    Parameter::factor("gain").in_readout("gain").in_whole("gain").written(&[("readout.gain", 1)]),
+    Parameter::volts("offset").in_readout("offset").in_whole("offset").written(&[("readout.offset", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.

@@ -24,7 +24,9 @@ pub mod two_axes;
 use super::{Estimator, Form, LeftOut, Rig};
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{Around, Axis, Beside, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    Around, Axis, Beside, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
@@ -84,6 +86,10 @@ impl Rig for SharedScannerRig {
 
     fn uses(&self, _: &Experiment) -> Uses {
         Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -9,6 +9,19 @@ use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::{DelayedComb, DemodulatedComb};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
+/// The keys of the device's table that stand for a gain g of the drive's voltage, with their powers of g. The torque is
+/// \\(\\tfrac12 C'(\\theta)(g^2V^2 + V_c^2)\\), and what moves by it is the same for all of the resonators divided by g² and the
+/// carrier's amplitude by g.
+pub const DRIVE_GAIN: [(&str, i32); 7] = [
+    ("resonator.inertia", -2),
+    ("resonator.stiffness", -2),
+    ("resonator.damping", -2),
+    ("second_axis.resonator.inertia", -2),
+    ("second_axis.resonator.stiffness", -2),
+    ("second_axis.resonator.damping", -2),
+    ("carrier.amplitude", -1),
+];
+
 /// What an experiment says of a shared-electrode scanner with one axis and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
 pub struct Settings {

@@ -49,11 +49,13 @@ pub struct ThresholdSettings {
 pub const FEEDTHROUGH: &str = "feedthrough";
 
 /// All of them.
-static PARAMETERS: [Parameter; 4] = [
-    Parameter::factor("gain").in_readout("comb.gain"),
-    Parameter::volts("offset").in_readout("offset"),
-    Parameter::factor("natural_frequency").in_motion("resonator.natural_rate"),
-    Parameter::factor(FEEDTHROUGH),
+pub static PARAMETERS: [Parameter; 4] = [
+    Parameter::factor("gain").in_readout("comb.gain").written(&[("comb.gain", 1)]),
+    Parameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
+    Parameter::factor("natural_frequency")
+        .in_motion("resonator.natural_rate")
+        .written(&[("resonator.natural_frequency", 1)]),
+    Parameter::factor(FEEDTHROUGH).written(&[("readout.feedthrough_capacitance", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.

@@ -24,7 +24,9 @@ mod verdict;
 use super::{Estimator, Form, LeftOut, Rig};
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
-use crate::estimate::{self, Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+};
 use crate::evaluate::Instruments;
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
 use crate::export::{ExportError, Filter};
@@ -90,6 +92,10 @@ impl Rig for ThresholdScannerRig {
             filter_switch: None,
         };
         vec![number("readout.feedthrough_capacitance", "pF", 1e-3), number("readout.offset", "mV", 0.1)]
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

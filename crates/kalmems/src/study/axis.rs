@@ -55,6 +55,13 @@ enum Sort {
     Word,
 }
 
+impl Setting {
+    /// As written.
+    pub(super) fn text(&self) -> String {
+        self.toml.as_str().map_or_else(|| self.toml.to_string(), str::to_owned)
+    }
+}
+
 impl Axis {
     /// Reads and checks a `[[vary]]` table; where it is wrong, the key below it.
     pub(super) fn of(vary: &Vary, simulated: bool) -> Result<Self, (&'static str, Fault)> {

@@ -34,8 +34,8 @@ pub(super) struct Description {
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Value>")]
     pub(super) truth: BTreeMap<String, toml::Value>,
-    /// The keys that vary.
-    #[schemars(length(min = 1))]
+    /// The keys that vary: at least one, unless the study is run as a calibration, which draws what the filters hold as uncertain.
+    #[serde(default)]
     pub(super) vary: Vec<Vary>,
     /// The pictures that are wanted.
     #[serde(default)]

@@ -3,6 +3,7 @@
 //! The first line says which study it is. Each line ends with a checksum of itself; a last line without its end was
 //! being written when the program was stopped, and is dropped.
 
+use super::calibration::Judged;
 use super::rows::Row;
 use super::{Plan, Shard, StudyError, plan::hex};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -29,6 +30,9 @@ pub(super) struct Header {
     pub(super) study: String,
     /// The experiment file.
     pub(super) experiment: String,
+    /// Runs at each point of a calibration; `None` of a study.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) calibration: Option<u64>,
 }
 
 const KIND: &str = "journal of a study";
@@ -41,6 +45,9 @@ pub(super) struct Finished {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) error: Option<String>,
     pub(super) rows: Vec<Row>,
+    /// What it says of the claims of its filters, in a calibration.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) judged: Vec<Judged>,
 }
 
 /// Finished runs by their index.
@@ -56,6 +63,7 @@ impl Header {
             shard: shard.to_string(),
             study: plan.source.text.clone(),
             experiment: plan.experiment.text.clone(),
+            calibration: plan.calibration.as_ref().map(|_| plan.description.repeats),
         }
     }
 

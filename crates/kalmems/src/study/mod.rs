@@ -4,6 +4,9 @@
 //! the truth and what the filters are told, and how often each point is repeated with noise of its own. Each run is a
 //! simulation and an estimate of it, or, where the experiment has no `[simulate]`, an estimate of its recordings.
 //!
+//! [`Plan::calibration`] draws the truth of each run from what the filters hold as uncertain, and asks of all runs together whether
+//! what they claim holds.
+//!
 //! A finished run is a line of a journal, so that an interruption loses nothing, and its figures follow from the study
 //! and the run's index alone: neither threads, nor interruptions, nor shards change a byte of the results.
 //!
@@ -38,6 +41,7 @@
 //! ```
 
 mod axis;
+mod calibration;
 mod description;
 mod error;
 mod journal;
@@ -54,6 +58,10 @@ mod shard;
 mod spread;
 mod table;
 
+pub use calibration::{
+    CalibrationSummary, ClaimCalibration, FilterCalibration, Finding, GradeCount, Level, Share, TestCount,
+    Uniformity,
+};
 pub use description::schema;
 pub use error::StudyError;
 pub use plan::Plan;

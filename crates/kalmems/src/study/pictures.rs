@@ -158,7 +158,7 @@ fn over_grid(plan: &Plan, table: &Table, column: usize, place: usize) -> Result<
 
 /// As written, with the unit as the axes have it.
 fn value(setting: &Setting) -> String {
-    let text = setting.toml.as_str().map_or_else(|| setting.toml.to_string(), str::to_owned);
+    let text = setting.text();
     match Value::parse(&text) {
         Ok(value) => {
             format!("{} {}", value.parts().0, kalmems_figures::unit_sign(value.parts().1)).trim().to_owned()

@@ -2,6 +2,7 @@
 
 use super::StudyError;
 use super::axis::{Axis, Setting, Values};
+use super::calibration::{Drawn, Groups};
 use super::description::{AppliesTo, Description};
 use super::error::RunError;
 use super::seed::{self, Draw};
@@ -43,15 +44,18 @@ pub struct Plan {
     pub(super) description: Description,
     pub(super) axes: Vec<Axis>,
     pub(super) experiment: Source,
-    document: Table,
-    truth: Vec<(Key, toml::Value)>,
-    simulated: bool,
+    pub(super) document: Table,
+    pub(super) truth: Vec<(Key, toml::Value)>,
+    pub(super) simulated: bool,
+    /// The filters in groups, where the truth is drawn from what they hold as uncertain.
+    pub(super) calibration: Option<Groups>,
 }
 
 /// One run: a point of the grid, once.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
-    /// The point of the grid; the key that varies last goes fastest.
+    pub(super) index: u64,
+    /// The point of the grid; the key that varies last goes fastest, and the groups of filters of a calibration still faster.
     pub(super) point: u64,
     pub(super) repeat: u64,
     pub(super) seed: u64,
@@ -71,7 +75,13 @@ impl Plan {
     /// Reads a study file and the experiment file that it names.
     pub fn load(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
         let source = Source::load(path)?;
-        let description: Description = read_source(&source)?;
+        let experiment = Self::experiment_of(&source, path)?;
+        Self::of(workbench, source, experiment, None)
+    }
+
+    /// The experiment file that a study file names.
+    pub(super) fn experiment_of(source: &Source, path: &Path) -> Result<Source, StudyError> {
+        let description: Description = read_source(source)?;
         let file = path.parent().unwrap_or(Path::new("")).join(&description.experiment);
         let experiment = Source::load(&file).map_err(|e| match e.fault {
             Fault::NotFound => {
@@ -83,17 +93,29 @@ impl Plan {
             }
             _ => e,
         })?;
-        Self::of(workbench, source, experiment)
+        Ok(experiment)
     }
 
-    /// The plan of a study from both texts, as a journal has them.
-    pub(super) fn parse(workbench: &Workbench, study: &str, experiment: &str) -> Result<Self, StudyError> {
+    /// The plan of a study from both texts, as a journal has them, with the runs at each point of a calibration.
+    pub(super) fn parse(
+        workbench: &Workbench,
+        (study, experiment): (&str, &str),
+        calibration: Option<u64>,
+    ) -> Result<Self, StudyError> {
         let source = Source::of(study, Path::new("study.toml"))?;
-        Self::of(workbench, source, Source::of(experiment, Path::new("experiment.toml"))?)
+        let experiment = Source::of(experiment, Path::new("experiment.toml"))?;
+        Self::of(workbench, source, experiment, calibration)
     }
 
-    fn of(workbench: &Workbench, source: Source, experiment: Source) -> Result<Self, StudyError> {
-        let description: Description = read_source(&source)?;
+    /// The plan of a study, or of a calibration with so many runs at each point.
+    pub(super) fn of(
+        workbench: &Workbench,
+        source: Source,
+        experiment: Source,
+        calibration: Option<u64>,
+    ) -> Result<Self, StudyError> {
+        let mut description: Description = read_source(&source)?;
+        description.repeats = calibration.unwrap_or(description.repeats);
         // The reader of experiments says better what is wrong with one.
         let simulated = workbench.parse(&experiment.text, &experiment.path)?.simulate.is_some();
         let document: Table = experiment.text.parse().map_err(|e: toml::de::Error| {
@@ -118,7 +140,20 @@ impl Plan {
             Ok(())
         })?;
         let workbench = workbench.clone();
-        let plan = Self { workbench, source, description, axes, experiment, document, truth, simulated };
+        let mut plan = Self {
+            workbench,
+            source,
+            description,
+            axes,
+            experiment,
+            document,
+            truth,
+            simulated,
+            calibration: None,
+        };
+        if calibration.is_some() {
+            plan.calibration = Some(plan.groups()?);
+        }
         plan.check_names()?;
         plan.check_keys()?;
         Ok(plan)
@@ -129,9 +164,9 @@ impl Plan {
         self.description.name.as_str()
     }
 
-    /// Points of the grid.
+    /// Points of the grid, each once for each group of filters of a calibration.
     pub fn points(&self) -> u64 {
-        self.axes.iter().map(Axis::points).fold(1, u64::saturating_mul)
+        self.axes.iter().map(Axis::points).fold(self.groups_at_a_point(), u64::saturating_mul)
     }
 
     /// Runs: each point of the grid once for each repeat.
@@ -147,7 +182,7 @@ impl Plan {
     pub(super) fn run(&self, index: u64) -> Run {
         let seed = self.description.seed;
         let (point, repeat) = (index / self.description.repeats, index % self.description.repeats);
-        let mut rest = point;
+        let mut rest = point / self.groups_at_a_point();
         let mut settings: Vec<Setting> = Vec::with_capacity(self.axes.len());
         for (i, axis) in self.axes.iter().enumerate().rev() {
             settings.push(match &axis.values {
@@ -160,19 +195,22 @@ impl Plan {
             });
         }
         settings.reverse();
-        Run { point, repeat, seed: seed::noise(seed, index), settings }
+        Run { index, point, repeat, seed: seed::noise(seed, index), settings }
     }
 
-    /// What a run starts from.
-    pub(super) fn ready(&self, run: &Run) -> Result<Ready, RunError> {
+    /// What a run starts from, and what was drawn for it of what its filters hold as uncertain.
+    pub(super) fn ready(&self, run: &Run) -> Result<(Ready, Vec<Drawn>), RunError> {
         let settings: Vec<Option<&Setting>> = run.settings.iter().map(Some).collect();
-        self.ready_with(&settings, run.seed)
+        match &self.calibration {
+            None => Ok((self.ready_with(&settings, run.seed)?, Vec::new())),
+            Some(groups) => self.ready_drawn(groups, run, &settings),
+        }
     }
 
     /// What its results are of: studies of one name, since a journal does not know from which file it came.
     pub fn work(&self) -> Work {
         let inputs = [&self.source, &self.experiment].into_iter().flat_map(Source::files).collect();
-        Work { inputs, ..Work::named("study", self.name()) }
+        Work { inputs, ..Work::named(self.command(), self.name()) }
     }
 
     /// What all runs have in common must be right before any begins; a digest of the files that they read.
@@ -212,6 +250,10 @@ impl Plan {
         }
         let mut hash = Sha256::new();
         hash.update(FORMAT.to_le_bytes());
+        if self.calibration.is_some() {
+            hash.update("calibration");
+            hash.update(self.description.repeats.to_le_bytes());
+        }
         for text in [
             env!("CARGO_PKG_VERSION"),
             &toml::to_string(&study).unwrap_or_default(),
@@ -230,26 +272,32 @@ impl Plan {
     }
 
     fn ready_with(&self, settings: &[Option<&Setting>], seed: u64) -> Result<Ready, RunError> {
-        let told = self.patched(&[], settings, AppliesTo::Told, None)?;
+        let told = self.read(&self.patched(&[], settings, AppliesTo::Told, None)?)?;
         if !self.simulated {
             let rig = self.workbench.rig(&told)?;
             rig.wanted(&told)?;
             return Ok(Ready::Recorded(Box::new(told)));
         }
-        let truth = self.patched(&self.truth, settings, AppliesTo::Truth, Some(seed))?;
-        let simulation = self.workbench.rig(&truth)?.simulate(&truth)?;
-        let told = described(&told, &*simulation);
+        let truth = self.read(&self.patched(&self.truth, settings, AppliesTo::Truth, Some(seed))?)?;
+        self.simulation(&truth, &told)
+    }
+
+    /// A run on a simulation of the truth, with filters that are told something.
+    pub(super) fn simulation(&self, truth: &Experiment, told: &Experiment) -> Result<Ready, RunError> {
+        let simulation = self.workbench.rig(truth)?.simulate(truth)?;
+        let told = described(told, &*simulation);
         self.workbench.rig(&told)?.wanted(&told)?;
         Ok(Ready::Simulated(simulation, Box::new(told)))
     }
 
-    fn patched(
+    /// The experiment file with what the study has in its place.
+    pub(super) fn patched(
         &self,
         truth: &[(Key, toml::Value)],
         settings: &[Option<&Setting>],
         side: AppliesTo,
         seed: Option<u64>,
-    ) -> Result<Experiment, ConfigError> {
+    ) -> Result<Table, ConfigError> {
         let mut document = self.document.clone();
         let mut patch = |key: &Key, value: &toml::Value| {
             put(&mut document, key, value.clone())
@@ -269,7 +317,12 @@ impl Plan {
             let seed = toml::Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
             patch(&Key::from("simulate").child("seed"), &seed)?;
         }
-        let text = toml::to_string(&document).unwrap_or_default();
+        Ok(document)
+    }
+
+    /// The experiment of a document.
+    pub(super) fn read(&self, document: &Table) -> Result<Experiment, ConfigError> {
+        let text = toml::to_string(document).unwrap_or_default();
         self.workbench.parse(&text, &self.experiment.path)
     }
 
@@ -294,7 +347,7 @@ impl Plan {
 
     fn check_names(&self) -> Result<(), ConfigError> {
         let refuse = |key, why: String| Err(self.refuse(key, Fault::Value { why }));
-        if self.axes.is_empty() {
+        if self.axes.is_empty() && self.calibration.is_none() {
             let why = "found nothing that varies; expected at least one `[[vary]]`".to_owned();
             return refuse(Key::from("vary"), why);
         }
@@ -371,7 +424,7 @@ impl Plan {
             let place = Key::from("truth").child(&key.to_string());
             self.check_place(key, value, &place)?;
             let only = [(key.clone(), value.clone())];
-            let tried = self.patched(&only, &[], AppliesTo::Truth, None);
+            let tried = self.patched(&only, &[], AppliesTo::Truth, None).and_then(|truth| self.read(&truth));
             if let Err(e) = tried.map_err(RunError::from) {
                 self.blame(key, &e, (place, None))?;
             }

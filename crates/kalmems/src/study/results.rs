@@ -1,5 +1,6 @@
 //! The results of a whole study, written as one.
 
+use super::calibration::{self, CalibrationSummary};
 use super::journal::{self, Header, Runs};
 use super::pictures::pictures;
 use super::table::Table;
@@ -29,6 +30,9 @@ pub struct Summary {
     pub failures: BTreeMap<String, Failures>,
     /// What is wrong with pictures that are not there.
     pub notes: Vec<String>,
+    /// Of a calibration, what its runs say of the verdict and of the claims.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationSummary>,
 }
 
 /// Runs that failed for the same reason.
@@ -52,6 +56,12 @@ impl Summary {
             .collect()
     }
 
+    /// How many runs there were.
+    fn in_short(&self) -> String {
+        let Self { runs, points, rows, .. } = self;
+        format!("{runs} runs of {points} points, {rows} rows, {} failed", self.failed())
+    }
+
     /// How many runs failed.
     pub fn failed(&self) -> u64 {
         self.failures.values().map(|failures| failures.runs).sum()
@@ -60,8 +70,11 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { runs, points, rows, .. } = self;
-        write!(f, "{runs} runs of {points} points, {rows} rows, {} failed", self.failed())
+        f.write_str(&self.in_short())?;
+        for table in self.calibration.iter().flat_map(calibration::page_tables) {
+            write!(f, "\n\n{}", table.to_text().trim_end())?;
+        }
+        Ok(())
     }
 }
 
@@ -69,17 +82,19 @@ impl Plan {
     /// The plan of a study, from one of its journals.
     pub fn from_journal(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
         let (header, _) = journal::load(path)?;
-        Self::parse(workbench, &header.study, &header.experiment)
+        Self::parse(workbench, (&header.study, &header.experiment), header.calibration)
     }
 
     /// What tells the results of this study from others.
     pub(super) fn input_id(&self, digest: &str) -> String {
-        format!("{}: study {}", self.name(), digest.get(..12).unwrap_or(digest))
+        format!("{}: {} {}", self.name(), self.command(), digest.get(..12).unwrap_or(digest))
     }
 
     /// Writes into a result what came of a study whose journals are whole: `results.csv` with all figures of all runs,
     /// `summary.csv` with median and range of those that are drawn, `report.html` with its `figures/`, the study and its experiment, and
     /// `run.toml`. The same runs give the same bytes, in whatever order and on whatever machines they were made.
+    ///
+    /// Of a calibration also `calibration.csv` and `calibration.json`, and pictures of the ranks.
     ///
     /// With the feature `parquet-results` also `results.parquet`.
     pub fn write_results(&self, journals: &[PathBuf], output: &Output) -> Result<Summary, StudyError> {
@@ -94,7 +109,19 @@ impl Plan {
         if !drawn.is_empty() {
             output.write("summary.csv", |w| spread::write_csv(self, &table, &drawn, w))?;
         }
-        let (figures, notes) = pictures(self, &table);
+        let (mut figures, notes) = pictures(self, &table);
+        let calibration = self.calibration.as_ref().map(|_| self.calibrated(&runs));
+        if let Some(summary) = &calibration {
+            figures.extend(calibration::figures(summary));
+            let long = calibration::long_table(summary);
+            output.write("calibration.csv", |w| long.write_csv(w))?;
+            #[cfg(feature = "parquet-results")]
+            output.write("calibration.parquet", |w| super::parquet::write(&long, w))?;
+            output.write("calibration.json", |w| {
+                serde_json::to_writer_pretty(&mut *w, summary).map_err(io::Error::other)?;
+                w.write_all(b"\n")
+            })?;
+        }
         for figure in &figures {
             write_figure::<StudyError>(output, figure)?;
         }
@@ -114,13 +141,14 @@ impl Plan {
             rows: table.rows.len(),
             failures,
             notes,
+            calibration,
         };
         let page = self.page(&summary, &header, figures).to_html()?;
         output.write("report.html", |w| w.write_all(page.as_bytes()))?;
         output.write(RUN_FILE, |w| {
             let run = Record {
                 version: &header.version,
-                command: "study",
+                command: self.command(),
                 input_id: &input_id,
                 digest: &header.digest,
                 points: summary.points,
@@ -133,12 +161,25 @@ impl Plan {
         Ok(summary)
     }
 
+    /// What the runs of a calibration say together.
+    fn calibrated(&self, runs: &Runs) -> CalibrationSummary {
+        CalibrationSummary::of(runs.iter().map(|(index, finished)| {
+            let settings = self.run(*index).settings;
+            let grid = self.grid().filter(|(_, axis)| axis.points() > 1);
+            let settings = grid
+                .filter_map(|(place, axis)| Some(format!("{} {}", axis.name, settings.get(place)?.text())));
+            (settings.collect::<Vec<_>>().join(", "), finished.judged.as_slice())
+        }))
+    }
+
     fn page(&self, summary: &Summary, header: &Header, figures: Vec<Figure>) -> Page {
         let mut result = Section::new("Result");
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
         }
-        let result = figures.into_iter().fold(result.paragraph(summary.to_string()), Section::figure);
+        let result = result.paragraph(summary.in_short());
+        let tables = summary.calibration.iter().flat_map(calibration::page_tables);
+        let result = figures.into_iter().fold(tables.fold(result, Section::table), Section::figure);
         let how = Section::new("How it was made")
             .paragraph(format!("kalmems {}. All figures of all runs are in results.csv.", header.version))
             .preformatted("The study", &self.source.text)

@@ -1,9 +1,10 @@
 //! Runs what is not finished yet, on several threads, and keeps each run as it comes.
 
+use super::calibration::{Drawn, Judged, judged};
 use super::error::RunError;
 use super::journal::{Finished, Header, Journal, Runs};
 use super::plan::Ready;
-use super::rows::rows;
+use super::rows::{Row, rows};
 use super::{Plan, Shard, StudyError};
 use crate::progress::Progress;
 use crate::results::Metrics;
@@ -136,15 +137,19 @@ impl Plan {
         if progress.reached(0).is_break() {
             return None;
         }
-        match self.metrics(index, progress) {
-            Ok(metrics) => Some(Finished { run: index, error: None, rows: rows(&metrics) }),
+        match self.outcome(index, progress) {
+            Ok((rows, judged)) => Some(Finished { run: index, error: None, rows, judged }),
             Err(e) if e.is_interruption() => None,
-            Err(e) => Some(Finished { run: index, error: Some(e.text()), rows: Vec::new() }),
+            Err(e) => {
+                Some(Finished { run: index, error: Some(e.text()), rows: Vec::new(), judged: Vec::new() })
+            }
         }
     }
 
-    fn metrics(&self, index: u64, progress: &dyn Progress) -> Result<Metrics, RunError> {
-        let outcome = match self.ready(&self.run(index))? {
+    /// The rows of a run, and in a calibration what it says of the claims of its filters.
+    fn outcome(&self, index: u64, progress: &dyn Progress) -> Result<(Vec<Row>, Vec<Judged>), RunError> {
+        let (ready, drawn) = self.ready(&self.run(index))?;
+        let outcome = match ready {
             Ready::Simulated(simulation, told) => {
                 let simulated = Unwritten::of(&*simulation, progress)?;
                 // From here on there is nothing of the device but what a file of it would hold.
@@ -153,7 +158,17 @@ impl Plan {
             }
             Ready::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
         };
-        Ok(Metrics::of(&outcome))
+        let metrics = Metrics::of(&outcome);
+        let mut rows = rows(&metrics);
+        if self.calibration.is_none() {
+            return Ok((rows, Vec::new()));
+        }
+        for row in &mut rows {
+            row.extend(drawn.iter().map(|Drawn { name, deviation }| {
+                (format!("drawn.{name}"), serde_json::Value::String(format!("{deviation:?}")))
+            }));
+        }
+        Ok((rows, judged(&outcome, &metrics, &drawn)))
     }
 }
 

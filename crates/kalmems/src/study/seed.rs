@@ -21,6 +21,11 @@ impl Draw {
         Self(number("draw", &[seed, run, axis as u64]))
     }
 
+    /// Of the parameter at this place among those that a device may be uncertain in.
+    pub(super) fn of_prior(seed: u64, run: u64, parameter: usize) -> Self {
+        Self(number("prior", &[seed, run, parameter as u64]))
+    }
+
     /// With mean 0 and standard deviation 1.
     pub(super) fn normal(self) -> f64 {
         WhiteNoise::new(self.0, 0).sample()

@@ -6,7 +6,7 @@ use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems::workflow::estimate_unwritten;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// A setting that differs from the example: the key, with dots, and its value as it stands in a file.
@@ -89,10 +89,14 @@ impl Device {
         DEVICES.iter().find(|device| device.name == name).unwrap()
     }
 
-    /// The experiment with these settings, and the noise of this seed.
-    fn experiment(&self, settings: &[Setting], seed: u64) -> Experiment {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(self.file);
-        let text = std::fs::read_to_string(&path).unwrap();
+    /// The example's file.
+    fn path(&self) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(self.file)
+    }
+
+    /// The text of an experiment with these settings.
+    pub fn text(&self, settings: &[Setting]) -> String {
+        let text = std::fs::read_to_string(self.path()).unwrap();
         let mut document = Value::Table(text.parse().unwrap());
         for key in self.without {
             put(&mut document, key, None);
@@ -103,25 +107,55 @@ impl Device {
         for (key, value) in settings {
             put(&mut document, key, Some(value));
         }
-        put(&mut document, "simulate.seed", Some(&seed.to_string()));
-        let text = toml::to_string(&document).unwrap();
-        published().parse(&text, &path).unwrap_or_else(|e| panic!("{}: {e}", self.name))
+        toml::to_string(&document).unwrap()
     }
 
-    /// What filters that are `told` this are told of a recording of what is `true`, which both are where neither differs from the
-    /// example, and that recording.
-    pub fn recorded(&self, real: &[Setting], told: &[Setting], seed: u64) -> (Experiment, Unwritten) {
+    /// The experiment with these settings, and the noise of this seed.
+    fn experiment(&self, settings: &[Setting], seed: u64) -> Experiment {
+        let mut settings = settings.to_vec();
+        settings.push(("simulate.seed", seed.to_string()));
+        let text = self.text(&settings);
+        published().parse(&text, &self.path()).unwrap_or_else(|e| panic!("{}: {e}", self.name))
+    }
+
+    /// What filters that are `told` different things are told of a recording of what is `true`, which both are where neither differs from
+    /// the example, and that recording.
+    pub fn recorded_by<const N: usize>(
+        &self,
+        real: &[Setting],
+        told: [&[Setting]; N],
+        seed: u64,
+    ) -> ([Experiment; N], Unwritten) {
         let real = self.experiment(real, seed);
         let simulation =
             published().rig(&real).unwrap().simulate(&real).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-        (described(&self.experiment(told, seed), &*simulation), simulated)
+        (told.map(|told| described(&self.experiment(told, seed), &*simulation)), simulated)
+    }
+
+    /// The same of filters that are told one thing.
+    pub fn recorded(&self, real: &[Setting], told: &[Setting], seed: u64) -> (Experiment, Unwritten) {
+        let ([told], simulated) = self.recorded_by(real, [told], seed);
+        (told, simulated)
     }
 
     /// What those filters make of it; `None` where the recording is refused.
     pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
-        let (told, simulated) = self.recorded(real, told, seed);
-        let outcome = estimate_unwritten(published(), &told, &simulated, &Silent);
-        outcome.ok().map(|outcome| Metrics::of(&outcome))
+        let [metrics] = self.judged_by(real, [told], seed);
+        metrics
+    }
+
+    /// The same of several filters that are told different things, on one recording.
+    pub fn judged_by<const N: usize>(
+        &self,
+        real: &[Setting],
+        told: [&[Setting]; N],
+        seed: u64,
+    ) -> [Option<Metrics>; N] {
+        let (told, simulated) = self.recorded_by(real, told, seed);
+        told.map(|told| {
+            let outcome = estimate_unwritten(published(), &told, &simulated, &Silent);
+            outcome.ok().map(|outcome| Metrics::of(&outcome))
+        })
     }
 }

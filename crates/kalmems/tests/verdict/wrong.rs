@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// How a value is wrong by a size.
 #[derive(Clone, Copy)]
-enum By {
+pub enum By {
     /// Larger by this part.
     Factor,
     /// Larger by this many of the unit.
@@ -21,15 +21,15 @@ enum By {
 }
 
 /// Something that is wrong: a key of the filter's device, or of the true one, with its true value and unit.
-struct Kind {
-    device: &'static str,
-    of_truth: bool,
-    key: &'static str,
+pub struct Kind {
+    pub device: &'static str,
+    pub of_truth: bool,
+    pub key: &'static str,
     value: f64,
-    unit: &'static str,
-    by: By,
+    pub unit: &'static str,
+    pub by: By,
     /// The first size that is tried.
-    from: f64,
+    pub from: f64,
 }
 
 const fn told(
@@ -63,7 +63,7 @@ const STAGE: &str = "micro-stage";
 const PISTON: &str = "piston mirror";
 
 /// Written down before any of them was run, but for the last one, which stands for a delay that this device does not know.
-const KINDS: [Kind; 36] = [
+pub const KINDS: [Kind; 36] = [
     told(SHARED, "device.shared_scanner.resonator.stiffness", 1.10e-4, "N m", Factor, 1e-4),
     told(SHARED, "device.shared_scanner.resonator.damping", 5.95e-12, "N m s", Factor, 1e-3),
     told(SHARED, "device.shared_scanner.resonator.inertia", 1.15e-14, "kg m^2", Factor, 1e-4),
@@ -103,7 +103,7 @@ const KINDS: [Kind; 36] = [
 ];
 
 impl Kind {
-    fn setting(&self, size: f64) -> Setting<'static> {
+    pub fn setting(&self, size: f64) -> Setting<'static> {
         let value = match self.by {
             Factor => self.value * (1.0 + size),
             Sum => self.value + size,
@@ -121,7 +121,7 @@ impl Kind {
     }
 }
 
-fn claims(estimator: &EstimatorMetrics) -> impl Iterator<Item = Claim> {
+pub fn claims(estimator: &EstimatorMetrics) -> impl Iterator<Item = Claim> {
     let angles = estimator.errors.iter().flat_map(MotionErrors::each).filter_map(|e| e.angle.claim);
     angles.chain(estimator.values.values().filter_map(|errors| errors.claim))
 }
@@ -148,7 +148,7 @@ fn margin_of(metrics: Option<&Metrics>) -> f64 {
 const BY: f64 = 1.5;
 
 /// The first size, of a factor of 1.5 between them, at which both conditions hold by that on average; by seeds that judge nothing.
-fn size(kind: &Kind) -> Option<f64> {
+pub fn size(kind: &Kind) -> Option<f64> {
     let sizes = (0..24).map(|step| kind.from * 1.5_f64.powi(step));
     let mut sizes = sizes.filter(|size| {
         let margins = (1..=3).map(|seed| margin_of(kind.judged(*size, seed).as_ref()).min(100.0));

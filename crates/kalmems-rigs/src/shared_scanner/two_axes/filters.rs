@@ -51,14 +51,22 @@ const NOISE: [Entry; 2] = [
 
 /// The parameters that can be states. The drive is one for both axes; what acts on one axis alone is its stiffness and
 /// its damping.
-static PARAMETERS: [Parameter; 7] = [
-    Parameter::factor("stiffness_x").in_motion("scanner.x.resonator.stiffness"),
-    Parameter::factor("stiffness_y").in_motion("scanner.y.resonator.stiffness"),
-    Parameter::factor("damping_x").in_motion("scanner.x.resonator.damping"),
-    Parameter::factor("damping_y").in_motion("scanner.y.resonator.damping"),
-    Parameter::factor("drive_gain").in_motion("drive_gain"),
-    Parameter::factor("gain").in_readout("gain"),
-    Parameter::volts("offset").in_readout("offset"),
+pub static PARAMETERS: [Parameter; 7] = [
+    Parameter::factor("stiffness_x")
+        .in_motion("scanner.x.resonator.stiffness")
+        .written(&[("resonator.stiffness", 1)]),
+    Parameter::factor("stiffness_y")
+        .in_motion("scanner.y.resonator.stiffness")
+        .written(&[("second_axis.resonator.stiffness", 1)]),
+    Parameter::factor("damping_x")
+        .in_motion("scanner.x.resonator.damping")
+        .written(&[("resonator.damping", 1)]),
+    Parameter::factor("damping_y")
+        .in_motion("scanner.y.resonator.damping")
+        .written(&[("second_axis.resonator.damping", 1)]),
+    Parameter::factor("drive_gain").in_motion("drive_gain").written(&super::super::settings::DRIVE_GAIN),
+    Parameter::factor("gain").in_readout("gain").written(&[("readout.gain", 1)]),
+    Parameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.

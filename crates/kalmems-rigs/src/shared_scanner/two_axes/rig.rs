@@ -6,7 +6,7 @@ use super::settings::Settings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, DeviceKind, Experiment, Method, Uses};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Around, Axis, EstimateError, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
@@ -44,6 +44,10 @@ impl Rig for TwoAxesRig {
 
     fn uses(&self, _: &Experiment) -> Uses {
         Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &super::filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

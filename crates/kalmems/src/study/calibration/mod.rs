@@ -1,0 +1,30 @@
+//! Simulation-based calibration: whether what filters claim holds over many devices that are as they are told.
+//!
+//! In each run the truth is drawn from what a filter holds as uncertain: every parameter that it has as a state from the prior
+//! that the experiment states, and what the study draws for the truth; the noise has a seed of its own. Over the runs the
+//! verdict may fail as seldom as it says, a claim covers as many errors as it says, and the rank of the truth in the
+//! posterior distribution, Φ((truth − estimate)/sd), is distributed uniformly (Talts, Betancourt, Simpson, Vehtari & Gelman,
+//! "Validating Bayesian inference algorithms with simulation-based calibration", 2018).
+//!
+//! Filters that state different priors are different statements about the device: each group of filters with the same priors has
+//! runs of its own, in which the truth is drawn from theirs.
+
+mod claim;
+mod judged;
+mod pictures;
+mod plan;
+mod prior;
+mod share;
+mod summary;
+mod tables;
+mod uniformity;
+
+pub use claim::{ClaimCalibration, Finding, Level};
+pub(super) use judged::{Judged, judged};
+pub(super) use pictures::figures;
+pub(super) use plan::Groups;
+pub(super) use prior::Drawn;
+pub use share::Share;
+pub use summary::{CalibrationSummary, FilterCalibration, GradeCount, TestCount};
+pub(super) use tables::{long_table, page_tables};
+pub use uniformity::Uniformity;

@@ -1,0 +1,184 @@
+//! Whether verdicts and claims hold over devices that are drawn from what their filters are told.
+
+use super::devices::Device;
+use kalmems::progress::Silent;
+use kalmems::results::Output;
+use kalmems::rigs::published;
+use kalmems::study::{CalibrationSummary, Options, Plan, Shard, Summary};
+use std::num::NonZero;
+
+/// A device, what of it is set, and how often it is drawn.
+struct Case {
+    words: &'static str,
+    device: &'static str,
+    settings: &'static [(&'static str, &'static str)],
+    runs: u64,
+}
+
+/// The scanner's filters with four parameters that are not known well, from the shipped process noise on.
+const FOUR: &str = r#"[
+    { name = "EKF", method = "ekf", start = "from_signal", start_sd = { angle = "0.15 rad", rate = "15e3 rad/s" }, states = { stiffness = { start_sd = "0.1 %" }, damping = { start_sd = "1 %" }, gain = { start_sd = "0.1 %" }, offset = { start_sd = "5 mV" } } },
+    { name = "UKF", method = "ukf", start = "from_signal", start_sd = { angle = "0.15 rad", rate = "15e3 rad/s" }, states = { stiffness = { start_sd = "0.1 %" }, damping = { start_sd = "1 %" }, gain = { start_sd = "0.1 %" }, offset = { start_sd = "5 mV" } } },
+]"#;
+
+const CONSIDER: &[(&str, &str)] = &[
+    ("estimate.filter.0.method", "\"consider_ekf\""),
+    ("estimate.filter.0.smooth", "false"),
+    ("estimate.filter.0.states", "{ mass = { start_sd = \"5 %\" }, spring = { start_sd = \"5 %\" } }"),
+];
+
+const CASES: [Case; 9] = [
+    Case { words: "shared scanner", device: "shared scanner", settings: &[], runs: 300 },
+    Case {
+        words: "shared scanner, four parameters",
+        device: "shared scanner",
+        settings: &[("estimate.filter", FOUR)],
+        runs: 300,
+    },
+    Case {
+        words: "two axes, stiffnesses",
+        device: "two axes",
+        settings: &[(
+            "estimate.filter.0.states",
+            "{ stiffness_x = { start_sd = \"0.1 %\" }, stiffness_y = { start_sd = \"0.1 %\" } }",
+        )],
+        runs: 200,
+    },
+    Case {
+        words: "threshold scanner, three parameters",
+        device: "threshold scanner",
+        settings: &[(
+            "estimate.filter.0.states",
+            "{ natural_frequency = { start_sd = \"0.1 %\" }, gain = { start_sd = \"1 %\" }, feedthrough = { start_sd = \"5 %\" } }",
+        )],
+        runs: 300,
+    },
+    Case { words: "accelerometer", device: "accelerometer", settings: &[], runs: 300 },
+    Case {
+        words: "accelerometer, mass and spring considered",
+        device: "accelerometer",
+        settings: CONSIDER,
+        runs: 300,
+    },
+    Case { words: "micro-stage", device: "micro-stage", settings: &[], runs: 300 },
+    Case {
+        words: "micro-stage, resonance and gap",
+        device: "micro-stage",
+        settings: &[(
+            "estimate.filter.0.states",
+            "{ natural_frequency = { start_sd = \"0.1 %\" }, damping_ratio = { start_sd = \"5 %\" }, gap = { start_sd = \"0.1 %\" } }",
+        )],
+        runs: 300,
+    },
+    Case {
+        words: "piston mirror, gain and stray capacitance",
+        device: "piston mirror",
+        settings: &[(
+            "estimate.filter.0.states",
+            "{ gain = { start_sd = \"0.1 %\" }, stray_capacitance = { start_sd = \"10 aF\" } }",
+        )],
+        runs: 150,
+    },
+];
+
+impl Case {
+    fn calibrated(&self, runs: u64) -> Summary {
+        let folder = tempfile::tempdir().unwrap();
+        let settings: Vec<_> = self.settings.iter().map(|(key, value)| (*key, (*value).to_owned())).collect();
+        let file = folder.path().join("experiment.toml");
+        std::fs::write(&file, Device::named(self.device).text(&settings)).unwrap();
+        let plan = Plan::calibration(published(), &file, NonZero::new(runs)).unwrap();
+        let out = folder.path().join("out");
+        let options = Options { shard: Shard::WHOLE, threads: None, force: false };
+        let progressed = plan.run_all(&out, options, &Silent).unwrap();
+        let output = Output::begin(&out, &plan.work()).unwrap();
+        let summary = plan.write_results(&[progressed.journal], &output).unwrap();
+        output.commit().unwrap();
+        summary
+    }
+}
+
+/// The rows of the book.
+fn print(words: &str, CalibrationSummary { filters }: &CalibrationSummary) {
+    for filter in filters {
+        for claim in &filter.claims {
+            let coverage = claim.coverage.map(|level| {
+                let [share, lower, upper] =
+                    [level.found.share, level.found.lower, level.found.upper].map(|x| 100.0 * x);
+                format!("{share:.1} ({lower:.1} … {upper:.1})")
+            });
+            println!(
+                "| {words} | {} | {} | {:.0} | {} | {:.2} | {} | {} |",
+                filter.name,
+                claim.quantity.replace('_', " "),
+                claim.independent,
+                coverage.join(" | "),
+                claim.rms,
+                claim.ranks.as_ref().map_or_else(|| "–".to_owned(), |ranks| format!("{:.1e}", ranks.p_value)),
+                claim.finding,
+            );
+        }
+    }
+}
+
+#[test]
+fn claims_of_an_accelerometer_hold_over_devices_as_it_is_told() {
+    let summary = CASES[4].calibrated(40);
+    assert_eq!((summary.runs, summary.failed()), (40, 0));
+    let calibration = summary.calibration.unwrap();
+    assert_eq!(calibration.filters.len(), 2, "{calibration:?}");
+    for filter in &calibration.filters {
+        assert_eq!((filter.runs, filter.doubted.share), (40, 0.0), "{filter:?}");
+        assert_eq!(filter.claims.len(), 3);
+        for claim in &filter.claims {
+            let ranks = claim.ranks.as_ref().unwrap();
+            assert!(ranks.p_value > 1e-4, "{claim:?}");
+            // A share of 68 % of so many independent errors has a standard deviation of √(0.68·0.32/n).
+            let [one, ..] = claim.coverage;
+            let sd = (one.claimed * (1.0 - one.claimed) / claim.independent).sqrt();
+            assert!((one.found.share - one.claimed).abs() < 5.0 * sd, "{claim:?}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "10 minutes in a release build"]
+fn slow_verdicts_and_claims_hold_over_devices_as_filters_are_told() {
+    let (mut runs, mut doubted) = (0, 0);
+    println!(
+        "| device | filter | quantity | independent errors | within 1 sd | within 2 sd | within 3 sd | rms | p | finding |"
+    );
+    let mut all = Vec::new();
+    for case in &CASES {
+        let summary = case.calibrated(case.runs);
+        assert_eq!(summary.failed(), 0, "{}: {:?}", case.words, summary.failures);
+        let calibration = summary.calibration.unwrap();
+        print(case.words, &calibration);
+        all.push((case.words, calibration));
+    }
+    println!("| device | filter | runs | grades | doubtful or worse |");
+    for (words, calibration) in &all {
+        for filter in &calibration.filters {
+            let grades: Vec<String> =
+                filter.grades.iter().map(|count| format!("{} {}", count.runs, count.grade)).collect();
+            let [share, lower, upper] =
+                [filter.doubted.share, filter.doubted.lower, filter.doubted.upper].map(|x| 100.0 * x);
+            println!(
+                "| {words} | {} | {} | {} | {share:.1} % ({lower:.1} … {upper:.1}) |",
+                filter.name,
+                filter.runs,
+                grades.join(", ")
+            );
+            for test in filter.tests.iter().filter(|test| test.failed > 0) {
+                println!("    {}: {} of {:.0}", test.test, test.failed, test.rate.of);
+            }
+            runs += filter.runs;
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of runs
+            {
+                doubted += (filter.doubted.share * filter.runs as f64).round() as u64;
+            }
+        }
+    }
+    println!("{doubted} of {runs} doubted");
+    assert!(doubted * 1000 <= 2 * runs, "{doubted} of {runs}");
+}
