@@ -96,7 +96,7 @@ fn number_length(text: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::kind;
+    use crate::kind;
 
     #[test]
     fn decimal_units_round_once() {

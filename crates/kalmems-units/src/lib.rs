@@ -5,11 +5,11 @@
 //! word means the same everywhere and an unknown one is refused instead of guessed.
 //!
 //! ```
-//! use kalmems_engines::units::{Value, kind};
+//! use kalmems_units::{Value, kind};
 //! let stiffness = Value::parse("1.10e-4 N m")?;
 //! assert_eq!(stiffness.of_kind(&kind::STIFFNESS)?, 1.10e-4);
 //! assert!(Value::parse("3 V")?.of_kind(&kind::STIFFNESS).is_err());
-//! # Ok::<(), kalmems_engines::units::UnitError>(())
+//! # Ok::<(), kalmems_units::UnitError>(())
 //! ```
 
 mod dimension;

@@ -1,6 +1,6 @@
 //! Column names with units: `name_unit`.
 
-use super::Unit;
+use crate::Unit;
 
 /// A column's name as the recording has it, and the unit that its ending says.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The table of units and the grammar of compound ones.
 
-use super::Dimension;
+use crate::Dimension;
 use std::f64::consts::PI;
 
 /// What is wrong with a value or a unit, in words that name what was found and what to write.
@@ -129,7 +129,7 @@ impl Unit {
     }
 
     /// The SI value of a decimal number written in this unit; rounded once where the unit is a power of ten.
-    pub(super) fn scale(&self, number: &str) -> f64 {
+    pub(crate) fn scale(&self, number: &str) -> f64 {
         let (digits, exponent) = match number.split_once(['e', 'E']) {
             Some((digits, exponent)) => (digits, exponent.parse().unwrap_or(0)),
             None => (number, 0_i32),
@@ -147,7 +147,7 @@ impl Unit {
     }
 
     /// One symbol with an optional prefix, such as `pF`.
-    pub(super) fn symbol(word: &str) -> Option<Self> {
+    pub(crate) fn symbol(word: &str) -> Option<Self> {
         let find = |w: &str| TABLE.iter().find(|row| row.0 == w);
         let build = |row: &Row, prefix| Self {
             mantissa: row.1,
@@ -163,7 +163,7 @@ impl Unit {
         })
     }
 
-    pub(super) fn times(self, other: Self) -> Self {
+    pub(crate) fn times(self, other: Self) -> Self {
         Self {
             mantissa: self.mantissa * other.mantissa,
             decimal: self.decimal.saturating_add(other.decimal),
@@ -172,7 +172,7 @@ impl Unit {
     }
 
     /// Raised to half of `halves`; `None` where the dimension would not stay a whole half, or overflows.
-    pub(super) fn to_half_power(self, halves: i16) -> Option<Self> {
+    pub(crate) fn to_half_power(self, halves: i16) -> Option<Self> {
         let doubled = self.decimal.checked_mul(i32::from(halves))?;
         let rest = doubled.rem_euclid(2);
         Some(Self {
@@ -340,7 +340,7 @@ impl<'a> Parser<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Header;
+    use crate::Header;
 
     /// The readers of files normalise units without this table: what they put behind a name means the same here.
     #[test]

@@ -59,7 +59,7 @@ impl Dimension {
     }
 
     /// As the ending of a column name: `rad_per_s`, `kg_m2_per_s3`; `1` for a ratio.
-    pub(super) fn header(self) -> String {
+    pub(crate) fn header(self) -> String {
         let mut words = Vec::new();
         for above in [true, false] {
             for (halves, symbol) in
@@ -145,11 +145,11 @@ impl fmt::Display for Dimension {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::kind;
+    use crate::kind;
 
     #[test]
     fn a_dimension_is_written_as_one_would_write_its_unit() {
-        let of = |kind: &crate::units::Kind| kind.dimension.to_string();
+        let of = |kind: &crate::Kind| kind.dimension.to_string();
         assert_eq!(of(&kind::CAPACITANCE), "F");
         assert_eq!(of(&kind::VOLTAGE_DRIFT), "V^2 s^-1");
         assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F s^(1/2)");

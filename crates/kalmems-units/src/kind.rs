@@ -1,6 +1,6 @@
 //! The kinds of quantity that a description of a device knows, with their dimensions.
 
-use super::Dimension;
+use crate::Dimension;
 use std::fmt;
 
 /// A kind of quantity: what a key of an experiment file, or a column of a recording, must be.
@@ -108,7 +108,7 @@ kinds! {
 #[cfg(test)]
 mod tests {
     use super::ALL;
-    use crate::units::Value;
+    use crate::Value;
 
     #[test]
     fn every_example_is_of_its_kind() {
