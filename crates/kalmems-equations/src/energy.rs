@@ -13,7 +13,7 @@
 use crate::device::Device;
 use crate::error::{EquationError, Fault};
 use crate::graph::{Graph, NodeId, Variable};
-use crate::motion::whole;
+use crate::motion::{MOST_STATES, padded, whole};
 use kalmems_core::Scalar;
 use std::fmt;
 
@@ -144,9 +144,10 @@ impl Device {
                 .iter()
                 .zip(&held)
                 .map(|(size, held)| if *held { size * chance.between(-1.0, 1.0) } else { 0.0 });
-            program.set_inputs(&mut work, &u.collect::<Vec<f64>>());
+            let u: Vec<f64> = u.collect();
             let mut powers = |x: &[f64]| -> Vec<f64> {
-                program.set_states(&mut work, x);
+                program.set_inputs(&mut work, &u);
+                program.stage(&mut work, &padded::<MOST_STATES>(x, x.len()), true);
                 program.outputs().iter().map(|register| work.get(*register)).collect()
             };
             let forwards = powers(&x);

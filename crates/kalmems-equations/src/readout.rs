@@ -3,7 +3,7 @@
 use crate::device::{Device, NoiseKind};
 use crate::error::{EquationError, Fault};
 use crate::graph::{Graph, NodeId};
-use crate::motion::{variables, whole};
+use crate::motion::{MOST_STATES, padded, variables, whole};
 use crate::program::{Program, Work};
 
 /// One measurement, or the expression of one event, with its derivatives by the states.
@@ -108,7 +108,11 @@ impl Readout {
             self.program.begin_step(work);
         }
         self.program.set_inputs(work, inputs);
-        self.program.set_states(work, x.get(..self.states).unwrap_or(x));
+        match self.states {
+            0..=2 => self.program.stage(work, &padded::<2>(x, self.states), true),
+            3..=5 => self.program.stage(work, &padded::<5>(x, self.states), true),
+            _ => self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true),
+        }
         work.get(self.value)
     }
 

@@ -1,6 +1,6 @@
 //! Equations as a reader knows them, in Unicode.
 
-use crate::device::{Device, Text};
+use crate::device::{Device, Line, Text};
 use crate::syntax::{Form, is_of_name};
 
 impl Device {
@@ -20,17 +20,17 @@ impl Device {
     /// omega = "-omega_n^2*sin(theta) - 0.1[1/s]*omega"
     /// "#;
     /// let device = Device::of(&Description::read(text)?)?;
-    /// assert_eq!(device.typeset(), ["dθ/dt = ω", "dω/dt = −ωₙ²·sin θ − 0.1 1/s·ω"]);
+    /// assert_eq!(device.typeset(), ["dθ/dt = ω", "dω/dt = −ω_n²·sin θ − 0.1 1/s·ω"]);
     /// # Ok::<(), kalmems_equations::EquationError>(())
     /// ```
     pub fn typeset(&self) -> Vec<String> {
-        let line = |(left, text): &(String, std::sync::Arc<Text>)| {
-            let left = match left.strip_prefix('d').and_then(|rest| rest.strip_suffix("/dt")) {
-                Some(state) => format!("d{}/dt", name(state)),
-                None => name(left),
+        let line = |(left, right): &(String, Line)| {
+            let text = match right {
+                Line::Text(text) => text,
+                Line::Law(formula) => return format!("{} = {formula}", header(left)),
             };
             let unit = text.tree.unit.as_ref().map(|(_, span)| format!("  in {}", text.word(span)));
-            format!("{left} = {}{}", expression(text), unit.unwrap_or_default())
+            format!("{} = {}{}", header(left), expression(text), unit.unwrap_or_default())
         };
         self.equations.iter().map(line).collect()
     }
@@ -43,6 +43,21 @@ enum Bond {
     Product,
     Power,
     Whole,
+}
+
+/// What is on the left: a name, the rate of one, or a function with its arguments.
+fn header(left: &str) -> String {
+    if let Some(state) = left.strip_prefix('d').and_then(|rest| rest.strip_suffix("/dt")) {
+        return format!("d{}/dt", name(state));
+    }
+    match left.split_once('(') {
+        Some((function, arguments)) => {
+            let arguments: Vec<String> =
+                arguments.trim_end_matches(')').split(',').map(|argument| name(argument.trim())).collect();
+            format!("{function}({})", arguments.join(", "))
+        }
+        None => name(left),
+    }
 }
 
 fn expression(text: &Text) -> String {
@@ -106,7 +121,7 @@ fn expression(text: &Text) -> String {
                     "sin" | "cos" | "tan" | "ln" if first.chars().all(is_of_name) => {
                         (format!("{function} {first}"), Bond::Power)
                     }
-                    _ => (format!("{}({})", name(function), arguments.join(", ")), Bond::Power),
+                    _ => (format!("{function}({})", arguments.join(", ")), Bond::Power),
                 }
             }
             Form::Choice { smaller, larger, then, otherwise } => {
@@ -162,33 +177,11 @@ fn name(text: &str) -> String {
     }
 }
 
-/// An index as subscripts, where there are such.
+/// An index of digits as subscripts. Of letters only some have any, so that none is lowered.
 fn lowered(text: &str) -> Option<String> {
-    let lower = |c: char| {
-        Some(match c {
-            '0'..='9' => char::from_u32(0x2080 + c.to_digit(10)?)?,
-            'a' => 'ₐ',
-            'e' => 'ₑ',
-            'h' => 'ₕ',
-            'i' => 'ᵢ',
-            'j' => 'ⱼ',
-            'k' => 'ₖ',
-            'l' => 'ₗ',
-            'm' => 'ₘ',
-            'n' => 'ₙ',
-            'o' => 'ₒ',
-            'p' => 'ₚ',
-            'r' => 'ᵣ',
-            's' => 'ₛ',
-            't' => 'ₜ',
-            'u' => 'ᵤ',
-            'v' => 'ᵥ',
-            'x' => 'ₓ',
-            _ => return None,
-        })
-    };
+    let lower = |c: char| char::from_u32(0x2080 + c.to_digit(10)?);
     let lowered: Option<String> = text.chars().map(lower).collect();
-    lowered.filter(|lowered| lowered.chars().count() <= 2 && !lowered.is_empty())
+    lowered.filter(|lowered| !lowered.is_empty())
 }
 
 fn greek(name: &str) -> Option<&'static str> {

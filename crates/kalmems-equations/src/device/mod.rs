@@ -109,8 +109,16 @@ pub struct Device {
     pub(crate) periods: Vec<(usize, NodeId)>,
     pub(crate) energy: Option<NodeId>,
     pub(crate) notices: Vec<Notice>,
-    /// What is on the left of each equation, and its text, for typesetting.
-    pub(crate) equations: Vec<(String, Arc<Text>)>,
+    /// What is on the left of each equation, and what is on its right, for typesetting.
+    pub(crate) equations: Vec<(String, Line)>,
+}
+
+/// The right side of an equation.
+#[derive(Clone, Debug)]
+pub(crate) enum Line {
+    Text(Arc<Text>),
+    /// A law, as a reader knows it.
+    Law(&'static str),
 }
 
 impl Device {

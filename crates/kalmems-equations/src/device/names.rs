@@ -170,7 +170,7 @@ impl Names {
 }
 
 /// Whether the language itself uses this word.
-fn is_of_the_language(name: &str) -> bool {
+pub(crate) fn is_of_the_language(name: &str) -> bool {
     name == "pi" || BUILT_IN.contains(&name) || laws::of_name(name).is_some()
 }
 

@@ -1,5 +1,6 @@
 //! Operators and functions: what they do to the graph, and which units they take.
 
+use super::Line;
 use super::names::{Meaning, Text};
 use super::resolve::{Resolver, Value, unlike};
 use crate::error::{EquationError, Fault};
@@ -244,6 +245,7 @@ impl Resolver {
             let what = format!("the argument `{}` of `{}`", law.argument(index), law.name);
             text.error(&span_of(text, id), unlike(&what, value.quantity, expected, because))
         })?;
+        self.used.insert(law.header(), Line::Law(law.formula));
         let arguments: Vec<NodeId> = parts.iter().map(|(value, _)| value.node).collect();
         Ok(Value::new(self.graph.law(law.id, Vec::new(), &arguments), quantity))
     }

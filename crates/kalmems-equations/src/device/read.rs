@@ -2,7 +2,7 @@
 
 use super::names::{Names, Text};
 use super::resolve::{Expansion, Given, RateOf, Resolver, Slot, Value, fault_of, unlike};
-use super::{Device, Named, Noise, NoiseKind, Parameter};
+use super::{Device, Line, Named, Noise, NoiseKind, Parameter};
 use crate::curve::Curve;
 use crate::description::{Description, Entry, Points};
 use crate::error::{EquationError, Fault, nearest};
@@ -27,7 +27,7 @@ impl Device {
         for index in 0..read.resolver.lets.len() {
             read.resolver.named(index)?;
             if let Some((text, _)) = read.resolver.lets.get(index) {
-                equations.push((text.entry.name.clone(), text.clone()));
+                equations.push((text.entry.name.clone(), Line::Text(text.clone())));
             }
         }
         for index in 0..read.resolver.delays.len() {
@@ -35,7 +35,7 @@ impl Device {
         }
         for (index, state) in read.states.iter().enumerate() {
             if let Some((RateOf::Text(text), _)) = read.resolver.rates.get(index) {
-                equations.push((format!("d{}/dt", state.name), text.clone()));
+                equations.push((format!("d{}/dt", state.name), Line::Text(text.clone())));
             }
         }
         let (measures, readings) = read.measures(&mut equations)?;
@@ -45,12 +45,13 @@ impl Device {
         let energy = match &description.energy {
             Some(entry) => {
                 let text = Text::read(entry)?;
-                equations.push(("E".to_owned(), text.clone()));
+                equations.push(("E".to_owned(), Line::Text(text.clone())));
                 Some(read.resolver.value(&text)?.node)
             }
             None => None,
         };
         let Read { resolver, states, inputs, parameters, curves, .. } = read;
+        let equations = resolver.used.into_iter().chain(equations).collect();
         Ok(Self {
             states,
             inputs,
@@ -148,6 +149,7 @@ impl<'a> Read<'a> {
             notices: Vec::new(),
             busy: Vec::new(),
             terms_read: 0,
+            used: std::collections::BTreeMap::new(),
         };
         let curves = description.tables.iter().map(Curve::through).collect::<Result<_, _>>()?;
         Ok(Self { description, resolver, states, inputs, parameters, curves })
@@ -206,7 +208,7 @@ impl<'a> Read<'a> {
             let unit_text = text.word(&span).into();
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text });
             nodes.push(value.node);
-            equations.push((entry.name.clone(), text));
+            equations.push((entry.name.clone(), Line::Text(text)));
         }
         Ok((names, nodes))
     }
@@ -230,7 +232,7 @@ impl<'a> Read<'a> {
             let unit = Unit::parse(&text_of_unit).unwrap_or(Unit::ONE);
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text: text_of_unit.into() });
             nodes.push(value.node);
-            equations.push((entry.name.clone(), text));
+            equations.push((entry.name.clone(), Line::Text(text)));
         }
         Ok((names, nodes))
     }
@@ -326,7 +328,7 @@ impl<'a> Read<'a> {
     }
 }
 
-type Equations = Vec<(String, Arc<Text>)>;
+type Equations = Vec<(String, Line)>;
 type Nodes = (Vec<Named>, Vec<crate::graph::NodeId>);
 
 fn place(key: &str) -> crate::description::Place {

@@ -1,6 +1,7 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
-use super::names::{Formula, Meaning, Names, Text};
+use super::Line;
+use super::names::{Formula, Meaning, Names, Text, is_of_the_language};
 use crate::description::Entry;
 use crate::error::{EquationError, Fault, Notice};
 use crate::graph::{Graph, NodeId, Stop, Variable};
@@ -8,6 +9,7 @@ use crate::limits::{DEEPEST_DEFINITION, LARGEST_POWER, MOST_NODES, MOST_TERMS};
 use crate::quantity::Quantity;
 use crate::syntax::Form;
 use kalmems_units::{Dimension, Unit};
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -84,6 +86,8 @@ pub(crate) struct Resolver {
     /// What is being resolved, the last one within those before it.
     pub(crate) busy: Vec<String>,
     pub(crate) terms_read: usize,
+    /// The functions that were inserted, by their headers.
+    pub(crate) used: BTreeMap<String, Line>,
 }
 
 type Arguments = Vec<(String, Value)>;
@@ -302,6 +306,10 @@ impl Resolver {
                 let expected = format!("write it with its arguments, such as `{name}(…)`");
                 Err(text.error(span, Fault::Use { name: name.to_owned(), is: meaning.words(), expected }))
             }
+            None if is_of_the_language(name) => {
+                let expected = format!("write it with its arguments, such as `{name}(…)`");
+                Err(text.error(span, Fault::Use { name: name.to_owned(), is: "a function", expected }))
+            }
             None => Err(text.error(span, self.names.unknown(name, false))),
         }
     }
@@ -377,6 +385,7 @@ impl Resolver {
             .evaluate(&formula.text, &bound)
             .map_err(|error| error.met_in(format!("in `{}` of {}", text.word(call.1), text.entry.place)))?;
         self.busy.pop();
+        self.used.insert(formula.text.entry.name.clone(), Line::Text(formula.text.clone()));
         Ok(value)
     }
 

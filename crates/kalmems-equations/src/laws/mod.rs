@@ -7,7 +7,7 @@ mod disks;
 mod native;
 mod prelude;
 
-pub(crate) use native::{MOST_ARGUMENTS, along_first, partial};
+pub(crate) use native::{MOST_ARGUMENTS, along_first, along_first_of_four, gaussian_along_first, partial};
 pub(crate) use prelude::PRELUDE;
 
 use crate::quantity::Quantity;
@@ -45,6 +45,8 @@ pub(crate) struct Law {
     pub(crate) arguments: &'static [(&'static str, Wanted)],
     /// The unit of the value: a unit, or that of an argument.
     pub(crate) value: Wanted,
+    /// The law as a reader knows it.
+    pub(crate) formula: &'static str,
 }
 
 /// All native laws.
@@ -59,6 +61,7 @@ pub(crate) static LAWS: &[Law] = &[
             ("bias", Wanted::As(1)),
         ],
         value: Wanted::As(1),
+        formula: "nominal·exp(−(angle/width)²) + bias",
     },
     Law {
         id: LawId::LogisticComb,
@@ -70,6 +73,7 @@ pub(crate) static LAWS: &[Law] = &[
             ("steepness", Wanted::Inverse(0)),
         ],
         value: Wanted::As(2),
+        formula: "gain·(1/(1 + exp(−u)) − 1/2), u = steepness·(angle − centre)",
     },
     Law {
         id: LawId::LogisticCombChange,
@@ -82,6 +86,7 @@ pub(crate) static LAWS: &[Law] = &[
             ("transimpedance", Wanted::Unit("V ohm")),
         ],
         value: Wanted::Unit("F"),
+        formula: "−∫logistic_comb/transimpedance over the angle, from centre to angle",
     },
     Law {
         id: LawId::TiltingPlate,
@@ -95,6 +100,7 @@ pub(crate) static LAWS: &[Law] = &[
             ("permittivity", Wanted::Unit("F/m")),
         ],
         value: Wanted::Unit("F"),
+        formula: "permittivity·along·∫dw/(gap − w·tan angle), w from near to far",
     },
     Law {
         id: LawId::Carrier,
@@ -109,18 +115,21 @@ pub(crate) static LAWS: &[Law] = &[
             ("blocking_capacitance", Wanted::Unit("F")),
         ],
         value: Wanted::As(1),
+        formula: "amplitude of the carrier behind capacitance into shunt, parallel and blocking capacitance and input",
     },
     Law {
         id: LawId::Disks,
         name: "disks",
         arguments: &[("distance", Wanted::Unit("m")), ("radius", Wanted::Unit("m"))],
         value: Wanted::Unit("F"),
+        formula: "two equal coaxial disks with their fringing field (Love, 1949)",
     },
     Law {
         id: LawId::Atanhc,
         name: "atanhc",
         arguments: &[("z", Wanted::Unit("1"))],
         value: Wanted::Unit("1"),
+        formula: "atanh(z)/z",
     },
 ];
 
@@ -175,6 +184,12 @@ impl Law {
             Wanted::As(other) | Wanted::Inverse(other) => at(found, other),
             Wanted::Free => Quantity::Any,
         })
+    }
+
+    /// The law with the names of its arguments.
+    pub(crate) fn header(&self) -> String {
+        let names: Vec<&str> = self.arguments.iter().map(|(name, _)| *name).collect();
+        format!("{}({})", self.name, names.join(", "))
     }
 
     pub(crate) fn argument(&self, index: usize) -> &'static str {

@@ -54,9 +54,15 @@ impl Form for Gaussian {
         gaussian(a).slope(a[0])
     }
     fn along_first(a: &Arguments<f64>) -> [f64; 3] {
-        let comb = gaussian(a);
-        [comb.capacitance(a[0]), comb.slope(a[0]), comb.curvature(a[0])]
+        gaussian_along_first(a[0], a[1], a[2], a[3])
     }
+}
+
+/// The value, slope and curvature of the comb.
+#[inline(always)]
+pub(crate) fn gaussian_along_first(angle: f64, nominal: f64, angular_width: f64, bias: f64) -> [f64; 3] {
+    let comb = GaussianComb { nominal, angular_width, bias };
+    [comb.capacitance(angle), comb.slope(angle), comb.curvature(angle)]
 }
 
 fn logistic<S: Scalar>(a: &Arguments<S>) -> CombCurve<S> {
@@ -149,6 +155,12 @@ macro_rules! of_law {
 #[inline(never)]
 pub(crate) fn along_first(law: LawId, a: &Arguments<f64>) -> [f64; 3] {
     of_law!(law, along_first, a)
+}
+
+/// The same of a law with four arguments or fewer.
+#[inline(never)]
+pub(crate) fn along_first_of_four(law: LawId, a: f64, b: f64, c: f64, d: f64) -> [f64; 3] {
+    of_law!(law, along_first, &[a, b, c, d, 0.0, 0.0, 0.0])
 }
 
 /// A derivative by the arguments that `by` lists in order; not a number where there is none of this order.

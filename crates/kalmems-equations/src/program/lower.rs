@@ -4,7 +4,7 @@
 //! once a step; inputs; states. A factor that changes more rarely than a sum is multiplied into the terms of the sum where
 //! nothing else uses it, and a product that one sum uses alone is computed with it.
 
-use super::op::{Kind, Op, REGISTERS};
+use super::op::{Kind, Op, REGISTERS, STATES};
 use crate::graph::{Graph, Node, NodeId, Number, Variable};
 use crate::laws::{LawId, MOST_ARGUMENTS};
 use std::collections::HashMap;
@@ -20,7 +20,7 @@ pub(super) enum Stratum {
 }
 
 /// How many strata there are.
-pub(super) const STRATA: usize = 5;
+const STRATA: usize = 5;
 
 /// The most terms of a sum that a factor is multiplied into.
 const MOST_DISTRIBUTED: usize = 6;
@@ -28,7 +28,6 @@ const MOST_DISTRIBUTED: usize = 6;
 /// How many there are of what the first registers hold.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counts {
-    pub(crate) states: usize,
     pub(crate) inputs: usize,
     pub(crate) parameters: usize,
 }
@@ -36,10 +35,17 @@ pub(crate) struct Counts {
 /// Instructions by stratum, and where their results are.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Code {
-    pub(super) of: [Vec<Op>; STRATA],
+    by_stratum: [Vec<Op>; STRATA],
     pub(super) literals: Vec<(u16, f64)>,
     pub(super) arguments: Vec<u16>,
     pub(super) outputs: Vec<u16>,
+}
+
+impl Code {
+    /// The instructions of a stratum.
+    pub(super) fn of(&self, stratum: Stratum) -> &[Op] {
+        self.by_stratum.get(stratum as usize).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// Instructions for these nodes; `None` where they need more registers than there are.
@@ -74,7 +80,7 @@ struct Lowering<'a> {
 
 impl<'a> Lowering<'a> {
     fn new(graph: &'a Graph, roots: &[NodeId], counts: Counts, free: &[usize]) -> Self {
-        let mut registers = vec![Stratum::State; counts.states];
+        let mut registers = vec![Stratum::State; STATES];
         registers.extend(vec![Stratum::Input; counts.inputs]);
         let of_parameter = |index| if free.contains(&index) { Stratum::Step } else { Stratum::Parameter };
         registers.extend((0..counts.parameters).map(of_parameter));
@@ -239,7 +245,7 @@ impl<'a> Lowering<'a> {
             return *register;
         }
         let to = self.take(stratum);
-        if let Some(code) = self.code.of.get_mut(stratum as usize) {
+        if let Some(code) = self.code.by_stratum.get_mut(stratum as usize) {
             code.push(Op { kind, to, of });
         }
         self.emitted.insert((kind, of), to);
@@ -251,11 +257,11 @@ impl<'a> Lowering<'a> {
         let register = match graph.node(id) {
             Node::Number(number) => self.literal(number.get()),
             Node::Variable(variable) => {
-                let Counts { states, inputs, .. } = self.counts;
+                let Counts { inputs, .. } = self.counts;
                 let register = match variable {
                     Variable::State(index) => *index,
-                    Variable::Input(index) => states + index,
-                    Variable::Parameter(index) => states + inputs + index,
+                    Variable::Input(index) => STATES + index,
+                    Variable::Parameter(index) => STATES + inputs + index,
                 };
                 u16::try_from(register).unwrap_or_default()
             }
@@ -415,6 +421,31 @@ impl<'a> Lowering<'a> {
         if let Some(known) = self.laws.get(&key).filter(|_| along_first) {
             return known.get(by.len()).copied().unwrap_or_default();
         }
+        if along_first {
+            let (slope, bend) = (self.take(stratum), self.take(stratum));
+            let mut of = [0, 0, 0, 0, slope, bend];
+            let kind = if arguments.len() <= 4 {
+                for (slot, argument) in of.iter_mut().zip(arguments) {
+                    *slot = self.register(*argument);
+                }
+                Kind::ShortLaw(law)
+            } else {
+                of[0] = self.listed(arguments);
+                Kind::Law(law)
+            };
+            let value = self.push(kind, of, stratum);
+            self.laws.insert(key, [value, slope, bend]);
+            return [value, slope, bend].get(by.len()).copied().unwrap_or_default();
+        }
+        let start = self.listed(arguments);
+        let index = |k: usize| by.get(k).copied().unwrap_or_default().into();
+        #[allow(clippy::cast_possible_truncation)] // at most three
+        let order = by.len() as u16;
+        self.push(Kind::Partial(law), [start, order, index(0), index(1), index(2), 0], stratum)
+    }
+
+    /// Puts the registers of a law's arguments on the list, and says where they begin.
+    fn listed(&mut self, arguments: &[NodeId]) -> u16 {
         let start = u16::try_from(self.code.arguments.len() / MOST_ARGUMENTS).unwrap_or_else(|_| {
             self.is_full = true;
             0
@@ -424,16 +455,7 @@ impl<'a> Lowering<'a> {
             *place = self.register(*argument);
         }
         self.code.arguments.extend(places);
-        if !along_first {
-            let index = |k: usize| by.get(k).copied().unwrap_or_default().into();
-            #[allow(clippy::cast_possible_truncation)] // at most three
-            let order = by.len() as u16;
-            return self.push(Kind::Partial(law), [start, order, index(0), index(1), index(2), 0], stratum);
-        }
-        let (slope, bend) = (self.take(stratum), self.take(stratum));
-        let value = self.push(Kind::Law(law), [start, slope, bend, 0, 0, 0], stratum);
-        self.laws.insert(key, [value, slope, bend]);
-        [value, slope, bend].get(by.len()).copied().unwrap_or_default()
+        start
     }
 
     fn curve(&mut self, curve: usize, order: u8, at: NodeId) -> u16 {
@@ -444,7 +466,7 @@ impl<'a> Lowering<'a> {
                 let stratum = self.of_register(place);
                 let (slope, bend) = (self.take(stratum), self.take(stratum));
                 let index = u16::try_from(curve).unwrap_or_default();
-                let value = self.push(Kind::Curve, [place, index, slope, bend, 0, 0], stratum);
+                let value = self.push(Kind::Curve, [place, index, 0, 0, slope, bend], stratum);
                 self.curves.insert((curve, at), [value, slope, bend]);
                 [value, slope, bend]
             }

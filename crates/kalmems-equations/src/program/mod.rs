@@ -5,12 +5,13 @@ mod op;
 mod run;
 
 pub(crate) use lower::Counts;
-pub(crate) use op::REGISTERS;
+pub(crate) use op::{REGISTERS, STATES};
 
 use crate::curve::Curve;
 use crate::graph::{Graph, NodeId};
 use lower::{Code, Stratum, lower};
-use run::{Registers, run};
+use op::Op;
+use run::{Registers, Tables, run};
 use std::sync::Arc;
 
 /// The numbers that a program works on: those of its parameters, and what follows from them.
@@ -25,8 +26,10 @@ pub struct Work {
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     code: Code,
+    /// The instructions of the inputs, and behind them those of the states.
+    stage: Vec<Op>,
     counts: Counts,
-    curves: Arc<[Curve]>,
+    tables: Tables,
 }
 
 impl Program {
@@ -39,7 +42,10 @@ impl Program {
         curves: &Arc<[Curve]>,
     ) -> Option<Self> {
         let code = lower(graph, roots, counts, free)?;
-        Some(Self { code, counts, curves: curves.clone() })
+        let stage =
+            [Stratum::Input, Stratum::State].into_iter().flat_map(|of| code.of(of)).copied().collect();
+        let tables = Tables { arguments: code.arguments.clone(), curves: curves.clone() };
+        Some(Self { code, stage, counts, tables })
     }
 
     /// Registers with these values of the parameters, and all that follows from them alone.
@@ -52,7 +58,7 @@ impl Program {
                 *slot = *value;
             }
         }
-        self.put(&mut work, self.counts.states + self.counts.inputs, parameters);
+        self.put(&mut work, STATES + self.counts.inputs, parameters);
         self.run(Stratum::Literal, &mut work);
         self.run(Stratum::Parameter, &mut work);
         work
@@ -60,7 +66,7 @@ impl Program {
 
     /// Gives a parameter that changes from step to step its value; [`Program::begin_step`] follows.
     pub(crate) fn set_parameter(&self, work: &mut Work, parameter: usize, value: f64) {
-        self.put(work, self.counts.states + self.counts.inputs + parameter, &[value]);
+        self.put(work, STATES + self.counts.inputs + parameter, &[value]);
     }
 
     /// Computes what follows from the parameters that change from step to step.
@@ -69,32 +75,36 @@ impl Program {
         self.run(Stratum::Step, work);
     }
 
-    /// Gives the inputs their values and computes what follows from them.
+    /// Gives the inputs their values; a stage follows.
     #[inline]
     pub(crate) fn set_inputs(&self, work: &mut Work, inputs: &[f64]) {
-        self.put(work, self.counts.states, inputs);
-        self.run(Stratum::Input, work);
+        self.put(work, STATES, inputs);
     }
 
-    /// Gives the states their values and computes the rest.
+    /// Gives the states their values, at most as many as a program has, and computes what follows from them; from the
+    /// inputs too where these are new.
     #[inline]
-    pub(crate) fn set_states(&self, work: &mut Work, states: &[f64]) {
-        self.put(work, 0, states);
-        self.run(Stratum::State, work);
+    pub(crate) fn stage<const N: usize>(&self, work: &mut Work, states: &[f64; N], new_inputs: bool) {
+        const { assert!(N <= STATES, "behind the states are the inputs") };
+        if let Some(registers) = work.registers.first_chunk_mut::<N>() {
+            *registers = *states;
+        }
+        let skipped = if new_inputs { 0 } else { self.code.of(Stratum::Input).len() };
+        run(self.stage.get(skipped..).unwrap_or_default(), &mut work.registers, &self.tables);
     }
 
     #[inline]
     fn put(&self, work: &mut Work, start: usize, values: &[f64]) {
-        for (slot, value) in work.registers.iter_mut().skip(start).zip(values) {
-            *slot = *value;
+        if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
+            for (register, value) in registers.iter_mut().zip(values) {
+                *register = *value;
+            }
         }
     }
 
     #[inline]
     fn run(&self, stratum: Stratum, work: &mut Work) {
-        if let Some(code) = self.code.of.get(stratum as usize).filter(|code| !code.is_empty()) {
-            run(code, &mut work.registers, &self.code.arguments, &self.curves);
-        }
+        run(self.code.of(stratum), &mut work.registers, &self.tables);
     }
 
     /// The registers of the results, in the order of the nodes.
@@ -104,7 +114,7 @@ impl Program {
 
     /// How many instructions a stage runs, those of the inputs and of the states.
     pub(crate) fn stage_length(&self) -> usize {
-        self.code.of.iter().skip(Stratum::Input as usize).map(Vec::len).sum()
+        self.stage.len()
     }
 }
 

@@ -6,6 +6,9 @@ use crate::laws::LawId;
 /// Registers of a program. A power of two: an index is masked and needs no check.
 pub(crate) const REGISTERS: usize = 4096;
 
+/// The first registers: states, and behind them the inputs.
+pub(crate) const STATES: usize = 16;
+
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Kind {
@@ -31,12 +34,15 @@ pub(crate) enum Kind {
     Call(Function),
     /// c where a < b, d elsewhere
     Choice,
+    /// A law of the arguments a to d: its value, and its first and second derivative by its first argument into the
+    /// registers e and f.
+    ShortLaw(LawId),
     /// A law of the arguments from the place a on: its value, and its first and second derivative by its first argument
-    /// into the registers b and c.
+    /// into the registers e and f.
     Law(LawId),
     /// One derivative of a law of the arguments from the place a on, by the b arguments that stand in c, d and e.
     Partial(LawId),
-    /// The curve b at a: its value, and its derivatives into the registers c and d.
+    /// The curve b at a: its value, and its derivatives into the registers e and f.
     Curve,
 }
 

@@ -60,7 +60,7 @@ pub(crate) fn is_first_of_name(c: char) -> bool {
 
 /// Whether a name can go on with this character.
 pub(crate) fn is_of_name(c: char) -> bool {
-    c.is_alphanumeric() || c == '_'
+    c.is_alphabetic() || c.is_ascii_digit() || c == '_'
 }
 
 /// A character that no expression has.
