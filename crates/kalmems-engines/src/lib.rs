@@ -17,4 +17,5 @@ pub mod recording;
 pub mod rig;
 pub mod signal;
 pub mod simulate;
-pub mod units;
+
+pub use kalmems_units as units;

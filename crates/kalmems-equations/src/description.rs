@@ -1,0 +1,119 @@
+//! What a device is described by, in the order in which it is written.
+
+use std::fmt;
+
+/// Where a text of a description stands.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The way to it, such as `derivative.omega`.
+    pub key: String,
+    /// Where it begins in the file, in bytes; `None` where it comes from no file.
+    pub offset: Option<usize>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.key)
+    }
+}
+
+/// A name and the text behind it: a unit, a value with its unit, or an expression.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// The name.
+    pub name: String,
+    /// The text.
+    pub text: String,
+    /// Where the text stands.
+    pub place: Place,
+}
+
+impl Entry {
+    /// An entry of a table, from no file.
+    pub fn new(table: &str, name: &str, text: &str) -> Self {
+        let place = Place { key: format!("{table}.{name}"), offset: None };
+        Self { name: name.to_owned(), text: text.to_owned(), place }
+    }
+}
+
+/// A state behind another expression: what it follows, and how late.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Follower {
+    /// Its name.
+    pub name: String,
+    /// What it follows, an expression that states its unit by `in`.
+    pub of: Entry,
+    /// The time constant of a lag, or the time by which a delay is late.
+    pub time: Entry,
+    /// The order of a delay's approximation, 1 or 2; not used by a lag.
+    pub order: u8,
+}
+
+/// What a curve does beyond its first and last point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// It is not a number there, which every result that depends on it shows.
+    #[default]
+    Error,
+    /// It keeps the value of the end.
+    Clamp,
+    /// It goes on along the tangent of the end.
+    Linear,
+}
+
+/// A curve through points, in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points {
+    /// Its name: a function of one argument.
+    pub name: String,
+    /// Where it was described.
+    pub place: Place,
+    /// The file that the points are in, where they are not written out. Whoever reads files puts the points and their units
+    /// in its place.
+    pub file: Option<String>,
+    /// Where the points are, rising.
+    pub x: Vec<f64>,
+    /// Its value at each.
+    pub y: Vec<f64>,
+    /// The unit of the argument.
+    pub x_unit: String,
+    /// The unit of the value.
+    pub y_unit: String,
+    /// What it does beyond the points.
+    pub outside: Outside,
+}
+
+/// A device as it is written: names and texts in the order of the file. [`Device::of`](crate::Device::of) reads it.
+///
+/// The order of `states`, `inputs`, `parameters` and `measure` is that of the numbers in every vector.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Description {
+    /// States with their units.
+    pub states: Vec<Entry>,
+    /// Inputs with their units.
+    pub inputs: Vec<Entry>,
+    /// Parameters with their values and units.
+    pub parameters: Vec<Entry>,
+    /// Named expressions.
+    pub lets: Vec<Entry>,
+    /// Functions; the name is that of the function with its arguments, such as `plate(angle, near, far)`.
+    pub functions: Vec<Entry>,
+    /// The rate of each state, by its name.
+    pub derivative: Vec<Entry>,
+    /// What is measured, each expression with its unit behind `in`.
+    pub measure: Vec<Entry>,
+    /// The noise of a state's rate or of a measurement, by its name.
+    pub noise: Vec<Entry>,
+    /// Curves through points.
+    pub tables: Vec<Points>,
+    /// Expressions that are zero where something happens.
+    pub events: Vec<Entry>,
+    /// The period of a state, by its name.
+    pub cyclic: Vec<Entry>,
+    /// States that follow expressions through one pole.
+    pub lag: Vec<Follower>,
+    /// Expressions a while ago.
+    pub delay: Vec<Follower>,
+    /// What the device's energy is, for the check of its equations.
+    pub energy: Option<Entry>,
+}

@@ -1,0 +1,389 @@
+//! From a description to a device.
+
+use super::names::{Names, Text};
+use super::resolve::{Expansion, Given, RateOf, Resolver, Slot, Value, fault_of, unlike};
+use super::{Device, Line, Named, Noise, NoiseKind, Parameter};
+use crate::curve::Curve;
+use crate::description::{Description, Entry, Points};
+use crate::error::{EquationError, Fault, nearest};
+use crate::graph::{Graph, Variable};
+use crate::quantity::Quantity;
+use kalmems_units::{Dimension, Unit, Value as Quantified};
+use std::sync::Arc;
+
+const SECOND: Dimension = Dimension::of([0, 0, 1, 0, 0, 0]);
+
+impl Device {
+    /// Reads all texts, checks names and units, and makes the graph.
+    ///
+    /// # Errors
+    ///
+    /// The first that is wrong, with its place.
+    pub fn of(description: &Description) -> Result<Self, EquationError> {
+        let mut read = Read::begin(description)?;
+        let rates = read.rates()?;
+        // Named expressions are read whether something uses them or not, so that none is wrong unnoticed.
+        let mut equations = Vec::new();
+        for index in 0..read.resolver.lets.len() {
+            read.resolver.named(index)?;
+            if let Some((text, _)) = read.resolver.lets.get(index) {
+                equations.push((text.entry.name.clone(), Line::Text(text.clone())));
+            }
+        }
+        for index in 0..read.resolver.delays.len() {
+            read.resolver.delayed(index)?;
+        }
+        for (index, state) in read.states.iter().enumerate() {
+            if let Some((RateOf::Text(text), _)) = read.resolver.rates.get(index) {
+                equations.push((format!("d{}/dt", state.name), Line::Text(text.clone())));
+            }
+        }
+        let (measures, readings) = read.measures(&mut equations)?;
+        let (events, crossings) = read.events(&mut equations)?;
+        let noise = read.noise(&measures)?;
+        let periods = read.periods()?;
+        let energy = match &description.energy {
+            Some(entry) => {
+                let text = Text::read(entry)?;
+                equations.push(("E".to_owned(), Line::Text(text.clone())));
+                Some(read.resolver.value(&text)?.node)
+            }
+            None => None,
+        };
+        let Read { resolver, states, inputs, parameters, curves, .. } = read;
+        let equations = resolver.used.into_iter().chain(equations).collect();
+        Ok(Self {
+            states,
+            inputs,
+            parameters,
+            measures,
+            events,
+            graph: resolver.graph,
+            curves: curves.into(),
+            rates: rates.into_iter().map(|value| value.node).collect(),
+            readings,
+            crossings,
+            noise,
+            periods,
+            energy,
+            notices: resolver.notices,
+            equations,
+        })
+    }
+}
+
+struct Read<'a> {
+    description: &'a Description,
+    resolver: Resolver,
+    states: Vec<Named>,
+    inputs: Vec<Named>,
+    parameters: Vec<Parameter>,
+    curves: Vec<Curve>,
+}
+
+fn named(entry: &Entry) -> Result<Named, EquationError> {
+    let text = entry.text.trim();
+    let unit = Unit::parse(if text.is_empty() { "1" } else { text })
+        .map_err(|fault| EquationError::whole(&entry.place, &entry.text, fault.into()))?;
+    Ok(Named { name: entry.name.as_str().into(), unit, unit_text: text.into() })
+}
+
+fn parameter(entry: &Entry) -> Result<Parameter, EquationError> {
+    let value = Quantified::parse(&entry.text)
+        .map_err(|fault| EquationError::whole(&entry.place, &entry.text, fault.into()))?;
+    let (_, unit_text) = value.parts();
+    let named = Named { name: entry.name.as_str().into(), unit: value.unit(), unit_text: unit_text.into() };
+    Ok(Parameter { named, value: value.si() })
+}
+
+impl<'a> Read<'a> {
+    /// Reads all texts that others refer to.
+    fn begin(description: &'a Description) -> Result<Self, EquationError> {
+        if description.states.is_empty() {
+            let fault =
+                Fault::Missing("a device needs a state; add `[states]` with names and units".to_owned());
+            return Err(EquationError::whole(&place("states"), "", fault));
+        }
+        let mut entries = description.states.clone();
+        let mut rates = own_rates(description)?;
+        for follower in &description.lag {
+            let (of, time) = (Text::read(&follower.of)?, Text::read(&follower.time)?);
+            entries.push(Entry { name: follower.name.clone(), ..unit_of(&of)? });
+            rates.push(RateOf::Lag(Expansion { of, time, state: entries.len() - 1, order: 1 }));
+        }
+        let mut delays = Vec::new();
+        for follower in &description.delay {
+            if !matches!(follower.order, 1 | 2) {
+                let why = format!("a delay of order {} is not known; expected 1 or 2", follower.order);
+                return Err(EquationError::whole(&follower.of.place, "", Fault::Value(why)));
+            }
+            let (of, time) = (Text::read(&follower.of)?, Text::read(&follower.time)?);
+            let expansion = Expansion { of, time, state: entries.len(), order: follower.order };
+            for which in 0..follower.order {
+                let name = format!("{}_{}", follower.name, which + 1);
+                entries.push(Entry { name, ..unit_of(&expansion.of)? });
+                rates.push(RateOf::Delay(expansion.clone(), which));
+            }
+            delays.push((expansion, Slot::Open));
+        }
+        let names = Names::of(description, &entries)?;
+        let states: Vec<Named> = entries.iter().map(named).collect::<Result<_, _>>()?;
+        let inputs: Vec<Named> = description.inputs.iter().map(named).collect::<Result<_, _>>()?;
+        let parameters: Vec<Parameter> =
+            description.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
+        let given = |named: &Named| Given::of(named.unit, &named.unit_text);
+        let mut graph = Graph::new();
+        graph.curves = description.tables.iter().map(|points| points.name.clone()).collect();
+        let resolver = Resolver {
+            graph,
+            names,
+            given: [
+                states.iter().map(given).collect(),
+                inputs.iter().map(given).collect(),
+                parameters.iter().map(|parameter| given(&parameter.named)).collect(),
+            ],
+            lets: texts(&description.lets)?.into_iter().map(|text| (text, Slot::Open)).collect(),
+            delays,
+            rates: rates.into_iter().map(|rate| (rate, Slot::Open)).collect(),
+            curves: description.tables.iter().map(units_of_curve).collect::<Result<_, _>>()?,
+            notices: Vec::new(),
+            busy: Vec::new(),
+            terms_read: 0,
+            used: std::collections::BTreeMap::new(),
+        };
+        let curves = description.tables.iter().map(Curve::through).collect::<Result<_, _>>()?;
+        Ok(Self { description, resolver, states, inputs, parameters, curves })
+    }
+
+    /// The rate of each state, in its unit per second.
+    fn rates(&mut self) -> Result<Vec<Value>, EquationError> {
+        let mut rates = Vec::new();
+        for index in 0..self.states.len() {
+            let value = self.resolver.rate(index)?;
+            let Some((RateOf::Text(text), _)) = self.resolver.rates.get(index).cloned() else {
+                rates.push(value);
+                continue;
+            };
+            let state = self.resolver.variable(Variable::State(index)).quantity;
+            let wanted = state.over(Quantity::Exact(SECOND)).unwrap_or(Quantity::Any);
+            let whole = 0..text.entry.text.len();
+            if wanted.plus(value.quantity).is_none() {
+                let because = format!("the rate of `{}` has", text.entry.name);
+                return Err(text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because)));
+            }
+            let lacks = wanted.dimension().is_some_and(|wanted| value.quantity.lacks_angle_of(wanted));
+            if lacks && value.in_cycles {
+                let message = "all of this is in Hz, which are cycles per second, and the rate is in rad/s; write `2*pi` before it";
+                self.resolver.notice(&text, &whole, message.to_owned());
+            }
+            rates.push(value);
+        }
+        Ok(rates)
+    }
+
+    fn measures(&mut self, equations: &mut Equations) -> Result<Nodes, EquationError> {
+        let (mut names, mut nodes) = (Vec::new(), Vec::new());
+        for entry in &self.description.measure {
+            let text = Text::read(entry)?;
+            let Some((unit, span)) = text.tree.unit.clone() else {
+                let fault = Fault::Missing(
+                    "a measurement states its unit; write it behind `in`, such as `… in V`".to_owned(),
+                );
+                return Err(text.error(&(0..entry.text.len()), fault));
+            };
+            let value = self.resolver.value(&text)?;
+            let mut sees = false;
+            for state in 0..self.states.len() {
+                sees |= self.resolver.graph.derivative(value.node, Variable::State(state)) != Graph::ZERO;
+            }
+            if let Some(stop) = self.resolver.graph.take_stop() {
+                return Err(text.error(&(0..entry.text.len()), fault_of(stop)));
+            }
+            if !sees {
+                return Err(text.error(&(0..span.start), Fault::Blind));
+            }
+            if names.iter().any(|named: &Named| *named.name == entry.name) {
+                return Err(twice(entry, "a measurement"));
+            }
+            let unit_text = text.word(&span).into();
+            names.push(Named { name: entry.name.as_str().into(), unit, unit_text });
+            nodes.push(value.node);
+            equations.push((entry.name.clone(), Line::Text(text)));
+        }
+        Ok((names, nodes))
+    }
+
+    fn events(&mut self, equations: &mut Equations) -> Result<Nodes, EquationError> {
+        let (mut names, mut nodes) = (Vec::new(), Vec::new());
+        for entry in &self.description.events {
+            let text = Text::read(entry)?;
+            let value = self.resolver.value(&text)?;
+            let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
+            if !self.resolver.graph.variables(value.node).iter().any(by_state) {
+                let fault = Fault::Value(
+                    "this event does not depend on a state, so that no motion brings it about".to_owned(),
+                );
+                return Err(text.error(&(0..entry.text.len()), fault));
+            }
+            if names.iter().any(|named: &Named| *named.name == entry.name) {
+                return Err(twice(entry, "an event"));
+            }
+            let text_of_unit = value.quantity.to_string();
+            let unit = Unit::parse(&text_of_unit).unwrap_or(Unit::ONE);
+            names.push(Named { name: entry.name.as_str().into(), unit, unit_text: text_of_unit.into() });
+            nodes.push(value.node);
+            equations.push((entry.name.clone(), Line::Text(text)));
+        }
+        Ok((names, nodes))
+    }
+
+    fn noise(&mut self, measures: &[Named]) -> Result<Vec<Noise>, EquationError> {
+        let mut noise: Vec<Noise> = Vec::new();
+        for entry in &self.description.noise {
+            let text = Text::read(entry)?;
+            let whole = 0..entry.text.len();
+            let value = self.resolver.value(&text)?;
+            self.of_parameters_alone(&text, value, "a noise")?;
+            let state = self.states.iter().position(|named| *named.name == entry.name);
+            let measure = measures.iter().position(|named| *named.name == entry.name);
+            let square = |unit: Unit| Quantity::Exact(unit.dimension()).to_half_power(4);
+            let per_second = |quantity: Quantity| quantity.over(Quantity::Exact(SECOND));
+            let kind = match (state, measure) {
+                (Some(state), _) => {
+                    let unit = self.states.get(state).map_or(Unit::ONE, |named| named.unit);
+                    // Of the rate: (unit/s)² per Hz.
+                    let wanted = square(unit).and_then(per_second).unwrap_or(Quantity::Any);
+                    if wanted.plus(value.quantity).is_none() {
+                        let because = format!("the power density of the rate of `{}` has", entry.name);
+                        let fault = unlike("this", value.quantity, wanted.to_string(), because);
+                        return Err(text.error(&whole, fault));
+                    }
+                    NoiseKind::Rate { state }
+                }
+                (None, Some(measure)) => {
+                    let unit = measures.get(measure).map_or(Unit::ONE, |named| named.unit);
+                    let variance = square(unit).unwrap_or(Quantity::Any);
+                    let density = variance.times(Quantity::Exact(SECOND));
+                    if variance.plus(value.quantity).is_some() {
+                        NoiseKind::Variance { measure }
+                    } else if density.plus(value.quantity).is_some() {
+                        NoiseKind::Density { measure }
+                    } else {
+                        let because = format!(
+                            "a variance of one sample of `{}` has (or {density} as a density)",
+                            entry.name
+                        );
+                        let fault = unlike("this", value.quantity, variance.to_string(), because);
+                        return Err(text.error(&whole, fault));
+                    }
+                }
+                (None, None) => {
+                    let known = self.states.iter().chain(measures).map(|named| &*named.name);
+                    let suggestion = nearest(&entry.name, known);
+                    let what = "a state or a measurement, which a noise is of";
+                    let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+                    return Err(EquationError::whole(&entry.place, "", fault));
+                }
+            };
+            if noise.iter().any(|other| other.kind == kind) {
+                return Err(twice(entry, "a noise"));
+            }
+            noise.push(Noise { kind, node: value.node });
+        }
+        Ok(noise)
+    }
+
+    fn periods(&mut self) -> Result<Vec<(usize, crate::graph::NodeId)>, EquationError> {
+        let mut periods = Vec::new();
+        for entry in &self.description.cyclic {
+            let text = Text::read(entry)?;
+            let Some(state) = self.states.iter().position(|named| *named.name == entry.name) else {
+                let suggestion = nearest(&entry.name, self.states.iter().map(|named| &*named.name));
+                let what = "a state, which can be cyclic";
+                let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+                return Err(EquationError::whole(&entry.place, "", fault));
+            };
+            let value = self.resolver.value(&text)?;
+            self.of_parameters_alone(&text, value, "a period")?;
+            let unit = self.resolver.variable(Variable::State(state)).quantity;
+            if unit.plus(value.quantity).is_none() {
+                let because = format!("the state `{}` has", entry.name);
+                let fault = unlike("this period", value.quantity, unit.to_string(), because);
+                return Err(text.error(&(0..entry.text.len()), fault));
+            }
+            periods.push((state, value.node));
+        }
+        Ok(periods)
+    }
+
+    fn of_parameters_alone(&self, text: &Text, value: Value, what: &str) -> Result<(), EquationError> {
+        let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
+        if self.resolver.graph.variables(value.node).iter().all(is_parameter) {
+            return Ok(());
+        }
+        let fault = Fault::Value(format!(
+            "{what} is made of numbers and parameters alone; this depends on a state or an input"
+        ));
+        Err(text.error(&(0..text.entry.text.len()), fault))
+    }
+}
+
+type Equations = Vec<(String, Line)>;
+type Nodes = (Vec<Named>, Vec<crate::graph::NodeId>);
+
+fn place(key: &str) -> crate::description::Place {
+    crate::description::Place { key: key.to_owned(), offset: None }
+}
+
+fn texts(entries: &[Entry]) -> Result<Vec<Arc<Text>>, EquationError> {
+    entries.iter().map(Text::read).collect()
+}
+
+fn twice(entry: &Entry, what: &str) -> EquationError {
+    let why = format!("{what} of this name stands there already");
+    EquationError::whole(&entry.place, "", Fault::Name { name: entry.name.clone(), why })
+}
+
+/// The unit behind `in`, which a follower states.
+fn unit_of(of: &Text) -> Result<Entry, EquationError> {
+    let Some((_, span)) = &of.tree.unit else {
+        let fault = Fault::Missing(
+            "what becomes a state states its unit; write it behind `in`, such as `… in V`".to_owned(),
+        );
+        return Err(of.error(&(0..of.entry.text.len()), fault));
+    };
+    Ok(Entry { text: of.word(span).to_owned(), ..of.entry.clone() })
+}
+
+fn units_of_curve(points: &Points) -> Result<[Quantity; 2], EquationError> {
+    let of = |unit: &String| match Unit::parse(unit) {
+        Ok(unit) => Ok(Quantity::Exact(unit.dimension())),
+        Err(fault) => Err(EquationError::whole(&points.place, unit, fault.into())),
+    };
+    Ok([of(&points.x_unit)?, of(&points.y_unit)?])
+}
+
+/// The text of each state's rate, in the order of the states.
+fn own_rates(description: &Description) -> Result<Vec<RateOf>, EquationError> {
+    let is_state = |name: &str| description.states.iter().any(|state| state.name == name);
+    for (index, entry) in description.derivative.iter().enumerate() {
+        if !is_state(&entry.name) {
+            let suggestion = nearest(&entry.name, description.states.iter().map(|state| state.name.as_str()));
+            let what = "a state, whose rate would stand here";
+            let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+            return Err(EquationError::whole(&entry.place, "", fault));
+        }
+        if description.derivative.iter().take(index).any(|before| before.name == entry.name) {
+            return Err(twice(entry, "a rate"));
+        }
+    }
+    let mut rates = Vec::new();
+    for state in &description.states {
+        let Some(entry) = description.derivative.iter().find(|entry| entry.name == state.name) else {
+            let why = format!("the state `{0}` has no rate; add `{0} = \"…\"` to `[derivative]`", state.name);
+            return Err(EquationError::whole(&state.place, "", Fault::Missing(why)));
+        };
+        rates.push(RateOf::Text(Text::read(entry)?));
+    }
+    Ok(rates)
+}

@@ -1,0 +1,424 @@
+//! From texts to the graph: names are looked up, functions inserted, units checked.
+
+use super::Line;
+use super::names::{Formula, Meaning, Names, Text, is_of_the_language};
+use crate::description::Entry;
+use crate::error::{EquationError, Fault, Notice};
+use crate::graph::{Graph, NodeId, Stop, Variable};
+use crate::limits::{DEEPEST_DEFINITION, LARGEST_POWER, MOST_NODES, MOST_TERMS};
+use crate::quantity::Quantity;
+use crate::syntax::Form;
+use kalmems_units::{Dimension, Unit};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// An expression in the graph, and what is known of its unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Value {
+    pub(crate) node: NodeId,
+    pub(crate) quantity: Quantity,
+    /// Whether it is made of frequencies in Hz, which are cycles per second, without a factor π.
+    pub(crate) in_cycles: bool,
+    /// Whether π is a factor of it.
+    pub(crate) has_pi: bool,
+}
+
+impl Value {
+    pub(crate) fn new(node: NodeId, quantity: Quantity) -> Self {
+        Self { node, quantity, in_cycles: false, has_pi: false }
+    }
+}
+
+/// A definition that others refer to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Slot {
+    Open,
+    Busy,
+    Done(Value),
+}
+
+/// A quantity that is given from outside.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub(crate) unit: Unit,
+    /// Whether it is written in Hz.
+    pub(crate) in_cycles: bool,
+}
+
+impl Given {
+    pub(crate) fn of(unit: Unit, text: &str) -> Self {
+        let per_second = Dimension::of([0, 0, -1, 0, 0, 0]);
+        Self { unit, in_cycles: unit.dimension() == per_second && text.contains("Hz") }
+    }
+}
+
+/// A delay that states stand for.
+#[derive(Clone, Debug)]
+pub(crate) struct Expansion {
+    pub(crate) of: Arc<Text>,
+    pub(crate) time: Arc<Text>,
+    /// The first of its states.
+    pub(crate) state: usize,
+    pub(crate) order: u8,
+}
+
+/// What gives the rate of a state.
+#[derive(Clone, Debug)]
+pub(crate) enum RateOf {
+    Text(Arc<Text>),
+    /// Of a lag.
+    Lag(Expansion),
+    /// Of the first or the second state of a delay.
+    Delay(Expansion, u8),
+}
+
+pub(crate) struct Resolver {
+    pub(crate) graph: Graph,
+    pub(crate) names: Names,
+    /// States, inputs and parameters.
+    pub(crate) given: [Vec<Given>; 3],
+    pub(crate) lets: Vec<(Arc<Text>, Slot)>,
+    pub(crate) delays: Vec<(Expansion, Slot)>,
+    pub(crate) rates: Vec<(RateOf, Slot)>,
+    pub(crate) curves: Vec<[Quantity; 2]>,
+    pub(crate) notices: Vec<Notice>,
+    /// What is being resolved, the last one within those before it.
+    pub(crate) busy: Vec<String>,
+    pub(crate) terms_read: usize,
+    /// The functions that were inserted, by their headers.
+    pub(crate) used: BTreeMap<String, Line>,
+}
+
+type Arguments = Vec<(String, Value)>;
+type Resolved = Result<Value, EquationError>;
+
+impl Resolver {
+    /// A text that stands alone.
+    pub(crate) fn value(&mut self, text: &Arc<Text>) -> Resolved {
+        self.evaluate(text, &Vec::new())
+    }
+
+    /// The rate of a state.
+    pub(crate) fn rate(&mut self, state: usize) -> Resolved {
+        let name = || format!("the rate of state {}", state + 1);
+        let Some((of, slot)) = self.rates.get(state).cloned() else {
+            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+        };
+        let text = match &of {
+            RateOf::Text(text) => text.clone(),
+            RateOf::Lag(expansion) | RateOf::Delay(expansion, _) => expansion.of.clone(),
+        };
+        let label = match &of {
+            RateOf::Text(text) => format!("rate of {}", text.entry.name),
+            _ => name(),
+        };
+        if let Slot::Done(value) = slot {
+            return Ok(value);
+        }
+        self.begin(&text, label, matches!(slot, Slot::Busy))?;
+        self.set_rate(state, Slot::Busy);
+        let value = match &of {
+            RateOf::Text(text) => self.value(text)?,
+            RateOf::Lag(expansion) => self.rate_of_lag(state, expansion)?,
+            RateOf::Delay(expansion, which) => self.rate_of_delay(expansion, *which)?,
+        };
+        self.set_rate(state, Slot::Done(value));
+        self.busy.pop();
+        Ok(value)
+    }
+
+    fn set_rate(&mut self, state: usize, slot: Slot) {
+        if let Some(rate) = self.rates.get_mut(state) {
+            rate.1 = slot;
+        }
+    }
+
+    /// A named expression.
+    pub(crate) fn named(&mut self, index: usize) -> Resolved {
+        let Some((text, slot)) = self.lets.get(index).cloned() else {
+            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+        };
+        if let Slot::Done(value) = slot {
+            return Ok(value);
+        }
+        self.begin(&text, text.entry.name.clone(), matches!(slot, Slot::Busy))?;
+        if let Some(named) = self.lets.get_mut(index) {
+            named.1 = Slot::Busy;
+        }
+        let value = self.value(&text)?;
+        if let Some(named) = self.lets.get_mut(index) {
+            named.1 = Slot::Done(value);
+        }
+        self.busy.pop();
+        Ok(value)
+    }
+
+    /// An expression a while ago.
+    pub(crate) fn delayed(&mut self, index: usize) -> Resolved {
+        let Some((expansion, slot)) = self.delays.get(index).cloned() else {
+            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+        };
+        if let Slot::Done(value) = slot {
+            return Ok(value);
+        }
+        self.begin(&expansion.of, expansion.of.entry.name.clone(), matches!(slot, Slot::Busy))?;
+        if let Some(delay) = self.delays.get_mut(index) {
+            delay.1 = Slot::Busy;
+        }
+        let value = self.output_of_delay(&expansion)?;
+        if let Some(delay) = self.delays.get_mut(index) {
+            delay.1 = Slot::Done(value);
+        }
+        self.busy.pop();
+        Ok(value)
+    }
+
+    /// Notes that a definition is being resolved; refuses one that is already, and too many.
+    fn begin(&mut self, text: &Text, label: String, is_busy: bool) -> Result<(), EquationError> {
+        let whole = 0..text.entry.text.len();
+        if is_busy {
+            let from = self.busy.iter().position(|other| *other == label).unwrap_or_default();
+            let mut path: Vec<&str> = self.busy.iter().skip(from).map(String::as_str).collect();
+            path.push(&label);
+            return Err(text.error(&whole, Fault::Cycle(path.join(" -> "))));
+        }
+        if self.busy.len() >= DEEPEST_DEFINITION {
+            let what = "definitions that wait for one another";
+            return Err(text.error(&whole, Fault::TooLarge { what, limit: DEEPEST_DEFINITION }));
+        }
+        self.busy.push(label);
+        Ok(())
+    }
+
+    pub(crate) fn variable(&mut self, variable: Variable) -> Value {
+        let (kind, index) = match variable {
+            Variable::State(index) => (0, index),
+            Variable::Input(index) => (1, index),
+            Variable::Parameter(index) => (2, index),
+        };
+        let given = self.given.get(kind).and_then(|given| given.get(index));
+        let dimension = given.map_or(Dimension::NONE, |given| given.unit.dimension());
+        let in_cycles = given.is_some_and(|given| given.in_cycles);
+        let node = self.graph.variable(variable);
+        Value { node, quantity: Quantity::Exact(dimension), in_cycles, has_pi: false }
+    }
+
+    /// A text with the values of a function's arguments.
+    fn evaluate(&mut self, text: &Arc<Text>, arguments: &Arguments) -> Resolved {
+        let mut values: Vec<Value> = Vec::with_capacity(text.tree.terms.len());
+        for term in &text.tree.terms {
+            self.terms_read += 1;
+            if self.terms_read > MOST_TERMS {
+                let fault = Fault::TooLarge { what: "terms", limit: MOST_TERMS };
+                return Err(text.error(&term.span, fault));
+            }
+            let value = self.term(text, arguments, &values, &term.form, &term.span)?;
+            if let Some(stop) = self.graph.take_stop() {
+                return Err(text.error(&term.span, fault_of(stop)));
+            }
+            if self.graph.number(value.node).is_some_and(|number| !number.is_finite()) {
+                return Err(text.error(&term.span, Fault::NotFinite));
+            }
+            values.push(value);
+        }
+        let mut value = values.last().copied().unwrap_or(Value::new(Graph::ZERO, Quantity::Any));
+        if let Some((unit, span)) = &text.tree.unit {
+            let wanted = Quantity::Exact(unit.dimension());
+            if value.quantity.plus(wanted).is_none() {
+                let root = text.tree.terms.last().map_or(0..0, |term| term.span.clone());
+                let because = "stands behind `in`".to_owned();
+                let expected = text.word(span).to_owned();
+                return Err(text.error(&root, unlike("this", value.quantity, expected, because)));
+            }
+            value.quantity = wanted;
+        }
+        Ok(value)
+    }
+
+    fn term(
+        &mut self,
+        text: &Arc<Text>,
+        arguments: &Arguments,
+        values: &[Value],
+        form: &Form,
+        span: &Range<usize>,
+    ) -> Resolved {
+        let of = |id: &usize| values.get(*id).copied().unwrap_or(Value::new(Graph::ZERO, Quantity::Any));
+        match form {
+            Form::Number(number, unit) => {
+                let node = self.graph.literal(*number);
+                let quantity = match unit {
+                    Some(unit) => Quantity::Exact(unit.dimension()),
+                    None if *number == 0.0 => Quantity::Any,
+                    None => Quantity::PLAIN,
+                };
+                Ok(Value::new(node, quantity))
+            }
+            Form::Name(name) => self.name(text, arguments, name),
+            Form::Negative(inner) => {
+                let value = of(inner);
+                Ok(Value { node: self.graph.scaled(-1.0, value.node), ..value })
+            }
+            Form::Sum(parts) => {
+                let parts: Vec<_> = parts.iter().map(|(minus, id)| (*minus, of(id), *id)).collect();
+                self.sum(text, &parts)
+            }
+            Form::Product(parts) => {
+                let parts: Vec<_> = parts.iter().map(|(over, id)| (*over, of(id))).collect();
+                self.product(text, span, &parts)
+            }
+            Form::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
+            Form::Choice { smaller, larger, then, otherwise } => {
+                self.alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
+                let quantity = self.alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
+                let ids = [smaller, larger, then, otherwise].map(|id| of(id).node);
+                let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
+                self.notice_kink(text, span, "if", node);
+                let in_cycles = of(then).in_cycles && of(otherwise).in_cycles;
+                Ok(Value { node, quantity, in_cycles, has_pi: false })
+            }
+            Form::Call(name, of_call) => {
+                let parts: Vec<_> = of_call.iter().map(|id| (of(id), *id)).collect();
+                self.call(text, arguments, (name, span), &parts)
+            }
+            Form::Partial { of: inner, by } => self.partial(text, arguments, of(inner), by),
+            Form::Rate { of: inner } => self.total(text, span, of(inner)),
+        }
+    }
+
+    fn name(&mut self, text: &Text, arguments: &Arguments, span: &Range<usize>) -> Resolved {
+        let name = text.word(span);
+        if let Some((_, value)) = arguments.iter().find(|(argument, _)| argument == name) {
+            return Ok(*value);
+        }
+        if name == "pi" {
+            let node = self.graph.literal(std::f64::consts::PI);
+            return Ok(Value { has_pi: true, ..Value::new(node, Quantity::PLAIN) });
+        }
+        match self.names.get(name).cloned() {
+            Some(Meaning::State(index)) => Ok(self.variable(Variable::State(index))),
+            Some(Meaning::Input(index)) => Ok(self.variable(Variable::Input(index))),
+            Some(Meaning::Parameter(index)) => Ok(self.variable(Variable::Parameter(index))),
+            Some(Meaning::Let(index)) => self.named(index),
+            Some(Meaning::Delay(index)) => self.delayed(index),
+            Some(meaning) => {
+                let expected = format!("write it with its arguments, such as `{name}(…)`");
+                Err(text.error(span, Fault::Use { name: name.to_owned(), is: meaning.words(), expected }))
+            }
+            None if is_of_the_language(name) => {
+                let expected = format!("write it with its arguments, such as `{name}(…)`");
+                Err(text.error(span, Fault::Use { name: name.to_owned(), is: "a function", expected }))
+            }
+            None => Err(text.error(span, self.names.unknown(name, false))),
+        }
+    }
+
+    /// The variable that a derivative is taken by.
+    fn partial(&mut self, text: &Text, arguments: &Arguments, of: Value, by: &Range<usize>) -> Resolved {
+        let name = text.word(by);
+        let bound = arguments.iter().find(|(argument, _)| argument == name).map(|(_, value)| value.node);
+        let variable = match (bound, self.names.get(name)) {
+            (Some(node), _) => self.graph.as_variable(node),
+            (None, Some(Meaning::State(index))) => Some(Variable::State(*index)),
+            (None, Some(Meaning::Input(index))) => Some(Variable::Input(*index)),
+            (None, Some(Meaning::Parameter(index))) => Some(Variable::Parameter(*index)),
+            (None, None) => return Err(text.error(by, self.names.unknown(name, false))),
+            (None, Some(_)) => None,
+        };
+        let Some(variable) = variable else {
+            let is = match (bound, self.names.get(name)) {
+                (None, Some(meaning)) => meaning.words(),
+                _ => "an argument that stands for an expression",
+            };
+            let expected = "a derivative is taken by a state, an input or a parameter".to_owned();
+            return Err(text.error(by, Fault::Use { name: name.to_owned(), is, expected }));
+        };
+        let by_quantity = self.variable(variable).quantity;
+        let node = self.graph.derivative(of.node, variable);
+        let quantity = of.quantity.over(by_quantity).unwrap_or(Quantity::Any);
+        Ok(Value::new(node, quantity))
+    }
+
+    /// The total derivative along the motion.
+    fn total(&mut self, text: &Text, span: &Range<usize>, of: Value) -> Resolved {
+        let mut parts = Vec::new();
+        for variable in self.graph.variables(of.node) {
+            match variable {
+                Variable::Parameter(_) => {}
+                Variable::State(state) => {
+                    let slope = self.graph.derivative(of.node, variable);
+                    if slope != Graph::ZERO {
+                        let rate = self.rate(state)?.node;
+                        parts.push((self.graph.product(&[(slope, 1), (rate, 1)]), 1.0));
+                    }
+                }
+                Variable::Input(index) => {
+                    if self.graph.derivative(of.node, variable) != Graph::ZERO {
+                        let input = self.names.of_input(index);
+                        return Err(text.error(span, Fault::RateOfInput { input }));
+                    }
+                }
+            }
+        }
+        let second = Quantity::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
+        let quantity = of.quantity.over(second).unwrap_or(Quantity::Any);
+        Ok(Value::new(self.graph.sum(0.0, &parts), quantity))
+    }
+
+    /// A formula with its arguments inserted.
+    pub(crate) fn insert(
+        &mut self,
+        text: &Text,
+        call: (&Range<usize>, &Range<usize>),
+        formula: &Arc<Formula>,
+        found: &[Value],
+    ) -> Resolved {
+        let name = text.word(call.0).to_owned();
+        if found.len() != formula.arguments.len() {
+            let (found, expected) = (found.len(), formula.arguments.len());
+            return Err(text.error(call.1, Fault::Arguments { function: name, found, expected }));
+        }
+        self.begin(text, format!("{name}(…)"), self.busy.contains(&format!("{name}(…)")))?;
+        let bound = formula.arguments.iter().cloned().zip(found.iter().copied()).collect();
+        let value = self
+            .evaluate(&formula.text, &bound)
+            .map_err(|error| error.met_in(format!("in `{}` of {}", text.word(call.1), text.entry.place)))?;
+        self.busy.pop();
+        self.used.insert(formula.text.entry.name.clone(), Line::Text(formula.text.clone()));
+        Ok(value)
+    }
+
+    /// Says that a slope jumps, where that is seen in the motion.
+    pub(crate) fn notice_kink(&mut self, text: &Text, span: &Range<usize>, function: &str, node: NodeId) {
+        let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
+        if !self.graph.variables(node).iter().any(by_state) {
+            return;
+        }
+        let message = format!(
+            "`{function}` has a kink where its comparison changes sides; filters take the slope of the side that holds"
+        );
+        self.notice(text, span, message);
+    }
+
+    pub(crate) fn notice(&mut self, text: &Text, span: &Range<usize>, message: String) {
+        let Entry { place, text, .. } = text.entry.clone();
+        let notice = Notice { place, text, span: span.clone(), message };
+        if !self.notices.contains(&notice) {
+            self.notices.push(notice);
+        }
+    }
+}
+
+pub(crate) fn unlike(what: &str, found: Quantity, expected: String, because: String) -> Fault {
+    Fault::Unlike { what: what.to_owned(), found: found.to_string(), expected, because }
+}
+
+/// What stopped the graph, in words.
+pub(crate) fn fault_of(stop: Stop) -> Fault {
+    match stop {
+        Stop::TooLarge => Fault::TooLarge { what: "parts", limit: MOST_NODES },
+        Stop::Power => Fault::Value(format!("a power is beyond {LARGEST_POWER}; expected a smaller one")),
+        Stop::Order { function, order, limit } => Fault::Order { function, order, limit },
+    }
+}

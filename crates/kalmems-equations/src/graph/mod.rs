@@ -1,0 +1,243 @@
+//! Expressions as a graph in which equal parts are one node.
+
+mod build;
+mod derive;
+
+pub(crate) use build::whole_power;
+
+use crate::curve::CurveId;
+use crate::laws::LawId;
+use crate::limits::MOST_NODES;
+use crate::numeric;
+use std::collections::HashMap;
+
+/// A node of a [`Graph`]. A node is always behind those that it is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) struct NodeId(u32);
+
+impl NodeId {
+    pub(crate) fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A number by its bits, so that it can be told from others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Number(u64);
+
+impl Number {
+    pub(crate) const ZERO: Self = Self(0);
+    pub(crate) const ONE: Self = Self(1.0_f64.to_bits());
+
+    pub(crate) fn of(value: f64) -> Self {
+        // One zero, and one way to be no number.
+        Self(if value == 0.0 {
+            0
+        } else if value.is_nan() {
+            f64::NAN.to_bits()
+        } else {
+            value.to_bits()
+        })
+    }
+
+    pub(crate) fn get(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
+
+/// What an expression can depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Variable {
+    State(usize),
+    Input(usize),
+    Parameter(usize),
+}
+
+/// An elementary function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Function {
+    Sqrt,
+    Exp,
+    Ln,
+    Sin,
+    Cos,
+    Tanh,
+    Atanh,
+}
+
+impl Function {
+    pub(crate) fn apply(self, x: f64) -> f64 {
+        use kalmems_core::Scalar;
+        match self {
+            Self::Sqrt => Scalar::sqrt(x),
+            Self::Exp => Scalar::exp(x),
+            Self::Ln => Scalar::ln(x),
+            Self::Sin => Scalar::sin(x),
+            Self::Cos => Scalar::cos(x),
+            Self::Tanh => numeric::tanh(x),
+            Self::Atanh => Scalar::atanh(x),
+        }
+    }
+}
+
+/// A part of an expression, in the one form in which it can stand.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Node {
+    Number(Number),
+    Variable(Variable),
+    /// constant + Σ coefficient·term; no term is a number or a sum of a constant or of a single term.
+    Sum {
+        constant: Number,
+        terms: Box<[(NodeId, Number)]>,
+    },
+    /// Π factor^power; no factor is a number, a product or a single term with a coefficient.
+    Product(Box<[(NodeId, i32)]>),
+    Call(Function, NodeId),
+    /// `then` where `smaller < larger`, `otherwise` elsewhere.
+    Choice {
+        smaller: NodeId,
+        larger: NodeId,
+        then: NodeId,
+        otherwise: NodeId,
+    },
+    /// A law, differentiated by the arguments that `by` lists in order.
+    Law {
+        law: LawId,
+        by: Box<[u8]>,
+        arguments: Box<[NodeId]>,
+    },
+    /// A curve or a derivative of it.
+    Curve {
+        curve: CurveId,
+        order: u8,
+        at: NodeId,
+    },
+}
+
+impl Node {
+    /// What it is made of.
+    pub(crate) fn parts(&self) -> Vec<NodeId> {
+        match self {
+            Self::Number(_) | Self::Variable(_) => Vec::new(),
+            Self::Sum { terms, .. } => terms.iter().map(|(term, _)| *term).collect(),
+            Self::Product(factors) => factors.iter().map(|(factor, _)| *factor).collect(),
+            Self::Call(_, at) | Self::Curve { at, .. } => vec![*at],
+            Self::Choice { smaller, larger, then, otherwise } => vec![*smaller, *larger, *then, *otherwise],
+            Self::Law { arguments, .. } => arguments.to_vec(),
+        }
+    }
+}
+
+/// What stopped a graph from growing.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Stop {
+    /// More nodes than allowed.
+    TooLarge,
+    /// A power beyond the largest.
+    Power,
+    /// A derivative of this order of a law or a curve, which has fewer.
+    Order { function: String, order: usize, limit: usize },
+}
+
+/// Expressions, equal parts of which are one.
+#[derive(Clone, Debug)]
+pub(crate) struct Graph {
+    nodes: Vec<Node>,
+    /// Asked, never gone over.
+    known: HashMap<Node, NodeId>,
+    derivatives: HashMap<(NodeId, Variable), NodeId>,
+    /// Why a result since the last look is not what was asked for.
+    stop: Option<Stop>,
+    /// Names of the curves, for messages.
+    pub(crate) curves: Vec<String>,
+}
+
+impl Graph {
+    /// The number 0, which every graph begins with.
+    pub(crate) const ZERO: NodeId = NodeId(0);
+    /// The number 1.
+    pub(crate) const ONE: NodeId = NodeId(1);
+
+    pub(crate) fn new() -> Self {
+        let mut graph = Self {
+            nodes: Vec::new(),
+            known: HashMap::new(),
+            derivatives: HashMap::new(),
+            stop: None,
+            curves: Vec::new(),
+        };
+        graph.add(Node::Number(Number::ZERO));
+        graph.add(Node::Number(Number::ONE));
+        graph
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    pub(crate) fn node(&self, id: NodeId) -> &Node {
+        // Ids come from this graph alone, whose nodes are never removed.
+        self.nodes.get(id.index()).unwrap_or(&Node::Number(Number::ZERO))
+    }
+
+    /// The number that a node is.
+    pub(crate) fn number(&self, id: NodeId) -> Option<f64> {
+        match self.node(id) {
+            Node::Number(number) => Some(number.get()),
+            _ => None,
+        }
+    }
+
+    /// The variable that a node is.
+    pub(crate) fn as_variable(&self, id: NodeId) -> Option<Variable> {
+        match self.node(id) {
+            Node::Variable(variable) => Some(*variable),
+            _ => None,
+        }
+    }
+
+    /// Why a result since the last look is not what was asked for.
+    pub(crate) fn take_stop(&mut self) -> Option<Stop> {
+        self.stop.take()
+    }
+
+    fn stop(&mut self, why: Stop) -> NodeId {
+        self.stop.get_or_insert(why);
+        Self::ZERO
+    }
+
+    /// The node, which is made where there is none yet.
+    fn add(&mut self, node: Node) -> NodeId {
+        if let Some(id) = self.known.get(&node) {
+            return *id;
+        }
+        let Some(id) = u32::try_from(self.nodes.len()).ok().filter(|_| self.nodes.len() < MOST_NODES) else {
+            return self.stop(Stop::TooLarge);
+        };
+        self.nodes.push(node.clone());
+        self.known.insert(node, NodeId(id));
+        NodeId(id)
+    }
+
+    /// All nodes that these are made of, with them, each behind its parts.
+    pub(crate) fn below(&self, roots: &[NodeId]) -> Vec<NodeId> {
+        let mut seen = vec![false; self.nodes.len()];
+        let mut open = roots.to_vec();
+        while let Some(id) = open.pop() {
+            if let Some(seen) = seen.get_mut(id.index()).filter(|seen| !**seen) {
+                *seen = true;
+                open.extend(self.node(id).parts());
+            }
+        }
+        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| NodeId(id)).collect()
+    }
+
+    /// What an expression depends on.
+    pub(crate) fn variables(&self, root: NodeId) -> Vec<Variable> {
+        let of = |id: &NodeId| match self.node(*id) {
+            Node::Variable(variable) => Some(*variable),
+            _ => None,
+        };
+        self.below(&[root]).iter().filter_map(of).collect()
+    }
+}

@@ -1,0 +1,180 @@
+//! The laws of `kalmems-models` with their derivatives.
+
+use super::{LawId, disks};
+use crate::numeric;
+use kalmems_core::{Dual, Scalar};
+use kalmems_models::capacitance::{CombCurve, CurveShape, GaussianComb, TiltingPlate};
+use kalmems_models::readout::CarrierDivider;
+
+/// The most arguments of a law.
+pub(crate) const MOST_ARGUMENTS: usize = 7;
+
+/// The arguments of a law; those that it does not have are 0.
+pub(crate) type Arguments<S> = [S; MOST_ARGUMENTS];
+
+/// A law over any numbers.
+trait Form {
+    /// Its value.
+    fn value<S: Scalar>(a: &Arguments<S>) -> S;
+
+    /// Its derivative by the first argument.
+    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+        let [slope] = Self::value(&seeded(a, 0)).gradient();
+        slope
+    }
+
+    /// Its value and its first two derivatives by the first argument.
+    fn along_first(a: &Arguments<f64>) -> [f64; 3] {
+        let slope = Self::slope(&seeded(a, 0));
+        let [bend] = slope.gradient();
+        [Self::value(a), slope.value(), bend]
+    }
+}
+
+/// The arguments as dual numbers, of which one is the variable.
+fn seeded<S: Scalar>(a: &Arguments<S>, variable: u8) -> Arguments<Dual<S, 1>> {
+    let mut seeded = a.map(Dual::constant);
+    if let Some((dual, value)) = seeded.get_mut(usize::from(variable)).zip(a.get(usize::from(variable))) {
+        *dual = Dual::variable(*value, 0);
+    }
+    seeded
+}
+
+struct Gaussian;
+
+fn gaussian<S: Scalar>(a: &Arguments<S>) -> GaussianComb<S> {
+    GaussianComb { nominal: a[1], angular_width: a[2], bias: a[3] }
+}
+
+impl Form for Gaussian {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        gaussian(a).capacitance(a[0])
+    }
+    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+        gaussian(a).slope(a[0])
+    }
+    fn along_first(a: &Arguments<f64>) -> [f64; 3] {
+        gaussian_along_first(a[0], a[1], a[2], a[3])
+    }
+}
+
+/// The value, slope and curvature of the comb.
+#[inline(always)]
+pub(crate) fn gaussian_along_first(angle: f64, nominal: f64, angular_width: f64, bias: f64) -> [f64; 3] {
+    let comb = GaussianComb { nominal, angular_width, bias };
+    [comb.capacitance(angle), comb.slope(angle), comb.curvature(angle)]
+}
+
+fn logistic<S: Scalar>(a: &Arguments<S>) -> CombCurve<S> {
+    CombCurve { centre: a[1], gain: a[2], steepness: a[3], shape: CurveShape::Logistic }
+}
+
+struct Logistic;
+
+impl Form for Logistic {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        logistic(a).sensitivity(a[0])
+    }
+}
+
+struct LogisticChange;
+
+impl Form for LogisticChange {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        logistic(a).capacitance_change(a[0], a[4])
+    }
+    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+        logistic(a).slope(a[0], a[4])
+    }
+}
+
+struct Tilting;
+
+fn tilting<S: Scalar>(a: &Arguments<S>) -> TiltingPlate<S> {
+    // Along the axis the length alone counts while the plate tilts about that axis.
+    let half = a[3].half();
+    TiltingPlate { w1: a[1], w2: a[2], w3: -half, w4: half, gap: a[4], permittivity: a[5] }
+}
+
+impl Form for Tilting {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        tilting(a).capacitance(a[0])
+    }
+    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+        tilting(a).slope(a[0])
+    }
+}
+
+struct Carrier;
+
+impl Form for Carrier {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        let divider = CarrierDivider {
+            excitation: a[1],
+            carrier_rate: a[2],
+            shunt_conductance: a[3],
+            parallel_capacitance: a[4],
+            input_conductance: a[5],
+            blocking_capacitance: a[6],
+        };
+        divider.voltage(a[0])
+    }
+}
+
+struct Disks;
+
+impl Form for Disks {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        disks::capacitance(a[0], a[1])
+    }
+}
+
+struct Atanhc;
+
+impl Form for Atanhc {
+    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+        numeric::atanhc(a[0])
+    }
+}
+
+macro_rules! of_law {
+    ($law:expr, $function:ident, $arguments:expr) => {
+        match $law {
+            LawId::GaussianComb => Gaussian::$function($arguments),
+            LawId::LogisticComb => Logistic::$function($arguments),
+            LawId::LogisticCombChange => LogisticChange::$function($arguments),
+            LawId::TiltingPlate => Tilting::$function($arguments),
+            LawId::Carrier => Carrier::$function($arguments),
+            LawId::Disks => Disks::$function($arguments),
+            LawId::Atanhc => Atanhc::$function($arguments),
+        }
+    };
+}
+
+/// The value and the first two derivatives by the first argument.
+#[inline(never)]
+pub(crate) fn along_first(law: LawId, a: &Arguments<f64>) -> [f64; 3] {
+    of_law!(law, along_first, a)
+}
+
+/// The same of a law with four arguments or fewer.
+#[inline(never)]
+pub(crate) fn along_first_of_four(law: LawId, a: f64, b: f64, c: f64, d: f64) -> [f64; 3] {
+    of_law!(law, along_first, &[a, b, c, d, 0.0, 0.0, 0.0])
+}
+
+/// A derivative by the arguments that `by` lists in order; not a number where there is none of this order.
+#[inline(never)]
+pub(crate) fn partial(law: LawId, by: &[u8], a: &Arguments<f64>) -> f64 {
+    let first = |dual: Dual<f64, 1>| dual.gradient()[0];
+    let second = |dual: Dual<Dual<f64, 1>, 1>| dual.gradient()[0].gradient()[0];
+    match *by {
+        [] => of_law!(law, value, a),
+        [0] => of_law!(law, slope, a),
+        [i] => first(of_law!(law, value, &seeded(a, i))),
+        [0, i] => first(of_law!(law, slope, &seeded(a, i))),
+        [i, j] => second(of_law!(law, value, &seeded(&seeded(a, i), j))),
+        [0, i, j] => second(of_law!(law, slope, &seeded(&seeded(a, i), j))),
+        _ => f64::NAN,
+    }
+}

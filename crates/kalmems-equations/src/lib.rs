@@ -1,0 +1,67 @@
+//! Devices as differential equations with units, in text.
+//!
+//! A [`Description`] has the names and texts of a device in their order; [`Device::of`] reads them: every name is looked up,
+//! every unit checked, every derivative made symbolically. A [`Motion`] and a [`Readout`] are programs of its rates, of what
+//! is measured, and of their Jacobians, which an interpreter runs over registers of `f64`. A parameter's new value needs no
+//! new program.
+//!
+//! ```
+//! use kalmems_core::Nodes;
+//! use kalmems_equations::{Description, Device};
+//! let text = r#"
+//! [states]
+//! theta = "rad"
+//! omega = "rad/s"
+//! [inputs]
+//! V = "V"
+//! [parameters]
+//! J = "1.15e-14 kg m^2"
+//! b = "5.95e-12 N m s"
+//! k = "1.10e-4 N m"
+//! C0 = "5.71 pF"
+//! width = "0.2 rad"
+//! Cb = "9.79 pF"
+//! gain = "-0.3574 V/pF"
+//! offset = "6.3945 V"
+//! [let]
+//! C = "gaussian_comb(theta, C0, width, Cb)"
+//! [derivative]
+//! theta = "omega"
+//! omega = "(electrostatic_force(d(C, theta), V^2) - b*omega - k*theta)/J"
+//! [measure]
+//! signal = "gain*C + offset in V"
+//! "#;
+//! let device = Device::of(&Description::read(text)?)?;
+//! let motion = device.motion(&[])?;
+//! let mut work = motion.work(&device.values());
+//! let (mut next, mut jacobian) = ([0.0; 2], [0.0; 4]);
+//! let volts = Nodes::held(&[60.0][..]);
+//! assert!(motion.linearized_step(&mut work, &[0.1, 0.0], &volts, 1e-6, &mut next, &mut jacobian));
+//! assert!(next[0] < 0.1 && next[1] < 0.0);
+//! # Ok::<(), kalmems_equations::EquationError>(())
+//! ```
+
+mod curve;
+mod description;
+mod device;
+mod energy;
+mod error;
+mod file;
+mod graph;
+mod laws;
+mod limits;
+mod motion;
+mod numeric;
+mod program;
+mod quantity;
+mod readout;
+mod syntax;
+mod typeset;
+
+pub use description::{Description, Entry, Follower, Outside, Place, Points};
+pub use device::{Device, Named, NoiseKind, Parameter};
+pub use energy::{EnergyCheck, Power};
+pub use error::{EquationError, Fault, Notice};
+pub use motion::{MOST_STATES, Motion};
+pub use program::Work;
+pub use readout::Readout;

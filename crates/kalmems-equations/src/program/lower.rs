@@ -1,0 +1,490 @@
+//! From the graph to instructions.
+//!
+//! What is computed is sorted by what it depends on: numbers and parameters alone, once for all; parameters that are states,
+//! once a step; inputs; states. A factor that changes more rarely than a sum is multiplied into the terms of the sum where
+//! nothing else uses it, and a product that one sum uses alone is computed with it.
+
+use super::op::{Kind, Op, REGISTERS, STATES};
+use crate::graph::{Graph, Node, NodeId, Number, Variable};
+use crate::laws::{LawId, MOST_ARGUMENTS};
+use std::collections::HashMap;
+
+/// What a number depends on: the rarest change that changes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Stratum {
+    Literal,
+    Parameter,
+    Step,
+    Input,
+    State,
+}
+
+/// How many strata there are.
+const STRATA: usize = 5;
+
+/// The most terms of a sum that a factor is multiplied into.
+const MOST_DISTRIBUTED: usize = 6;
+
+/// How many there are of what the first registers hold.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Counts {
+    pub(crate) inputs: usize,
+    pub(crate) parameters: usize,
+}
+
+/// Instructions by stratum, and where their results are.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Code {
+    by_stratum: [Vec<Op>; STRATA],
+    pub(super) literals: Vec<(u16, f64)>,
+    pub(super) arguments: Vec<u16>,
+    pub(super) outputs: Vec<u16>,
+}
+
+impl Code {
+    /// The instructions of a stratum.
+    pub(super) fn of(&self, stratum: Stratum) -> &[Op] {
+        self.by_stratum.get(stratum as usize).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Instructions for these nodes; `None` where they need more registers than there are.
+pub(super) fn lower(graph: &Graph, roots: &[NodeId], counts: Counts, free: &[usize]) -> Option<Code> {
+    let mut lowering = Lowering::new(graph, roots, counts, free);
+    for id in lowering.demanded(roots) {
+        lowering.lower(id);
+        if lowering.is_full {
+            return None;
+        }
+    }
+    let outputs = roots.iter().map(|root| lowering.register(*root)).collect();
+    (!lowering.is_full).then_some(Code { outputs, ..lowering.code })
+}
+
+struct Lowering<'a> {
+    graph: &'a Graph,
+    counts: Counts,
+    code: Code,
+    /// The stratum of each register that is taken.
+    registers: Vec<Stratum>,
+    is_full: bool,
+    strata: Vec<Stratum>,
+    uses: Vec<u32>,
+    /// Asked, never gone over, as the three below.
+    values: HashMap<NodeId, u16>,
+    emitted: HashMap<(Kind, [u16; 6]), u16>,
+    literals: HashMap<Number, u16>,
+    laws: HashMap<(LawId, Box<[NodeId]>), [u16; 3]>,
+    curves: HashMap<(usize, NodeId), [u16; 3]>,
+}
+
+impl<'a> Lowering<'a> {
+    fn new(graph: &'a Graph, roots: &[NodeId], counts: Counts, free: &[usize]) -> Self {
+        let mut registers = vec![Stratum::State; STATES];
+        registers.extend(vec![Stratum::Input; counts.inputs]);
+        let of_parameter = |index| if free.contains(&index) { Stratum::Step } else { Stratum::Parameter };
+        registers.extend((0..counts.parameters).map(of_parameter));
+        let mut strata = vec![Stratum::Literal; graph.len()];
+        let mut uses = vec![0; graph.len()];
+        for id in graph.below(roots) {
+            let parts = graph.node(id).parts();
+            let stratum = match graph.node(id) {
+                Node::Variable(Variable::State(_)) => Stratum::State,
+                Node::Variable(Variable::Input(_)) => Stratum::Input,
+                Node::Variable(Variable::Parameter(index)) => of_parameter(*index),
+                _ => parts
+                    .iter()
+                    .filter_map(|part| strata.get(part.index()))
+                    .max()
+                    .copied()
+                    .unwrap_or(Stratum::Literal),
+            };
+            if let Some(slot) = strata.get_mut(id.index()) {
+                *slot = stratum;
+            }
+            for part in parts {
+                count(&mut uses, part);
+            }
+        }
+        for root in roots {
+            count(&mut uses, *root);
+        }
+        let is_full = registers.len() >= REGISTERS;
+        let code = Code::default();
+        let (values, emitted, literals) = (HashMap::new(), HashMap::new(), HashMap::new());
+        let (laws, curves) = (HashMap::new(), HashMap::new());
+        Self {
+            graph,
+            counts,
+            code,
+            registers,
+            is_full,
+            strata,
+            uses,
+            values,
+            emitted,
+            literals,
+            laws,
+            curves,
+        }
+    }
+
+    fn stratum(&self, id: NodeId) -> Stratum {
+        self.strata.get(id.index()).copied().unwrap_or(Stratum::Literal)
+    }
+
+    fn is_used_once(&self, id: NodeId) -> bool {
+        self.uses.get(id.index()) == Some(&1)
+    }
+
+    /// The sum within a product that the other factors, which change more rarely, are multiplied into.
+    fn distributed(&self, factors: &[(NodeId, i32)]) -> Option<NodeId> {
+        let highest = factors.iter().map(|(factor, _)| self.stratum(*factor)).max()?;
+        let mut high = factors.iter().filter(|(factor, _)| self.stratum(*factor) == highest);
+        let (only, rest) = (high.next()?, high.next());
+        let is_short =
+            matches!(self.graph.node(only.0), Node::Sum { terms, .. } if terms.len() <= MOST_DISTRIBUTED);
+        let alone = rest.is_none() && only.1 == 1 && is_short && self.is_used_once(only.0);
+        (alone && factors.len() > 1).then_some(only.0)
+    }
+
+    /// The factors of a product that is computed within the one sum that uses it.
+    fn fused(&self, term: NodeId) -> Option<&'a [(NodeId, i32)]> {
+        match self.graph.node(term) {
+            Node::Product(factors) if self.is_used_once(term) && self.distributed(factors).is_none() => {
+                Some(factors)
+            }
+            _ => None,
+        }
+    }
+
+    /// The nodes whose values this one needs in registers.
+    fn needs(&self, id: NodeId) -> Vec<NodeId> {
+        match self.graph.node(id) {
+            Node::Sum { terms, .. } => {
+                let mut needs = Vec::new();
+                for (term, _) in terms {
+                    match self.fused(*term) {
+                        Some(factors) => needs.extend(factors.iter().map(|(factor, _)| *factor)),
+                        None => needs.push(*term),
+                    }
+                }
+                needs
+            }
+            Node::Product(factors) => match self.distributed(factors) {
+                Some(sum) => {
+                    let mut needs = self.needs(sum);
+                    needs.extend(factors.iter().map(|(factor, _)| *factor).filter(|factor| *factor != sum));
+                    needs
+                }
+                None => factors.iter().map(|(factor, _)| *factor).collect(),
+            },
+            node => node.parts(),
+        }
+    }
+
+    /// The nodes that have a register of their own, each behind what it needs.
+    fn demanded(&self, roots: &[NodeId]) -> Vec<NodeId> {
+        let mut open = roots.to_vec();
+        let mut demanded = vec![false; self.graph.len()];
+        let mut all = Vec::new();
+        while let Some(id) = open.pop() {
+            if let Some(seen) = demanded.get_mut(id.index()).filter(|seen| !**seen) {
+                *seen = true;
+                all.push(id);
+                open.extend(self.needs(id));
+            }
+        }
+        all.sort_unstable();
+        all
+    }
+
+    fn register(&self, id: NodeId) -> u16 {
+        self.values.get(&id).copied().unwrap_or_default()
+    }
+
+    fn take(&mut self, stratum: Stratum) -> u16 {
+        let register = self.registers.len();
+        if register >= REGISTERS {
+            self.is_full = true;
+            return 0;
+        }
+        self.registers.push(stratum);
+        #[allow(clippy::cast_possible_truncation)] // below the number of registers
+        let register = register as u16;
+        register
+    }
+
+    fn of_register(&self, register: u16) -> Stratum {
+        self.registers.get(usize::from(register)).copied().unwrap_or(Stratum::State)
+    }
+
+    fn literal(&mut self, value: f64) -> u16 {
+        let number = Number::of(value);
+        if let Some(register) = self.literals.get(&number) {
+            return *register;
+        }
+        let register = self.take(Stratum::Literal);
+        self.literals.insert(number, register);
+        self.code.literals.push((register, value));
+        register
+    }
+
+    /// An instruction of these registers in the stratum of the last to change; the one that is there where it is.
+    fn emit(&mut self, kind: Kind, operands: &[u16]) -> u16 {
+        let stratum = operands.iter().map(|r| self.of_register(*r)).max().unwrap_or(Stratum::Literal);
+        let mut of = [0; 6];
+        for (slot, operand) in of.iter_mut().zip(operands) {
+            *slot = *operand;
+        }
+        self.push(kind, of, stratum)
+    }
+
+    fn push(&mut self, kind: Kind, of: [u16; 6], stratum: Stratum) -> u16 {
+        if let Some(register) = self.emitted.get(&(kind, of)) {
+            return *register;
+        }
+        let to = self.take(stratum);
+        if let Some(code) = self.code.by_stratum.get_mut(stratum as usize) {
+            code.push(Op { kind, to, of });
+        }
+        self.emitted.insert((kind, of), to);
+        to
+    }
+
+    fn lower(&mut self, id: NodeId) {
+        let graph = self.graph;
+        let register = match graph.node(id) {
+            Node::Number(number) => self.literal(number.get()),
+            Node::Variable(variable) => {
+                let Counts { inputs, .. } = self.counts;
+                let register = match variable {
+                    Variable::State(index) => *index,
+                    Variable::Input(index) => STATES + index,
+                    Variable::Parameter(index) => STATES + inputs + index,
+                };
+                u16::try_from(register).unwrap_or_default()
+            }
+            Node::Sum { constant, terms } => self.sum(constant.get(), terms, self.stratum(id), None),
+            Node::Product(factors) => self.product(factors, self.stratum(id)),
+            Node::Call(function, at) => self.emit(Kind::Call(*function), &[self.register(*at)]),
+            Node::Choice { smaller, larger, then, otherwise } => {
+                let parts = [smaller, larger, then, otherwise].map(|part| self.register(*part));
+                self.emit(Kind::Choice, &parts)
+            }
+            Node::Law { law, by, arguments } => self.law(*law, by, arguments, self.stratum(id)),
+            Node::Curve { curve, order, at } => self.curve(*curve, *order, *at),
+        };
+        self.values.insert(id, register);
+    }
+
+    /// A power of a register.
+    fn power(&mut self, register: u16, power: i32) -> u16 {
+        match power {
+            1 => register,
+            i32::MIN..=0 => {
+                let reciprocal = self.emit(Kind::Reciprocal, &[register]);
+                self.power(reciprocal, -power)
+            }
+            2 => self.emit(Kind::Multiply, &[register, register]),
+            3 | 4 => {
+                let square = self.power(register, 2);
+                self.emit(Kind::Multiply, &[square, if power == 3 { register } else { square }])
+            }
+            _ => {
+                let stratum = self.of_register(register);
+                #[allow(clippy::cast_possible_truncation)] // at most LARGEST_POWER
+                let bits = (power as i16).cast_unsigned();
+                self.push(Kind::Power, [register, bits, 0, 0, 0, 0], stratum)
+            }
+        }
+    }
+
+    /// The product of registers, those that change rarely first.
+    fn multiplied(&mut self, mut registers: Vec<u16>) -> Option<u16> {
+        registers.sort_by_key(|register| self.of_register(*register));
+        registers.into_iter().reduce(|product, next| self.emit(Kind::Multiply, &[product, next]))
+    }
+
+    fn product(&mut self, factors: &[(NodeId, i32)], stratum: Stratum) -> u16 {
+        if let Some(sum) = self.distributed(factors)
+            && let Node::Sum { constant, terms } = self.graph.node(sum)
+        {
+            let others: Vec<_> = factors.iter().filter(|(factor, _)| *factor != sum).copied().collect();
+            let registers = others.iter().map(|(f, power)| self.power(self.register(*f), *power)).collect();
+            let multiplier = self.multiplied(registers);
+            return self.sum(constant.get(), terms, stratum, multiplier);
+        }
+        let registers =
+            factors.iter().map(|(factor, power)| self.power(self.register(*factor), *power)).collect();
+        self.multiplied(registers).unwrap_or_default()
+    }
+
+    /// constant + Σ coefficient·term, all times what a product multiplies into it.
+    fn sum(
+        &mut self,
+        constant: f64,
+        terms: &[(NodeId, Number)],
+        stratum: Stratum,
+        multiplier: Option<u16>,
+    ) -> u16 {
+        let mut sum = Parts::default();
+        // What changes more rarely than the sum is added up by itself.
+        let mut rare = Parts::default();
+        if constant != 0.0 {
+            let literal = self.literal(constant);
+            match multiplier {
+                Some(by) => rare.pairs.push([literal, by]),
+                None => rare.singles.push(literal),
+            }
+        }
+        for (term, coefficient) in terms {
+            let factors = match self.fused(*term) {
+                Some(factors) => factors,
+                None => &[(*term, 1)],
+            };
+            let registers: Vec<u16> =
+                factors.iter().map(|(factor, power)| self.power(self.register(*factor), *power)).collect();
+            let (low, mut high): (Vec<u16>, Vec<u16>) =
+                registers.into_iter().partition(|register| self.of_register(*register) < stratum);
+            let mut scale: Vec<u16> = multiplier.into_iter().chain(low).collect();
+            if *coefficient != Number::ONE {
+                scale.push(self.literal(coefficient.get()));
+            }
+            // What is computed last is multiplied last.
+            high.sort_unstable();
+            let Some(last) = high.pop() else {
+                let value = self.multiplied(scale);
+                rare.singles.extend(value);
+                continue;
+            };
+            let is_opposite =
+                high.is_empty() && multiplier.is_none() && scale.len() == 1 && coefficient.get() == -1.0;
+            scale.extend(high);
+            match self.multiplied(scale) {
+                _ if is_opposite => sum.opposites.push(last),
+                Some(scale) => sum.pairs.push([scale, last]),
+                None => sum.singles.push(last),
+            }
+        }
+        if let Some(rare) = self.added(rare) {
+            sum.singles.push(rare);
+        }
+        self.added(sum).unwrap_or_else(|| self.literal(0.0))
+    }
+
+    /// Σ singles − Σ opposites + Σ of the pairs' products.
+    fn added(&mut self, mut parts: Parts) -> Option<u16> {
+        // What is computed last is added last.
+        parts.pairs.sort_by_key(|[_, last]| *last);
+        parts.singles.sort_unstable_by(|a, b| b.cmp(a));
+        let mut pairs = parts.pairs.into_iter().peekable();
+        let mut sum = None;
+        if pairs.len() == 0 && parts.singles.is_empty() {
+            let minus = (!parts.opposites.is_empty()).then(|| self.literal(-1.0));
+            sum = minus
+                .zip(parts.opposites.pop())
+                .map(|(minus, last)| self.emit(Kind::Multiply, &[minus, last]));
+        } else if pairs.len() == 0 {
+            sum = parts.singles.pop();
+        }
+        while pairs.len() > 0 {
+            let before = sum.or_else(|| if pairs.len() == 3 { None } else { parts.singles.pop() });
+            let take = match (before, pairs.len()) {
+                (None, 3..) => 3,
+                (_, 2..) => 2,
+                _ => 1,
+            };
+            let mut operands: Vec<u16> = pairs.by_ref().take(take).flatten().collect();
+            operands.extend(before);
+            let kind = match (take, before) {
+                (3, _) => Kind::Products3,
+                (2, Some(_)) => Kind::Products2Add,
+                (2, None) => Kind::Products2,
+                (_, Some(_)) => Kind::MultiplyAdd,
+                (_, None) => Kind::Multiply,
+            };
+            sum = Some(self.emit(kind, &operands));
+        }
+        for single in parts.singles.into_iter().rev() {
+            sum = Some(sum.map_or(single, |sum| self.emit(Kind::Add, &[sum, single])));
+        }
+        for opposite in parts.opposites {
+            sum = sum.map(|sum| self.emit(Kind::Subtract, &[sum, opposite]));
+        }
+        sum
+    }
+
+    fn law(&mut self, law: LawId, by: &[u8], arguments: &[NodeId], stratum: Stratum) -> u16 {
+        let along_first = by.len() <= 2 && by.iter().all(|index| *index == 0);
+        let key = (law, Box::from(arguments));
+        if let Some(known) = self.laws.get(&key).filter(|_| along_first) {
+            return known.get(by.len()).copied().unwrap_or_default();
+        }
+        if along_first {
+            let (slope, bend) = (self.take(stratum), self.take(stratum));
+            let mut of = [0, 0, 0, 0, slope, bend];
+            let kind = if arguments.len() <= 4 {
+                for (slot, argument) in of.iter_mut().zip(arguments) {
+                    *slot = self.register(*argument);
+                }
+                Kind::ShortLaw(law)
+            } else {
+                of[0] = self.listed(arguments);
+                Kind::Law(law)
+            };
+            let value = self.push(kind, of, stratum);
+            self.laws.insert(key, [value, slope, bend]);
+            return [value, slope, bend].get(by.len()).copied().unwrap_or_default();
+        }
+        let start = self.listed(arguments);
+        let index = |k: usize| by.get(k).copied().unwrap_or_default().into();
+        #[allow(clippy::cast_possible_truncation)] // at most three
+        let order = by.len() as u16;
+        self.push(Kind::Partial(law), [start, order, index(0), index(1), index(2), 0], stratum)
+    }
+
+    /// Puts the registers of a law's arguments on the list, and says where they begin.
+    fn listed(&mut self, arguments: &[NodeId]) -> u16 {
+        let start = u16::try_from(self.code.arguments.len() / MOST_ARGUMENTS).unwrap_or_else(|_| {
+            self.is_full = true;
+            0
+        });
+        let mut places = [0; MOST_ARGUMENTS];
+        for (place, argument) in places.iter_mut().zip(arguments) {
+            *place = self.register(*argument);
+        }
+        self.code.arguments.extend(places);
+        start
+    }
+
+    fn curve(&mut self, curve: usize, order: u8, at: NodeId) -> u16 {
+        let known = match self.curves.get(&(curve, at)) {
+            Some(known) => *known,
+            None => {
+                let place = self.register(at);
+                let stratum = self.of_register(place);
+                let (slope, bend) = (self.take(stratum), self.take(stratum));
+                let index = u16::try_from(curve).unwrap_or_default();
+                let value = self.push(Kind::Curve, [place, index, 0, 0, slope, bend], stratum);
+                self.curves.insert((curve, at), [value, slope, bend]);
+                [value, slope, bend]
+            }
+        };
+        known.get(usize::from(order)).copied().unwrap_or_default()
+    }
+}
+
+/// What a sum is made of.
+#[derive(Default)]
+struct Parts {
+    singles: Vec<u16>,
+    opposites: Vec<u16>,
+    pairs: Vec<[u16; 2]>,
+}
+
+fn count(uses: &mut [u32], id: NodeId) {
+    if let Some(uses) = uses.get_mut(id.index()) {
+        *uses += 1;
+    }
+}

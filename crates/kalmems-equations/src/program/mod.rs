@@ -1,0 +1,127 @@
+//! Expressions as instructions over registers, run without allocation.
+
+mod lower;
+mod op;
+mod run;
+
+pub(crate) use lower::Counts;
+pub(crate) use op::{REGISTERS, STATES};
+
+use crate::curve::Curve;
+use crate::graph::{Graph, NodeId};
+use lower::{Code, Stratum, lower};
+use op::Op;
+use run::{Registers, Tables, run};
+use std::sync::Arc;
+
+/// The numbers that a program works on: those of its parameters, and what follows from them.
+///
+/// It belongs to the program that made it.
+#[derive(Clone, Debug)]
+pub struct Work {
+    registers: Box<Registers>,
+}
+
+/// Instructions for some expressions of a device.
+#[derive(Clone, Debug)]
+pub(crate) struct Program {
+    code: Code,
+    /// The instructions of the inputs, and behind them those of the states.
+    stage: Vec<Op>,
+    counts: Counts,
+    tables: Tables,
+}
+
+impl Program {
+    /// For these nodes, with these parameters changing from step to step; `None` where they are too many.
+    pub(crate) fn of(
+        graph: &Graph,
+        roots: &[NodeId],
+        counts: Counts,
+        free: &[usize],
+        curves: &Arc<[Curve]>,
+    ) -> Option<Self> {
+        let code = lower(graph, roots, counts, free)?;
+        let stage =
+            [Stratum::Input, Stratum::State].into_iter().flat_map(|of| code.of(of)).copied().collect();
+        let tables = Tables { arguments: code.arguments.clone(), curves: curves.clone() };
+        Some(Self { code, stage, counts, tables })
+    }
+
+    /// Registers with these values of the parameters, and all that follows from them alone.
+    pub(crate) fn work(&self, parameters: &[f64]) -> Work {
+        // On the heap from the start: a debug build would have it on the stack first.
+        let registers = vec![0.0; REGISTERS].into_boxed_slice().try_into();
+        let mut work = Work { registers: registers.unwrap_or_else(|_| Box::new([0.0; REGISTERS])) };
+        for (register, value) in &self.code.literals {
+            if let Some(slot) = work.registers.get_mut(usize::from(*register)) {
+                *slot = *value;
+            }
+        }
+        self.put(&mut work, STATES + self.counts.inputs, parameters);
+        self.run(Stratum::Literal, &mut work);
+        self.run(Stratum::Parameter, &mut work);
+        work
+    }
+
+    /// Gives a parameter that changes from step to step its value; [`Program::begin_step`] follows.
+    pub(crate) fn set_parameter(&self, work: &mut Work, parameter: usize, value: f64) {
+        self.put(work, STATES + self.counts.inputs + parameter, &[value]);
+    }
+
+    /// Computes what follows from the parameters that change from step to step.
+    #[inline]
+    pub(crate) fn begin_step(&self, work: &mut Work) {
+        self.run(Stratum::Step, work);
+    }
+
+    /// Gives the inputs their values; a stage follows.
+    #[inline]
+    pub(crate) fn set_inputs(&self, work: &mut Work, inputs: &[f64]) {
+        self.put(work, STATES, inputs);
+    }
+
+    /// Gives the states their values, at most as many as a program has, and computes what follows from them; from the
+    /// inputs too where these are new.
+    #[inline]
+    pub(crate) fn stage<const N: usize>(&self, work: &mut Work, states: &[f64; N], new_inputs: bool) {
+        const { assert!(N <= STATES, "behind the states are the inputs") };
+        if let Some(registers) = work.registers.first_chunk_mut::<N>() {
+            *registers = *states;
+        }
+        let skipped = if new_inputs { 0 } else { self.code.of(Stratum::Input).len() };
+        run(self.stage.get(skipped..).unwrap_or_default(), &mut work.registers, &self.tables);
+    }
+
+    #[inline]
+    fn put(&self, work: &mut Work, start: usize, values: &[f64]) {
+        if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
+            for (register, value) in registers.iter_mut().zip(values) {
+                *register = *value;
+            }
+        }
+    }
+
+    #[inline]
+    fn run(&self, stratum: Stratum, work: &mut Work) {
+        run(self.code.of(stratum), &mut work.registers, &self.tables);
+    }
+
+    /// The registers of the results, in the order of the nodes.
+    pub(crate) fn outputs(&self) -> &[u16] {
+        &self.code.outputs
+    }
+
+    /// How many instructions a stage runs, those of the inputs and of the states.
+    pub(crate) fn stage_length(&self) -> usize {
+        self.stage.len()
+    }
+}
+
+impl Work {
+    /// A register.
+    #[inline]
+    pub(crate) fn get(&self, register: u16) -> f64 {
+        self.registers[usize::from(register) & (REGISTERS - 1)]
+    }
+}

@@ -1,0 +1,135 @@
+//! What is read of a device: measurements, events, and what follows from its parameters.
+
+use crate::device::{Device, NoiseKind};
+use crate::error::{EquationError, Fault};
+use crate::graph::{Graph, NodeId};
+use crate::motion::{MOST_STATES, padded, variables, whole};
+use crate::program::{Program, Work};
+
+/// One measurement, or the expression of one event, with its derivatives by the states.
+///
+/// Vectors are as those of [`Motion`](crate::Motion).
+#[derive(Clone, Debug)]
+pub struct Readout {
+    program: Program,
+    states: usize,
+    free: Vec<usize>,
+    value: u16,
+    /// Columns, and the registers of their derivatives.
+    slopes: Vec<(usize, u16)>,
+}
+
+impl Device {
+    /// A measurement, by its place, with these parameters as states.
+    ///
+    /// # Errors
+    ///
+    /// Where there is none, and where its derivatives are too large.
+    pub fn readout(&self, measure: usize, free: &[usize]) -> Result<Readout, EquationError> {
+        let missing = || whole("measure", Fault::Missing(format!("there is no measurement {}", measure + 1)));
+        self.readout_of(*self.readings.get(measure).ok_or_else(missing)?, free, "measure")
+    }
+
+    /// The expression of an event, by its place, with these parameters as states.
+    ///
+    /// # Errors
+    ///
+    /// Where there is none, and where its derivatives are too large.
+    pub fn event(&self, event: usize, free: &[usize]) -> Result<Readout, EquationError> {
+        let missing = || whole("events", Fault::Missing(format!("there is no event {}", event + 1)));
+        self.readout_of(*self.crossings.get(event).ok_or_else(missing)?, free, "events")
+    }
+
+    fn readout_of(&self, node: NodeId, free: &[usize], key: &str) -> Result<Readout, EquationError> {
+        let mut graph = self.graph.clone();
+        let (mut roots, mut columns) = (vec![node], Vec::new());
+        for (column, variable) in variables(self.states.len(), free).enumerate() {
+            let slope = graph.derivative(node, variable);
+            if slope != Graph::ZERO {
+                columns.push(column);
+                roots.push(slope);
+            }
+        }
+        let program = self.program(&mut graph, &roots, free, key)?;
+        let outputs = program.outputs();
+        let value = outputs.first().copied().unwrap_or_default();
+        let slopes = columns.into_iter().zip(outputs.iter().skip(1).copied()).collect();
+        Ok(Readout { states: self.states.len(), free: free.to_vec(), value, slopes, program })
+    }
+
+    /// Every noise that is stated, with these values of all parameters.
+    ///
+    /// # Errors
+    ///
+    /// Where the expressions are too large.
+    pub fn noise(&self, parameters: &[f64]) -> Result<Vec<(NoiseKind, f64)>, EquationError> {
+        let nodes: Vec<NodeId> = self.noise.iter().map(|noise| noise.node).collect();
+        let values = self.constants(&nodes, parameters, "noise")?;
+        Ok(self.noise.iter().map(|noise| noise.kind).zip(values).collect())
+    }
+
+    /// The cyclic states with their periods, with these values of all parameters.
+    ///
+    /// A state's period is the motion of whole turns, which whoever runs a filter takes off the state, the same for
+    /// whatever is predicted together.
+    ///
+    /// # Errors
+    ///
+    /// A period that is not a positive finite number.
+    pub fn periods(&self, parameters: &[f64]) -> Result<Vec<(usize, f64)>, EquationError> {
+        let nodes: Vec<NodeId> = self.periods.iter().map(|(_, node)| *node).collect();
+        let values = self.constants(&nodes, parameters, "cyclic")?;
+        if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
+            let why = format!("a period is {value}; expected a positive finite number");
+            return Err(whole("cyclic", Fault::Value(why)));
+        }
+        Ok(self.periods.iter().map(|(state, _)| *state).zip(values).collect())
+    }
+
+    fn constants(&self, nodes: &[NodeId], parameters: &[f64], key: &str) -> Result<Vec<f64>, EquationError> {
+        let program = self.program(&mut self.graph.clone(), nodes, &[], key)?;
+        let work = program.work(parameters);
+        Ok(program.outputs().iter().map(|register| work.get(*register)).collect())
+    }
+}
+
+impl Readout {
+    /// What it works on, with these values of all parameters, in SI and in the device's order.
+    pub fn work(&self, parameters: &[f64]) -> Work {
+        self.program.work(parameters)
+    }
+
+    /// The value at a state under inputs; not a finite number outside of the domain.
+    pub fn read(&self, work: &mut Work, x: &[f64], inputs: &[f64]) -> f64 {
+        if !self.free.is_empty() {
+            for (parameter, value) in self.free.iter().zip(x.iter().skip(self.states)) {
+                self.program.set_parameter(work, *parameter, *value);
+            }
+            self.program.begin_step(work);
+        }
+        self.program.set_inputs(work, inputs);
+        match self.states {
+            0..=2 => self.program.stage(work, &padded::<2>(x, self.states), true),
+            3..=5 => self.program.stage(work, &padded::<5>(x, self.states), true),
+            _ => self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true),
+        }
+        work.get(self.value)
+    }
+
+    /// The value, and its derivatives by the states.
+    pub fn linearize(&self, work: &mut Work, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
+        let value = self.read(work, x, inputs);
+        slopes.fill(0.0);
+        for (column, register) in &self.slopes {
+            if let Some(slope) = slopes.get_mut(*column) {
+                *slope = work.get(*register);
+            }
+        }
+        value
+    }
+
+    /// The states that it depends on at some point.
+    pub fn sparsity(&self) -> impl Iterator<Item = usize> + '_ {
+        self.slopes.iter().map(|(column, _)| *column)
+    }
+}

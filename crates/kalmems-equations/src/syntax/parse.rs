@@ -1,0 +1,255 @@
+//! From text to terms.
+
+use super::token::{Kind, Token, token};
+use super::tree::{Form, Term, TermId, Tree};
+use crate::error::Fault;
+use crate::limits::{DEEPEST_NESTING, LONGEST_TEXT};
+use kalmems_units::{Unit, Value};
+use std::ops::Range;
+
+type Failure = (Range<usize>, Fault);
+
+/// Reads an expression, and behind `in` the unit that it is to have.
+pub(crate) fn parse(text: &str) -> Result<Tree, Failure> {
+    if text.len() > LONGEST_TEXT {
+        return Err((0..0, Fault::TooLong { length: text.len(), limit: LONGEST_TEXT }));
+    }
+    let next = token(text, 0)?;
+    let mut parser = Parser { text, next, terms: Vec::new() };
+    parser.expression(0, 0)?;
+    let unit = parser.unit_of_the_whole()?;
+    match parser.next.kind {
+        Kind::End => Ok(Tree { terms: parser.terms, unit }),
+        _ => Err(parser.unexpected("an operator such as `+` or `*`, or the end")),
+    }
+}
+
+/// How tightly operators bind.
+const SUM: u8 = 1;
+const PRODUCT: u8 = 2;
+const SIGN: u8 = 3;
+const POWER: u8 = 4;
+
+struct Parser<'a> {
+    text: &'a str,
+    next: Token,
+    terms: Vec<Term>,
+}
+
+impl Parser<'_> {
+    fn advance(&mut self) -> Result<Token, Failure> {
+        let following = token(self.text, self.next.span.end)?;
+        Ok(std::mem::replace(&mut self.next, following))
+    }
+
+    fn word(&self, span: &Range<usize>) -> &str {
+        self.text.get(span.clone()).unwrap_or_default()
+    }
+
+    fn unexpected(&self, expected: &str) -> Failure {
+        let found = match self.next.kind {
+            Kind::End => "the end".to_owned(),
+            _ => format!("`{}`", self.word(&self.next.span)),
+        };
+        (self.next.span.clone(), Fault::Syntax { found, expected: expected.to_owned() })
+    }
+
+    fn push(&mut self, form: Form, span: Range<usize>) -> TermId {
+        self.terms.push(Term { form, span });
+        self.terms.len() - 1
+    }
+
+    fn span(&self, term: TermId) -> Range<usize> {
+        self.terms.get(term).map_or(0..0, |term| term.span.clone())
+    }
+
+    fn is(&self, sign: char) -> bool {
+        self.next.kind == Kind::Sign(sign)
+    }
+
+    fn expect(&mut self, sign: char, expected: &str) -> Result<Token, Failure> {
+        if self.is(sign) { self.advance() } else { Err(self.unexpected(expected)) }
+    }
+
+    /// An expression of operators that bind more tightly than `least`. Operators of one strength become one term with
+    /// many parts, so that a long sum is not deep.
+    fn expression(&mut self, least: u8, depth: usize) -> Result<TermId, Failure> {
+        if depth > DEEPEST_NESTING {
+            return Err((self.next.span.clone(), Fault::TooDeep { limit: DEEPEST_NESTING }));
+        }
+        let mut left = self.prefix(depth)?;
+        loop {
+            left = match self.next.kind {
+                Kind::Sign('+' | '-') if least < SUM => {
+                    let parts = self.chain(left, ['+', '-'], SUM, depth)?;
+                    self.join(Form::Sum, parts)
+                }
+                Kind::Sign('*' | '/') if least < PRODUCT => {
+                    let parts = self.chain(left, ['*', '/'], PRODUCT, depth)?;
+                    self.join(Form::Product, parts)
+                }
+                Kind::Sign('^') if least < POWER => {
+                    self.advance()?;
+                    // To the right: a^b^c is a^(b^c). A sign may stand in front of the exponent.
+                    let exponent = self.expression(POWER - 1, depth + 1)?;
+                    let span = self.span(left).start..self.span(exponent).end;
+                    self.push(Form::Power(left, exponent), span)
+                }
+                _ => return Ok(left),
+            };
+        }
+    }
+
+    /// What is joined by operators of one strength, each with whether the second of the two stands before it.
+    fn chain(
+        &mut self,
+        first: TermId,
+        signs: [char; 2],
+        strength: u8,
+        depth: usize,
+    ) -> Result<Vec<(bool, TermId)>, Failure> {
+        let mut parts = vec![(false, first)];
+        while self.is(signs[0]) || self.is(signs[1]) {
+            let inverse = self.is(signs[1]);
+            self.advance()?;
+            parts.push((inverse, self.expression(strength, depth + 1)?));
+        }
+        Ok(parts)
+    }
+
+    fn join(&mut self, form: fn(Vec<(bool, TermId)>) -> Form, parts: Vec<(bool, TermId)>) -> TermId {
+        let ends = parts.first().zip(parts.last()).map(|(a, b)| (a.1, b.1)).unwrap_or_default();
+        let span = self.span(ends.0).start..self.span(ends.1).end;
+        self.push(form(parts), span)
+    }
+
+    /// What can begin an expression.
+    fn prefix(&mut self, depth: usize) -> Result<TermId, Failure> {
+        match self.next.kind {
+            Kind::Sign('-') => {
+                let sign = self.advance()?;
+                let of = self.expression(SIGN, depth + 1)?;
+                let span = sign.span.start..self.span(of).end;
+                Ok(self.push(Form::Negative(of), span))
+            }
+            Kind::Sign('+') => {
+                self.advance()?;
+                self.expression(SIGN, depth + 1)
+            }
+            Kind::Sign('(') => {
+                let open = self.advance()?;
+                let inner = self.expression(0, depth + 1)?;
+                let close = self.expect(')', "an operator or the `)` of this bracket")?;
+                if let Some(term) = self.terms.get_mut(inner) {
+                    term.span = open.span.start..close.span.end;
+                }
+                Ok(inner)
+            }
+            Kind::Number => self.number(),
+            Kind::Name => {
+                let name = self.advance()?.span;
+                if self.is('(') {
+                    self.call(name, depth)
+                } else {
+                    Ok(self.push(Form::Name(name.clone()), name))
+                }
+            }
+            _ => Err(self.unexpected("a number, a name or `(`")),
+        }
+    }
+
+    fn number(&mut self) -> Result<TermId, Failure> {
+        let number = self.advance()?.span;
+        if self.next.kind != Kind::Unit {
+            let value = self.word(&number).parse().unwrap_or(f64::NAN);
+            return Ok(self.push(Form::Number(value, None), number));
+        }
+        let bracket = self.advance()?.span;
+        let unit = self.word(&(bracket.start + 1..bracket.end - 1)).trim().to_owned();
+        let value = Value::parse(&format!("{} {unit}", self.word(&number)));
+        let value = value.map_err(|fault| (bracket.clone(), Fault::Unit(fault)))?;
+        Ok(self.push(Form::Number(value.si(), Some(value.unit())), number.start..bracket.end))
+    }
+
+    fn call(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+        match self.word(&name) {
+            "if" => return self.choice(name, depth),
+            "d" => return self.partial(name, depth),
+            _ => {}
+        }
+        self.advance()?;
+        let mut arguments = Vec::new();
+        if !self.is(')') {
+            loop {
+                arguments.push(self.expression(0, depth + 1)?);
+                if !self.is(',') {
+                    break;
+                }
+                self.advance()?;
+            }
+        }
+        let close = self.expect(')', "an operator, `,` or the `)` of this function")?;
+        let span = name.start..close.span.end;
+        if self.word(&name) == "ddt" {
+            return match arguments[..] {
+                [of] => Ok(self.push(Form::Rate { of }, span)),
+                _ => {
+                    let function = "ddt".to_owned();
+                    Err((span, Fault::Arguments { function, found: arguments.len(), expected: 1 }))
+                }
+            };
+        }
+        Ok(self.push(Form::Call(name, arguments), span))
+    }
+
+    /// `if(a < b, then, otherwise)`.
+    fn choice(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+        self.advance()?;
+        let left = self.expression(0, depth + 1)?;
+        let less = self.is('<');
+        if !less && !self.is('>') {
+            return Err(self.unexpected("a comparison by `<` or `>`, as in `if(a < b, x, y)`"));
+        }
+        self.advance()?;
+        let right = self.expression(0, depth + 1)?;
+        self.expect(',', "`,` and the value where the comparison holds")?;
+        let then = self.expression(0, depth + 1)?;
+        self.expect(',', "`,` and the value where the comparison does not hold")?;
+        let otherwise = self.expression(0, depth + 1)?;
+        let close = self.expect(')', "the `)` of this `if`")?;
+        let (smaller, larger) = if less { (left, right) } else { (right, left) };
+        let span = name.start..close.span.end;
+        Ok(self.push(Form::Choice { smaller, larger, then, otherwise }, span))
+    }
+
+    /// `d(of, by)`.
+    fn partial(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+        self.advance()?;
+        let of = self.expression(0, depth + 1)?;
+        self.expect(',', "`,` and the name of a state, an input or a parameter, as in `d(C, theta)`")?;
+        if self.next.kind != Kind::Name {
+            return Err(self.unexpected("the name of a state, an input or a parameter"));
+        }
+        let by = self.advance()?.span;
+        let close = self.expect(')', "the `)` of this derivative")?;
+        Ok(self.push(Form::Partial { of, by }, name.start..close.span.end))
+    }
+
+    /// What stands behind `in`.
+    fn unit_of_the_whole(&mut self) -> Result<Option<(Unit, Range<usize>)>, Failure> {
+        if self.next.kind != Kind::Name || self.word(&self.next.span) != "in" {
+            return Ok(None);
+        }
+        let span = self.next.span.end..self.text.len();
+        let text = self.word(&span);
+        let start = span.start + (text.len() - text.trim_start().len());
+        let span = start..start + text.trim().len();
+        if span.is_empty() {
+            let expected = "a unit behind `in`, such as `V`".to_owned();
+            return Err((span, Fault::Syntax { found: "the end".to_owned(), expected }));
+        }
+        let unit = Unit::parse(self.word(&span)).map_err(|fault| (span.clone(), Fault::Unit(fault)))?;
+        self.next = Token { kind: Kind::End, span: self.text.len()..self.text.len() };
+        Ok(Some((unit, span)))
+    }
+}
