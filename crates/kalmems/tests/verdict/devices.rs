@@ -141,8 +141,8 @@ impl Device {
 
     /// What those filters make of it; `None` where the recording is refused.
     pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
-        let [metrics] = self.judged_by(real, [told], seed);
-        metrics
+        let (told, simulated) = self.recorded(real, told, seed);
+        judged(&told, &simulated)
     }
 
     /// The same of several filters that are told different things, on one recording.
@@ -153,9 +153,11 @@ impl Device {
         seed: u64,
     ) -> [Option<Metrics>; N] {
         let (told, simulated) = self.recorded_by(real, told, seed);
-        told.map(|told| {
-            let outcome = estimate_unwritten(published(), &told, &simulated, &Silent);
-            outcome.ok().map(|outcome| Metrics::of(&outcome))
-        })
+        told.map(|told| judged(&told, &simulated))
     }
+}
+
+fn judged(told: &Experiment, simulated: &Unwritten) -> Option<Metrics> {
+    let outcome = estimate_unwritten(published(), told, simulated, &Silent);
+    outcome.ok().map(|outcome| Metrics::of(&outcome))
 }

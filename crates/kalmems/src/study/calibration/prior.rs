@@ -1,9 +1,9 @@
 //! What a filter holds as uncertain of its device, and a truth that is drawn from it.
 
-use super::super::patch::put;
 use super::super::seed::Draw;
 use crate::config::{Fault, Key, Step};
 use crate::estimate::Parameter;
+use crate::patch::put;
 use crate::units::Value;
 use toml::{Table, Value as Toml};
 
