@@ -26,7 +26,7 @@ pub struct AnswerChange {
 impl AnswerChange {
     /// From one answer to another; `None` where they have no samples in common.
     pub(super) fn between(from: &Trial, to: &Trial) -> Option<Self> {
-        if from.answer.len() != to.answer.len() {
+        if from.answer.len() != to.answer.len() || !from.is_its_own() {
             return None;
         }
         let difference: Vec<f64> = to.answer.iter().zip(&from.answer).map(|(b, a)| b - a).collect();

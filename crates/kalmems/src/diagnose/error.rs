@@ -14,7 +14,7 @@ pub enum DiagnoseError {
     Read(#[from] ReadError),
     /// The filter cannot be run.
     #[error(
-        "the filter `{filter}` stops, or takes no sample in, so that there is nothing to diagnose; `kalmems estimate` says why"
+        "the filter `{filter}` stops, or refuses the recording, whatever number of its device is changed; `kalmems estimate` says why"
     )]
     Stops {
         /// Its name.

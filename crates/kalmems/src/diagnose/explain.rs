@@ -40,7 +40,7 @@ pub(super) struct Explained {
 
 /// The probability that any of the causes that were tried gains as much without being one. The likelihood ratio of blocks that were
 /// not fitted is 1 on average where nothing is wrong, so that its probability to be above c is below 1/c.
-const BY_CHANCE: f64 = 1e-3;
+const BY_CHANCE: f64 = 1e-2;
 
 /// Causes whose blocks that were not fitted are so nearly as likely, ln p, are the same to the recording: a factor of a thousand.
 const SAME: f64 = 6.9;
@@ -112,7 +112,7 @@ impl Explained {
         Ok(pairs)
     }
 
-    /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them passes the tests.
+    /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
     fn of(search: &Search, mut tried: Vec<Tried>, tries: usize) -> Self {
         tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
         let needed = (tries as f64 / BY_CHANCE).ln();
@@ -125,7 +125,7 @@ impl Explained {
         for found in found {
             if found.gain > best - SAME { &mut causes } else { &mut closest }.push(found);
         }
-        if !causes.iter().any(|found| found.trial.passes()) {
+        if !causes.iter().any(|found| found.trial.is_explained()) {
             closest = [causes, closest].concat();
             closest.truncate(CLOSEST);
             causes = Vec::new();

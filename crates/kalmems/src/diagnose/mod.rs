@@ -93,12 +93,21 @@ pub fn scale_notes(
     note::notes(&bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)
 }
 
+/// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
+/// with one of the numbers changed stands in.
 fn begin(workbench: &Workbench, bench: &Bench) -> Result<(Trial, Vec<Suspect>), DiagnoseError> {
-    let stops = || DiagnoseError::Stops { filter: bench.filter_name.clone() };
-    let base = bench.run(&[]).ok_or_else(stops)?;
     let rig = workbench.rig(&bench.experiment)?;
-    let suspects = Suspect::all(rig, &bench.experiment, &bench.document, base.innovation_sd());
-    Ok((base, suspects))
+    let suspects = |noise_sd| Suspect::all(rig, &bench.experiment, &bench.document, noise_sd);
+    let base = bench.run(&[]).or_else(|| {
+        let known = suspects(0.0);
+        let sizes =
+            known.iter().flat_map(|suspect| suspect.sizes.iter().rev().map(move |size| (suspect, *size)));
+        let mut runs = sizes.filter_map(|(suspect, size)| bench.run(&suspect.changes(size)?));
+        runs.next().map(Trial::standing_in)
+    });
+    let base = base.ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
+    let noise_sd = base.innovation_sd();
+    Ok((base, suspects(noise_sd)))
 }
 
 fn of_bench(

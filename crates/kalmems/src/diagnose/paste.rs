@@ -20,7 +20,7 @@ fn changed(text: &str, edit: &Edit) -> Option<String> {
     }
     let (Step::Name(name), above) = steps.split_last()? else { return None };
     let line = format!("{name} = {}", edit.to);
-    if let Some(first) = first_entry(&document, above) {
+    if let Some(first) = first_entry(text, &document, above) {
         // Before an entry of the same table, on a line of its own or within its braces.
         let begins = text.get(..first)?.rfind('\n').map_or(0, |end| end + 1);
         let is_alone = text.get(begins..first)?.trim().is_empty();
@@ -56,14 +56,20 @@ fn below<'a, 'b>(value: &'a DeValue<'b>, step: &Step) -> Option<&'a Spanned<DeVa
 }
 
 /// Where the first key of a table stands that has a value of its own in the text.
-fn first_entry(document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<usize> {
+fn first_entry(text: &str, document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<usize> {
     let (Step::Name(first), rest) = steps.split_first()? else { return None };
     let mut value = document.get_ref().get(first.as_str())?;
     for step in rest {
         value = below(value.get_ref(), step)?;
     }
     let DeValue::Table(table) = value.get_ref() else { return None };
-    let own = table.iter().filter(|(_, value)| !matches!(value.get_ref(), DeValue::Table(_)));
+    // A table with a header of its own is no entry of this one's lines.
+    let is_inline = |span: Range<usize>| text.get(span).is_some_and(|value| value.starts_with('{'));
+    let own = table.iter().filter(|(_, value)| match value.get_ref() {
+        DeValue::Table(_) => is_inline(value.span()),
+        DeValue::Array(list) => !list.iter().any(|entry| matches!(entry.get_ref(), DeValue::Table(_))),
+        _ => true,
+    });
     own.map(|(key, _)| key.span().start).min()
 }
 

@@ -118,7 +118,7 @@ impl Diagnosis {
             rows,
             duration_s,
             finding,
-            tests: base.failing().map(TestResult::to_string).collect(),
+            tests: base.failing().filter(|_| base.is_its_own()).map(TestResult::to_string).collect(),
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
             causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),

@@ -109,7 +109,8 @@ impl Faulty {
     fn is_seen(&self) -> bool {
         let rig = published().rig(&self.told).unwrap();
         let index = rig.wanted(&self.told).unwrap()[0];
-        let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return false };
+        // A filter that refuses the recording sees that something is wrong.
+        let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return true };
         estimates.iter().any(|estimate| {
             let mut judge = kalmems::evaluate::SegmentJudge::default();
             judge.take(estimate);

@@ -215,10 +215,10 @@ mod tests {
         };
         let own = lasting(1000, true);
         assert!((own.independent - 200.0).abs() < 10.0 && own.ranked == 200, "{own:?}");
-        assert!(
-            own.coverage[0].found.holds(own.coverage[0].claimed) && own.finding == Finding::Holds,
-            "{own:?}"
-        );
+        // Of 200 errors: a share that is further off is one of a thousand.
+        let Level { claimed, found } = own.coverage[0];
+        let sd = (claimed * (1.0 - claimed) / 200.0).sqrt();
+        assert!((found.share - claimed).abs() < 3.3 * sd && own.finding == Finding::Holds, "{own:?}");
         // Of 200 shares the variance is known to 10 %.
         let own = lasting(1000, false);
         assert!(own.independent > 120_000.0 && own.ranked == 3200, "{own:?}");
