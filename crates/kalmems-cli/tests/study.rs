@@ -164,3 +164,20 @@ fn a_run_is_what_simulate_and_estimate_make_of_it() {
     }
     assert!(compared >= 15, "{compared}");
 }
+
+#[test]
+fn an_experiment_file_is_calibrated_by_itself() {
+    let folder = short(2);
+    let folder = folder.path();
+    let json = good(folder, &["study", "simulation.toml", "--calibration", "--runs", "3", "--json"]);
+    let summary: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let filter = &summary["calibration"]["filters"][0];
+    assert_eq!((filter["estimator"].as_str(), filter["runs"].as_u64()), (Some("ekf"), Some(3)));
+    assert_eq!(filter["claims"][0]["quantity"], "angle");
+    let out = folder.join("out/calibrations/shared_scanner_start");
+    assert!(out.join("calibration.csv").exists() && out.join("report.html").exists());
+    let text = good(folder, &["study", "simulation.toml", "--calibration", "--runs", "3"]);
+    assert!(text.contains("Verdicts") && text.contains("within 1 sd, % (68.3)"), "{text}");
+    // How many runs a study has says its file.
+    assert_eq!(run(folder, &["study", "study.toml", "--runs", "3"]).status.code(), Some(2));
+}

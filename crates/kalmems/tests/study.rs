@@ -367,10 +367,7 @@ fn what_is_wrong_is_named_with_its_line() {
         assert!(refused.contains(message), "{is}:\n{refused}\n{message}");
     }
     let nothing = Folder::with("name = \"a\"\nexperiment = \"experiment.toml\"\n").refused();
-    assert!(
-        nothing.contains("vary: found nothing that varies; expected at least one `[[vary]]`"),
-        "{nothing}"
-    );
+    assert!(nothing.contains("vary: the key is missing; add a table headed `[[vary]]`"), "{nothing}");
     assert!(matches!("4/3".parse::<Shard>(), Err(StudyError::Shard { .. })));
 }
 

@@ -348,8 +348,8 @@ impl Plan {
     fn check_names(&self) -> Result<(), ConfigError> {
         let refuse = |key, why: String| Err(self.refuse(key, Fault::Value { why }));
         if self.axes.is_empty() && self.calibration.is_none() {
-            let why = "found nothing that varies; expected at least one `[[vary]]`".to_owned();
-            return refuse(Key::from("vary"), why);
+            let remedy = "add a table headed `[[vary]]`, with double brackets".to_owned();
+            return Err(self.refuse(Key::from("vary"), Fault::MissingKey { remedy }));
         }
         if !self.truth.is_empty() && !self.simulated {
             let why =
