@@ -167,10 +167,7 @@ mod tests {
     #[test]
     fn outside_is_what_is_stated() {
         let x = [0.0, 1.0, 2.0, 3.0];
-        let at = |outside, x: f64| through(|x| x * x, &x_of(), outside).at(x);
-        fn x_of() -> [f64; 4] {
-            [0.0, 1.0, 2.0, 3.0]
-        }
+        let at = |outside, at: f64| through(|x| x * x, &x, outside).at(at);
         assert!(at(Outside::Error, 3.0 + 1e-12).iter().all(|v| v.is_nan()));
         assert_eq!(at(Outside::Clamp, 5.0), [9.0, 0.0, 0.0]);
         let [value, slope, bend] = at(Outside::Linear, 5.0);

@@ -14,6 +14,7 @@ use crate::device::Device;
 use crate::error::{EquationError, Fault};
 use crate::graph::{Graph, NodeId, Variable};
 use crate::motion::{MOST_STATES, padded, whole};
+use crate::program::Program;
 use kalmems_core::Scalar;
 use std::fmt;
 
@@ -146,7 +147,7 @@ impl Device {
                 .map(|(size, held)| if *held { size * chance.between(-1.0, 1.0) } else { 0.0 });
             let u: Vec<f64> = u.collect();
             let mut powers = |x: &[f64]| -> Vec<f64> {
-                program.set_inputs(&mut work, &u);
+                Program::set_inputs(&mut work, &u);
                 program.stage(&mut work, &padded::<MOST_STATES>(x, x.len()), true);
                 program.outputs().iter().map(|register| work.get(*register)).collect()
             };

@@ -107,7 +107,7 @@ impl Readout {
             }
             self.program.begin_step(work);
         }
-        self.program.set_inputs(work, inputs);
+        Program::set_inputs(work, inputs);
         match self.states {
             0..=2 => self.program.stage(work, &padded::<2>(x, self.states), true),
             3..=5 => self.program.stage(work, &padded::<5>(x, self.states), true),

@@ -236,7 +236,7 @@ fn the_accelerometer_is_its_law() {
             carrier_mean_square: 0.18,
             bias: 0.1,
         },
-        prior: GaussMarkov { rms: 9.806_65, rate: TAU * 50.0, damping_ratio: 0.7071 },
+        prior: GaussMarkov { rms: 9.806_65, rate: TAU * 50.0, damping_ratio: 0.72 },
     };
     let mut chance = Chance::new(5);
     let feedback = |c: &mut Chance| {

@@ -7,7 +7,7 @@
 use super::names::Text;
 use super::resolve::{Expansion, Resolver, Value, unlike};
 use crate::error::EquationError;
-use crate::graph::Variable;
+use crate::graph::{NodeId, Variable};
 use crate::quantity::Quantity;
 use kalmems_units::Dimension;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ impl Resolver {
         let own = self.variable(Variable::State(state));
         let difference = self.graph.sum(0.0, &[(followed.node, 1.0), (own.node, -1.0)]);
         let node = self.graph.product(&[(difference, 1), (time.node, -1)]);
-        Ok(self.per_second(node, own))
+        Ok(per_second(node, own))
     }
 
     /// Of the first order, v′ = 2·(u − v)/τ. Of the second, v′ = w/τ and w′ = 12·(u − v − w/2)/τ.
@@ -44,7 +44,7 @@ impl Resolver {
             }
         };
         let node = self.graph.product(&[(node, 1), (time.node, -1)]);
-        Ok(self.per_second(node, first))
+        Ok(per_second(node, first))
     }
 
     /// 2·v − u of the first order, u − w of the second.
@@ -60,11 +60,6 @@ impl Resolver {
         Ok(Value::new(node, followed.quantity))
     }
 
-    fn per_second(&self, node: crate::graph::NodeId, state: Value) -> Value {
-        let quantity = state.quantity.over(Quantity::Exact(SECOND)).unwrap_or(Quantity::Any);
-        Value::new(node, quantity)
-    }
-
     /// A time constant, in s.
     fn time(&mut self, text: &Arc<Text>) -> Resolved {
         let time = self.value(text)?;
@@ -75,4 +70,10 @@ impl Resolver {
         }
         Ok(time)
     }
+}
+
+/// The rate of a state.
+fn per_second(node: NodeId, state: Value) -> Value {
+    let quantity = state.quantity.over(Quantity::Exact(SECOND)).unwrap_or(Quantity::Any);
+    Value::new(node, quantity)
 }

@@ -1,5 +1,7 @@
 //! A device: its equations, checked and in the graph.
 
+mod calls;
+mod constants;
 mod followers;
 mod names;
 mod operations;

@@ -75,6 +75,9 @@ impl Meaning {
 pub(crate) const BUILT_IN: [&str; 15] =
     ["sqrt", "exp", "ln", "sin", "cos", "tan", "tanh", "atanh", "abs", "min", "max", "if", "d", "ddt", "in"];
 
+/// Entries of a table, and what each of them is by its place.
+type Table<'a> = (&'a [Entry], fn(usize) -> Meaning);
+
 /// The names of a description.
 #[derive(Debug, Default)]
 pub(crate) struct Names {
@@ -93,7 +96,7 @@ impl Names {
             let formula = Formula { arguments, text: Text::read(&entry)?, is_own: false };
             names.known.insert(name, Meaning::Function(Arc::new(formula)));
         }
-        let tables: [(&[Entry], fn(usize) -> Meaning); 4] = [
+        let tables: [Table<'_>; 4] = [
             (states, Meaning::State),
             (&description.inputs, Meaning::Input),
             (&description.parameters, Meaning::Parameter),

@@ -11,7 +11,6 @@ use std::ops::Range;
 use std::sync::Arc;
 
 type Resolved = Result<Value, EquationError>;
-type Arguments = Vec<(String, Value)>;
 
 impl Resolver {
     /// A sum, of which each part is given with its sign and its place among the terms.
@@ -94,25 +93,9 @@ impl Resolver {
         Ok(Value::new(self.graph.call(Function::Exp, product), Quantity::PLAIN))
     }
 
-    /// The common unit of two expressions that are compared.
-    pub(crate) fn alike(
-        &self,
-        text: &Text,
-        (left, left_id): (Value, usize),
-        (right, right_id): (Value, usize),
-    ) -> Result<Quantity, EquationError> {
-        left.quantity.plus(right.quantity).ok_or_else(|| {
-            let because = format!("`{}` has", shown(text, left_id));
-            let what = format!("`{}`", shown(text, right_id));
-            let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
-            text.error(&span_of(text, right_id), fault)
-        })
-    }
-
     pub(crate) fn call(
         &mut self,
         text: &Arc<Text>,
-        _: &Arguments,
         call: (&Range<usize>, &Range<usize>),
         parts: &[(Value, usize)],
     ) -> Resolved {
@@ -140,7 +123,7 @@ impl Resolver {
         };
         match (name.as_str(), parts) {
             ("min" | "max", [left, right]) => {
-                let quantity = self.alike(text, *left, *right)?;
+                let quantity = alike(text, *left, *right)?;
                 let (a, b) = (left.0.node, right.0.node);
                 let (then, otherwise) = if name == "min" { (a, b) } else { (b, a) };
                 let node = self.graph.choice(a, b, then, otherwise);
@@ -182,7 +165,7 @@ impl Resolver {
             "sin" | "cos" | "tan" => {
                 if !of.quantity.is_angle() {
                     let remedy = " or an angle";
-                    return Err(self.not_plain(text, name, (of, id), remedy));
+                    return Err(not_plain(text, name, (of, id), remedy));
                 }
                 if of.in_cycles {
                     let message = format!(
@@ -201,7 +184,7 @@ impl Resolver {
             _ => {
                 if !of.quantity.is_plain() {
                     let remedy = "; divide by a reference with the same unit, angles included";
-                    return Err(self.not_plain(text, name, (of, id), remedy));
+                    return Err(not_plain(text, name, (of, id), remedy));
                 }
                 let function = match name {
                     "exp" => Function::Exp,
@@ -212,19 +195,6 @@ impl Resolver {
                 plain(self.graph.call(function, of.node))
             }
         }
-    }
-
-    #[allow(clippy::unused_self)] // reads as the others do
-    fn not_plain(
-        &self,
-        text: &Text,
-        function: &str,
-        (of, id): (Value, usize),
-        remedy: &'static str,
-    ) -> EquationError {
-        let what = format!("the argument of `{function}`");
-        let fault = Fault::NotPlain { what, found: of.quantity.to_string(), remedy };
-        text.error(&span_of(text, id), fault)
     }
 
     fn law(
@@ -271,6 +241,20 @@ impl Resolver {
     }
 }
 
+/// The common unit of two expressions that are compared.
+pub(crate) fn alike(
+    text: &Text,
+    (left, left_id): (Value, usize),
+    (right, right_id): (Value, usize),
+) -> Result<Quantity, EquationError> {
+    left.quantity.plus(right.quantity).ok_or_else(|| {
+        let because = format!("`{}` has", shown(text, left_id));
+        let what = format!("`{}`", shown(text, right_id));
+        let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
+        text.error(&span_of(text, right_id), fault)
+    })
+}
+
 /// A term as it is written, not too long for a message.
 fn shown(text: &Text, id: usize) -> String {
     let written = text.word(&span_of(text, id));
@@ -282,4 +266,10 @@ fn shown(text: &Text, id: usize) -> String {
 
 fn span_of(text: &Text, id: usize) -> Range<usize> {
     text.tree.terms.get(id).map_or(0..0, |term| term.span.clone())
+}
+
+/// An argument that has to be a plain number.
+fn not_plain(text: &Text, function: &str, (of, id): (Value, usize), remedy: &'static str) -> EquationError {
+    let what = format!("the argument of `{function}`");
+    text.error(&span_of(text, id), Fault::NotPlain { what, found: of.quantity.to_string(), remedy })
 }

@@ -2,7 +2,7 @@
 
 use super::names::{Names, Text};
 use super::resolve::{Expansion, Given, RateOf, Resolver, Slot, Value, fault_of, unlike};
-use super::{Device, Line, Named, Noise, NoiseKind, Parameter};
+use super::{Device, Line, Named, Parameter};
 use crate::curve::Curve;
 use crate::description::{Description, Entry, Points};
 use crate::error::{EquationError, Fault, nearest};
@@ -11,7 +11,7 @@ use crate::quantity::Quantity;
 use kalmems_units::{Dimension, Unit, Value as Quantified};
 use std::sync::Arc;
 
-const SECOND: Dimension = Dimension::of([0, 0, 1, 0, 0, 0]);
+pub(super) const SECOND: Dimension = Dimension::of([0, 0, 1, 0, 0, 0]);
 
 impl Device {
     /// Reads all texts, checks names and units, and makes the graph.
@@ -72,10 +72,10 @@ impl Device {
     }
 }
 
-struct Read<'a> {
-    description: &'a Description,
-    resolver: Resolver,
-    states: Vec<Named>,
+pub(super) struct Read<'a> {
+    pub(super) description: &'a Description,
+    pub(super) resolver: Resolver,
+    pub(super) states: Vec<Named>,
     inputs: Vec<Named>,
     parameters: Vec<Parameter>,
     curves: Vec<Curve>,
@@ -236,96 +236,6 @@ impl<'a> Read<'a> {
         }
         Ok((names, nodes))
     }
-
-    fn noise(&mut self, measures: &[Named]) -> Result<Vec<Noise>, EquationError> {
-        let mut noise: Vec<Noise> = Vec::new();
-        for entry in &self.description.noise {
-            let text = Text::read(entry)?;
-            let whole = 0..entry.text.len();
-            let value = self.resolver.value(&text)?;
-            self.of_parameters_alone(&text, value, "a noise")?;
-            let state = self.states.iter().position(|named| *named.name == entry.name);
-            let measure = measures.iter().position(|named| *named.name == entry.name);
-            let square = |unit: Unit| Quantity::Exact(unit.dimension()).to_half_power(4);
-            let per_second = |quantity: Quantity| quantity.over(Quantity::Exact(SECOND));
-            let kind = match (state, measure) {
-                (Some(state), _) => {
-                    let unit = self.states.get(state).map_or(Unit::ONE, |named| named.unit);
-                    // Of the rate: (unit/s)² per Hz.
-                    let wanted = square(unit).and_then(per_second).unwrap_or(Quantity::Any);
-                    if wanted.plus(value.quantity).is_none() {
-                        let because = format!("the power density of the rate of `{}` has", entry.name);
-                        let fault = unlike("this", value.quantity, wanted.to_string(), because);
-                        return Err(text.error(&whole, fault));
-                    }
-                    NoiseKind::Rate { state }
-                }
-                (None, Some(measure)) => {
-                    let unit = measures.get(measure).map_or(Unit::ONE, |named| named.unit);
-                    let variance = square(unit).unwrap_or(Quantity::Any);
-                    let density = variance.times(Quantity::Exact(SECOND));
-                    if variance.plus(value.quantity).is_some() {
-                        NoiseKind::Variance { measure }
-                    } else if density.plus(value.quantity).is_some() {
-                        NoiseKind::Density { measure }
-                    } else {
-                        let because = format!(
-                            "a variance of one sample of `{}` has (or {density} as a density)",
-                            entry.name
-                        );
-                        let fault = unlike("this", value.quantity, variance.to_string(), because);
-                        return Err(text.error(&whole, fault));
-                    }
-                }
-                (None, None) => {
-                    let known = self.states.iter().chain(measures).map(|named| &*named.name);
-                    let suggestion = nearest(&entry.name, known);
-                    let what = "a state or a measurement, which a noise is of";
-                    let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
-                    return Err(EquationError::whole(&entry.place, "", fault));
-                }
-            };
-            if noise.iter().any(|other| other.kind == kind) {
-                return Err(twice(entry, "a noise"));
-            }
-            noise.push(Noise { kind, node: value.node });
-        }
-        Ok(noise)
-    }
-
-    fn periods(&mut self) -> Result<Vec<(usize, crate::graph::NodeId)>, EquationError> {
-        let mut periods = Vec::new();
-        for entry in &self.description.cyclic {
-            let text = Text::read(entry)?;
-            let Some(state) = self.states.iter().position(|named| *named.name == entry.name) else {
-                let suggestion = nearest(&entry.name, self.states.iter().map(|named| &*named.name));
-                let what = "a state, which can be cyclic";
-                let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
-                return Err(EquationError::whole(&entry.place, "", fault));
-            };
-            let value = self.resolver.value(&text)?;
-            self.of_parameters_alone(&text, value, "a period")?;
-            let unit = self.resolver.variable(Variable::State(state)).quantity;
-            if unit.plus(value.quantity).is_none() {
-                let because = format!("the state `{}` has", entry.name);
-                let fault = unlike("this period", value.quantity, unit.to_string(), because);
-                return Err(text.error(&(0..entry.text.len()), fault));
-            }
-            periods.push((state, value.node));
-        }
-        Ok(periods)
-    }
-
-    fn of_parameters_alone(&self, text: &Text, value: Value, what: &str) -> Result<(), EquationError> {
-        let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
-        if self.resolver.graph.variables(value.node).iter().all(is_parameter) {
-            return Ok(());
-        }
-        let fault = Fault::Value(format!(
-            "{what} is made of numbers and parameters alone; this depends on a state or an input"
-        ));
-        Err(text.error(&(0..text.entry.text.len()), fault))
-    }
 }
 
 type Equations = Vec<(String, Line)>;
@@ -339,7 +249,7 @@ fn texts(entries: &[Entry]) -> Result<Vec<Arc<Text>>, EquationError> {
     entries.iter().map(Text::read).collect()
 }
 
-fn twice(entry: &Entry, what: &str) -> EquationError {
+pub(super) fn twice(entry: &Entry, what: &str) -> EquationError {
     let why = format!("{what} of this name stands there already");
     EquationError::whole(&entry.place, "", Fault::Name { name: entry.name.clone(), why })
 }

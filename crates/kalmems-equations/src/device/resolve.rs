@@ -1,11 +1,12 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
 use super::Line;
-use super::names::{Formula, Meaning, Names, Text, is_of_the_language};
+use super::names::{Meaning, Names, Text, is_of_the_language};
+use super::operations::alike;
 use crate::description::Entry;
 use crate::error::{EquationError, Fault, Notice};
 use crate::graph::{Graph, NodeId, Stop, Variable};
-use crate::limits::{DEEPEST_DEFINITION, LARGEST_POWER, MOST_NODES, MOST_TERMS};
+use crate::limits::{DEEPEST_DEFINITION, LARGEST_POWER, MOST_NODES, MOST_NOTICES, MOST_TERMS};
 use crate::quantity::Quantity;
 use crate::syntax::Form;
 use kalmems_units::{Dimension, Unit};
@@ -90,8 +91,9 @@ pub(crate) struct Resolver {
     pub(crate) used: BTreeMap<String, Line>,
 }
 
-type Arguments = Vec<(String, Value)>;
-type Resolved = Result<Value, EquationError>;
+/// The values that the arguments of a function have.
+pub(super) type Arguments = Vec<(String, Value)>;
+pub(super) type Resolved = Result<Value, EquationError>;
 
 impl Resolver {
     /// A text that stands alone.
@@ -175,7 +177,7 @@ impl Resolver {
     }
 
     /// Notes that a definition is being resolved; refuses one that is already, and too many.
-    fn begin(&mut self, text: &Text, label: String, is_busy: bool) -> Result<(), EquationError> {
+    pub(super) fn begin(&mut self, text: &Text, label: String, is_busy: bool) -> Result<(), EquationError> {
         let whole = 0..text.entry.text.len();
         if is_busy {
             let from = self.busy.iter().position(|other| *other == label).unwrap_or_default();
@@ -205,7 +207,7 @@ impl Resolver {
     }
 
     /// A text with the values of a function's arguments.
-    fn evaluate(&mut self, text: &Arc<Text>, arguments: &Arguments) -> Resolved {
+    pub(super) fn evaluate(&mut self, text: &Arc<Text>, arguments: &Arguments) -> Resolved {
         let mut values: Vec<Value> = Vec::with_capacity(text.tree.terms.len());
         for term in &text.tree.terms {
             self.terms_read += 1;
@@ -270,8 +272,8 @@ impl Resolver {
             }
             Form::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
             Form::Choice { smaller, larger, then, otherwise } => {
-                self.alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
-                let quantity = self.alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
+                alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
+                let quantity = alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
                 let ids = [smaller, larger, then, otherwise].map(|id| of(id).node);
                 let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
                 self.notice_kink(text, span, "if", node);
@@ -280,7 +282,7 @@ impl Resolver {
             }
             Form::Call(name, of_call) => {
                 let parts: Vec<_> = of_call.iter().map(|id| (of(id), *id)).collect();
-                self.call(text, arguments, (name, span), &parts)
+                self.call(text, (name, span), &parts)
             }
             Form::Partial { of: inner, by } => self.partial(text, arguments, of(inner), by),
             Form::Rate { of: inner } => self.total(text, span, of(inner)),
@@ -314,97 +316,25 @@ impl Resolver {
         }
     }
 
-    /// The variable that a derivative is taken by.
-    fn partial(&mut self, text: &Text, arguments: &Arguments, of: Value, by: &Range<usize>) -> Resolved {
-        let name = text.word(by);
-        let bound = arguments.iter().find(|(argument, _)| argument == name).map(|(_, value)| value.node);
-        let variable = match (bound, self.names.get(name)) {
-            (Some(node), _) => self.graph.as_variable(node),
-            (None, Some(Meaning::State(index))) => Some(Variable::State(*index)),
-            (None, Some(Meaning::Input(index))) => Some(Variable::Input(*index)),
-            (None, Some(Meaning::Parameter(index))) => Some(Variable::Parameter(*index)),
-            (None, None) => return Err(text.error(by, self.names.unknown(name, false))),
-            (None, Some(_)) => None,
-        };
-        let Some(variable) = variable else {
-            let is = match (bound, self.names.get(name)) {
-                (None, Some(meaning)) => meaning.words(),
-                _ => "an argument that stands for an expression",
-            };
-            let expected = "a derivative is taken by a state, an input or a parameter".to_owned();
-            return Err(text.error(by, Fault::Use { name: name.to_owned(), is, expected }));
-        };
-        let by_quantity = self.variable(variable).quantity;
-        let node = self.graph.derivative(of.node, variable);
-        let quantity = of.quantity.over(by_quantity).unwrap_or(Quantity::Any);
-        Ok(Value::new(node, quantity))
-    }
-
-    /// The total derivative along the motion.
-    fn total(&mut self, text: &Text, span: &Range<usize>, of: Value) -> Resolved {
-        let mut parts = Vec::new();
-        for variable in self.graph.variables(of.node) {
-            match variable {
-                Variable::Parameter(_) => {}
-                Variable::State(state) => {
-                    let slope = self.graph.derivative(of.node, variable);
-                    if slope != Graph::ZERO {
-                        let rate = self.rate(state)?.node;
-                        parts.push((self.graph.product(&[(slope, 1), (rate, 1)]), 1.0));
-                    }
-                }
-                Variable::Input(index) => {
-                    if self.graph.derivative(of.node, variable) != Graph::ZERO {
-                        let input = self.names.of_input(index);
-                        return Err(text.error(span, Fault::RateOfInput { input }));
-                    }
-                }
-            }
-        }
-        let second = Quantity::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
-        let quantity = of.quantity.over(second).unwrap_or(Quantity::Any);
-        Ok(Value::new(self.graph.sum(0.0, &parts), quantity))
-    }
-
-    /// A formula with its arguments inserted.
-    pub(crate) fn insert(
-        &mut self,
-        text: &Text,
-        call: (&Range<usize>, &Range<usize>),
-        formula: &Arc<Formula>,
-        found: &[Value],
-    ) -> Resolved {
-        let name = text.word(call.0).to_owned();
-        if found.len() != formula.arguments.len() {
-            let (found, expected) = (found.len(), formula.arguments.len());
-            return Err(text.error(call.1, Fault::Arguments { function: name, found, expected }));
-        }
-        self.begin(text, format!("{name}(…)"), self.busy.contains(&format!("{name}(…)")))?;
-        let bound = formula.arguments.iter().cloned().zip(found.iter().copied()).collect();
-        let value = self
-            .evaluate(&formula.text, &bound)
-            .map_err(|error| error.met_in(format!("in `{}` of {}", text.word(call.1), text.entry.place)))?;
-        self.busy.pop();
-        self.used.insert(formula.text.entry.name.clone(), Line::Text(formula.text.clone()));
-        Ok(value)
-    }
-
     /// Says that a slope jumps, where that is seen in the motion.
     pub(crate) fn notice_kink(&mut self, text: &Text, span: &Range<usize>, function: &str, node: NodeId) {
-        let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
-        if !self.graph.variables(node).iter().any(by_state) {
+        let known = |notice: &Notice| notice.span == *span && notice.place == text.entry.place;
+        if self.notices.len() >= MOST_NOTICES || self.notices.iter().any(known) {
             return;
         }
-        let message = format!(
-            "`{function}` has a kink where its comparison changes sides; filters take the slope of the side that holds"
-        );
-        self.notice(text, span, message);
+        let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
+        if self.graph.variables(node).iter().any(by_state) {
+            let message = format!(
+                "`{function}` has a kink where its comparison changes sides; filters take the slope of the side that holds"
+            );
+            self.notice(text, span, message);
+        }
     }
 
     pub(crate) fn notice(&mut self, text: &Text, span: &Range<usize>, message: String) {
         let Entry { place, text, .. } = text.entry.clone();
         let notice = Notice { place, text, span: span.clone(), message };
-        if !self.notices.contains(&notice) {
+        if self.notices.len() < MOST_NOTICES && !self.notices.contains(&notice) {
             self.notices.push(notice);
         }
     }

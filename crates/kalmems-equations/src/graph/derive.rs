@@ -9,7 +9,7 @@ impl Graph {
             return *known;
         }
         // Each node stands behind its parts, so that their derivatives are there when they are needed.
-        for id in self.below(&[root]) {
+        for id in self.visited(root) {
             if !self.derivatives.contains_key(&(id, by)) {
                 let derivative = self.derivative_of_node(id, by);
                 self.derivatives.insert((id, by), derivative);

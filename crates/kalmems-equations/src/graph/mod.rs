@@ -7,7 +7,7 @@ pub(crate) use build::whole_power;
 
 use crate::curve::CurveId;
 use crate::laws::LawId;
-use crate::limits::MOST_NODES;
+use crate::limits::{MOST_NODES, MOST_PARTS, MOST_VISITS};
 use crate::numeric;
 use std::collections::HashMap;
 
@@ -148,6 +148,9 @@ pub(crate) struct Graph {
     derivatives: HashMap<(NodeId, Variable), NodeId>,
     /// Why a result since the last look is not what was asked for.
     stop: Option<Stop>,
+    /// How many parts all nodes have together, and how many nodes were gone over.
+    parts: usize,
+    visits: usize,
     /// Names of the curves, for messages.
     pub(crate) curves: Vec<String>,
 }
@@ -164,6 +167,8 @@ impl Graph {
             known: HashMap::new(),
             derivatives: HashMap::new(),
             stop: None,
+            parts: 0,
+            visits: 0,
             curves: Vec::new(),
         };
         graph.add(Node::Number(Number::ZERO));
@@ -211,9 +216,12 @@ impl Graph {
         if let Some(id) = self.known.get(&node) {
             return *id;
         }
-        let Some(id) = u32::try_from(self.nodes.len()).ok().filter(|_| self.nodes.len() < MOST_NODES) else {
+        let parts = self.parts + node.parts().len();
+        let fits = self.nodes.len() < MOST_NODES && parts < MOST_PARTS;
+        let Some(id) = u32::try_from(self.nodes.len()).ok().filter(|_| fits) else {
             return self.stop(Stop::TooLarge);
         };
+        self.parts = parts;
         self.nodes.push(node.clone());
         self.known.insert(node, NodeId(id));
         NodeId(id)
@@ -232,12 +240,23 @@ impl Graph {
         (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| NodeId(id)).collect()
     }
 
+    /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.
+    fn visited(&mut self, root: NodeId) -> Vec<NodeId> {
+        self.visits += self.nodes.len();
+        if self.visits > MOST_VISITS {
+            self.stop(Stop::TooLarge);
+            return Vec::new();
+        }
+        self.below(&[root])
+    }
+
     /// What an expression depends on.
-    pub(crate) fn variables(&self, root: NodeId) -> Vec<Variable> {
+    pub(crate) fn variables(&mut self, root: NodeId) -> Vec<Variable> {
+        let below = self.visited(root);
         let of = |id: &NodeId| match self.node(*id) {
             Node::Variable(variable) => Some(*variable),
             _ => None,
         };
-        self.below(&[root]).iter().filter_map(of).collect()
+        below.iter().filter_map(of).collect()
     }
 }

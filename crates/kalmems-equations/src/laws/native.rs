@@ -60,6 +60,7 @@ impl Form for Gaussian {
 
 /// The value, slope and curvature of the comb.
 #[inline(always)]
+#[allow(clippy::inline_always)] // within the interpreter's loop, where a call would cost as much as the rest
 pub(crate) fn gaussian_along_first(angle: f64, nominal: f64, angular_width: f64, bias: f64) -> [f64; 3] {
     let comb = GaussianComb { nominal, angular_width, bias };
     [comb.capacitance(angle), comb.slope(angle), comb.curvature(angle)]

@@ -61,8 +61,9 @@ pub(super) fn lower(graph: &Graph, roots: &[NodeId], counts: Counts, free: &[usi
     (!lowering.is_full).then_some(Code { outputs, ..lowering.code })
 }
 
-struct Lowering<'a> {
-    graph: &'a Graph,
+/// Nodes on their way to instructions.
+pub(super) struct Lowering<'a> {
+    pub(super) graph: &'a Graph,
     counts: Counts,
     code: Code,
     /// The stratum of each register that is taken.
@@ -138,7 +139,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// The sum within a product that the other factors, which change more rarely, are multiplied into.
-    fn distributed(&self, factors: &[(NodeId, i32)]) -> Option<NodeId> {
+    pub(super) fn distributed(&self, factors: &[(NodeId, i32)]) -> Option<NodeId> {
         let highest = factors.iter().map(|(factor, _)| self.stratum(*factor)).max()?;
         let mut high = factors.iter().filter(|(factor, _)| self.stratum(*factor) == highest);
         let (only, rest) = (high.next()?, high.next());
@@ -149,7 +150,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// The factors of a product that is computed within the one sum that uses it.
-    fn fused(&self, term: NodeId) -> Option<&'a [(NodeId, i32)]> {
+    pub(super) fn fused(&self, term: NodeId) -> Option<&'a [(NodeId, i32)]> {
         match self.graph.node(term) {
             Node::Product(factors) if self.is_used_once(term) && self.distributed(factors).is_none() => {
                 Some(factors)
@@ -199,7 +200,7 @@ impl<'a> Lowering<'a> {
         all
     }
 
-    fn register(&self, id: NodeId) -> u16 {
+    pub(super) fn register(&self, id: NodeId) -> u16 {
         self.values.get(&id).copied().unwrap_or_default()
     }
 
@@ -215,11 +216,11 @@ impl<'a> Lowering<'a> {
         register
     }
 
-    fn of_register(&self, register: u16) -> Stratum {
+    pub(super) fn of_register(&self, register: u16) -> Stratum {
         self.registers.get(usize::from(register)).copied().unwrap_or(Stratum::State)
     }
 
-    fn literal(&mut self, value: f64) -> u16 {
+    pub(super) fn literal(&mut self, value: f64) -> u16 {
         let number = Number::of(value);
         if let Some(register) = self.literals.get(&number) {
             return *register;
@@ -231,7 +232,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// An instruction of these registers in the stratum of the last to change; the one that is there where it is.
-    fn emit(&mut self, kind: Kind, operands: &[u16]) -> u16 {
+    pub(super) fn emit(&mut self, kind: Kind, operands: &[u16]) -> u16 {
         let stratum = operands.iter().map(|r| self.of_register(*r)).max().unwrap_or(Stratum::Literal);
         let mut of = [0; 6];
         for (slot, operand) in of.iter_mut().zip(operands) {
@@ -279,7 +280,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// A power of a register.
-    fn power(&mut self, register: u16, power: i32) -> u16 {
+    pub(super) fn power(&mut self, register: u16, power: i32) -> u16 {
         match power {
             1 => register,
             i32::MIN..=0 => {
@@ -301,118 +302,9 @@ impl<'a> Lowering<'a> {
     }
 
     /// The product of registers, those that change rarely first.
-    fn multiplied(&mut self, mut registers: Vec<u16>) -> Option<u16> {
+    pub(super) fn multiplied(&mut self, mut registers: Vec<u16>) -> Option<u16> {
         registers.sort_by_key(|register| self.of_register(*register));
         registers.into_iter().reduce(|product, next| self.emit(Kind::Multiply, &[product, next]))
-    }
-
-    fn product(&mut self, factors: &[(NodeId, i32)], stratum: Stratum) -> u16 {
-        if let Some(sum) = self.distributed(factors)
-            && let Node::Sum { constant, terms } = self.graph.node(sum)
-        {
-            let others: Vec<_> = factors.iter().filter(|(factor, _)| *factor != sum).copied().collect();
-            let registers = others.iter().map(|(f, power)| self.power(self.register(*f), *power)).collect();
-            let multiplier = self.multiplied(registers);
-            return self.sum(constant.get(), terms, stratum, multiplier);
-        }
-        let registers =
-            factors.iter().map(|(factor, power)| self.power(self.register(*factor), *power)).collect();
-        self.multiplied(registers).unwrap_or_default()
-    }
-
-    /// constant + Σ coefficient·term, all times what a product multiplies into it.
-    fn sum(
-        &mut self,
-        constant: f64,
-        terms: &[(NodeId, Number)],
-        stratum: Stratum,
-        multiplier: Option<u16>,
-    ) -> u16 {
-        let mut sum = Parts::default();
-        // What changes more rarely than the sum is added up by itself.
-        let mut rare = Parts::default();
-        if constant != 0.0 {
-            let literal = self.literal(constant);
-            match multiplier {
-                Some(by) => rare.pairs.push([literal, by]),
-                None => rare.singles.push(literal),
-            }
-        }
-        for (term, coefficient) in terms {
-            let factors = match self.fused(*term) {
-                Some(factors) => factors,
-                None => &[(*term, 1)],
-            };
-            let registers: Vec<u16> =
-                factors.iter().map(|(factor, power)| self.power(self.register(*factor), *power)).collect();
-            let (low, mut high): (Vec<u16>, Vec<u16>) =
-                registers.into_iter().partition(|register| self.of_register(*register) < stratum);
-            let mut scale: Vec<u16> = multiplier.into_iter().chain(low).collect();
-            if *coefficient != Number::ONE {
-                scale.push(self.literal(coefficient.get()));
-            }
-            // What is computed last is multiplied last.
-            high.sort_unstable();
-            let Some(last) = high.pop() else {
-                let value = self.multiplied(scale);
-                rare.singles.extend(value);
-                continue;
-            };
-            let is_opposite =
-                high.is_empty() && multiplier.is_none() && scale.len() == 1 && coefficient.get() == -1.0;
-            scale.extend(high);
-            match self.multiplied(scale) {
-                _ if is_opposite => sum.opposites.push(last),
-                Some(scale) => sum.pairs.push([scale, last]),
-                None => sum.singles.push(last),
-            }
-        }
-        if let Some(rare) = self.added(rare) {
-            sum.singles.push(rare);
-        }
-        self.added(sum).unwrap_or_else(|| self.literal(0.0))
-    }
-
-    /// Σ singles − Σ opposites + Σ of the pairs' products.
-    fn added(&mut self, mut parts: Parts) -> Option<u16> {
-        // What is computed last is added last.
-        parts.pairs.sort_by_key(|[_, last]| *last);
-        parts.singles.sort_unstable_by(|a, b| b.cmp(a));
-        let mut pairs = parts.pairs.into_iter().peekable();
-        let mut sum = None;
-        if pairs.len() == 0 && parts.singles.is_empty() {
-            let minus = (!parts.opposites.is_empty()).then(|| self.literal(-1.0));
-            sum = minus
-                .zip(parts.opposites.pop())
-                .map(|(minus, last)| self.emit(Kind::Multiply, &[minus, last]));
-        } else if pairs.len() == 0 {
-            sum = parts.singles.pop();
-        }
-        while pairs.len() > 0 {
-            let before = sum.or_else(|| if pairs.len() == 3 { None } else { parts.singles.pop() });
-            let take = match (before, pairs.len()) {
-                (None, 3..) => 3,
-                (_, 2..) => 2,
-                _ => 1,
-            };
-            let mut operands: Vec<u16> = pairs.by_ref().take(take).flatten().collect();
-            operands.extend(before);
-            let kind = match (take, before) {
-                (3, _) => Kind::Products3,
-                (2, Some(_)) => Kind::Products2Add,
-                (2, None) => Kind::Products2,
-                (_, Some(_)) => Kind::MultiplyAdd,
-                (_, None) => Kind::Multiply,
-            };
-            sum = Some(self.emit(kind, &operands));
-        }
-        for single in parts.singles.into_iter().rev() {
-            sum = Some(sum.map_or(single, |sum| self.emit(Kind::Add, &[sum, single])));
-        }
-        for opposite in parts.opposites {
-            sum = sum.map(|sum| self.emit(Kind::Subtract, &[sum, opposite]));
-        }
-        sum
     }
 
     fn law(&mut self, law: LawId, by: &[u8], arguments: &[NodeId], stratum: Stratum) -> u16 {
@@ -459,28 +351,17 @@ impl<'a> Lowering<'a> {
     }
 
     fn curve(&mut self, curve: usize, order: u8, at: NodeId) -> u16 {
-        let known = match self.curves.get(&(curve, at)) {
-            Some(known) => *known,
-            None => {
-                let place = self.register(at);
-                let stratum = self.of_register(place);
-                let (slope, bend) = (self.take(stratum), self.take(stratum));
-                let index = u16::try_from(curve).unwrap_or_default();
-                let value = self.push(Kind::Curve, [place, index, 0, 0, slope, bend], stratum);
-                self.curves.insert((curve, at), [value, slope, bend]);
-                [value, slope, bend]
-            }
-        };
+        let known = self.curves.get(&(curve, at)).copied().unwrap_or_else(|| {
+            let place = self.register(at);
+            let stratum = self.of_register(place);
+            let (slope, bend) = (self.take(stratum), self.take(stratum));
+            let index = u16::try_from(curve).unwrap_or_default();
+            let value = self.push(Kind::Curve, [place, index, 0, 0, slope, bend], stratum);
+            self.curves.insert((curve, at), [value, slope, bend]);
+            [value, slope, bend]
+        });
         known.get(usize::from(order)).copied().unwrap_or_default()
     }
-}
-
-/// What a sum is made of.
-#[derive(Default)]
-struct Parts {
-    singles: Vec<u16>,
-    opposites: Vec<u16>,
-    pairs: Vec<[u16; 2]>,
 }
 
 fn count(uses: &mut [u32], id: NodeId) {

@@ -3,6 +3,7 @@
 mod lower;
 mod op;
 mod run;
+mod sums;
 
 pub(crate) use lower::Counts;
 pub(crate) use op::{REGISTERS, STATES};
@@ -50,15 +51,17 @@ impl Program {
 
     /// Registers with these values of the parameters, and all that follows from them alone.
     pub(crate) fn work(&self, parameters: &[f64]) -> Work {
-        // On the heap from the start: a debug build would have it on the stack first.
-        let registers = vec![0.0; REGISTERS].into_boxed_slice().try_into();
-        let mut work = Work { registers: registers.unwrap_or_else(|_| Box::new([0.0; REGISTERS])) };
+        // On the heap from the start: an array would be on the stack first.
+        let zeros = vec![0.0; REGISTERS].into_boxed_slice();
+        #[allow(clippy::large_stack_arrays)] // not met: the slice has as many numbers
+        let registers = zeros.try_into().unwrap_or_else(|_| Box::new([0.0; REGISTERS]));
+        let mut work = Work { registers };
         for (register, value) in &self.code.literals {
             if let Some(slot) = work.registers.get_mut(usize::from(*register)) {
                 *slot = *value;
             }
         }
-        self.put(&mut work, STATES + self.counts.inputs, parameters);
+        Self::put(&mut work, STATES + self.counts.inputs, parameters);
         self.run(Stratum::Literal, &mut work);
         self.run(Stratum::Parameter, &mut work);
         work
@@ -66,7 +69,7 @@ impl Program {
 
     /// Gives a parameter that changes from step to step its value; [`Program::begin_step`] follows.
     pub(crate) fn set_parameter(&self, work: &mut Work, parameter: usize, value: f64) {
-        self.put(work, STATES + self.counts.inputs + parameter, &[value]);
+        Self::put(work, STATES + self.counts.inputs + parameter, &[value]);
     }
 
     /// Computes what follows from the parameters that change from step to step.
@@ -77,8 +80,8 @@ impl Program {
 
     /// Gives the inputs their values; a stage follows.
     #[inline]
-    pub(crate) fn set_inputs(&self, work: &mut Work, inputs: &[f64]) {
-        self.put(work, STATES, inputs);
+    pub(crate) fn set_inputs(work: &mut Work, inputs: &[f64]) {
+        Self::put(work, STATES, inputs);
     }
 
     /// Gives the states their values, at most as many as a program has, and computes what follows from them; from the
@@ -94,7 +97,7 @@ impl Program {
     }
 
     #[inline]
-    fn put(&self, work: &mut Work, start: usize, values: &[f64]) {
+    fn put(work: &mut Work, start: usize, values: &[f64]) {
         if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
             for (register, value) in registers.iter_mut().zip(values) {
                 *register = *value;

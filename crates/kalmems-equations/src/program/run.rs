@@ -23,7 +23,6 @@ pub(crate) struct Tables {
 /// Not inlined: there is one, whatever runs it. An index is below the number of registers once it is masked, which the
 /// compiler sees.
 #[inline(never)]
-#[allow(clippy::inline_always)] // a closure or a call here would be paid at each instruction
 pub(crate) fn run(code: &[Op], r: &mut Registers, tables: &Tables) {
     for op in code {
         // Read where it is needed, and not before the branch.
@@ -83,6 +82,7 @@ pub(crate) fn run(code: &[Op], r: &mut Registers, tables: &Tables) {
 
 /// The place of a register.
 #[inline(always)]
+#[allow(clippy::inline_always)] // a call would be paid for each number of each instruction
 fn at(register: u16) -> usize {
     usize::from(register) & (REGISTERS - 1)
 }

@@ -191,13 +191,11 @@ impl Parser<'_> {
         let close = self.expect(')', "an operator, `,` or the `)` of this function")?;
         let span = name.start..close.span.end;
         if self.word(&name) == "ddt" {
-            return match arguments[..] {
-                [of] => Ok(self.push(Form::Rate { of }, span)),
-                _ => {
-                    let function = "ddt".to_owned();
-                    Err((span, Fault::Arguments { function, found: arguments.len(), expected: 1 }))
-                }
+            let [of] = arguments[..] else {
+                let function = "ddt".to_owned();
+                return Err((span, Fault::Arguments { function, found: arguments.len(), expected: 1 }));
             };
+            return Ok(self.push(Form::Rate { of }, span));
         }
         Ok(self.push(Form::Call(name, arguments), span))
     }

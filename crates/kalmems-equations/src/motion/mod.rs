@@ -1,5 +1,7 @@
 //! How a device moves: rates, their derivatives, and steps by Runge and Kutta's method.
 
+mod step;
+
 use crate::description::Place;
 use crate::device::Device;
 use crate::error::{EquationError, Fault};
@@ -146,7 +148,7 @@ impl Motion {
     /// ẋ at a state under inputs; the rate of a parameter is 0. False where it is not finite.
     pub fn rates(&self, work: &mut Work, x: &[f64], inputs: &[f64], to: &mut [f64]) -> bool {
         self.begin(work, x);
-        self.program.set_inputs(work, inputs);
+        Program::set_inputs(work, inputs);
         self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true);
         for (index, rate) in to.iter_mut().enumerate() {
             let register = self.rates.get(index).filter(|_| index < self.states);
@@ -205,107 +207,6 @@ impl Motion {
         self.over(work, x, (inputs, interval), to, jacobian)
     }
 
-    /// The step, and its Jacobian where there is room for it, by the number of states.
-    fn over(
-        &self,
-        work: &mut Work,
-        x: &[f64],
-        over: (&Nodes<&[f64]>, f64),
-        to: &mut [f64],
-        jacobian: &mut [f64],
-    ) -> bool {
-        macro_rules! by_size {
-            ($($size:literal)+) => {
-                match (self.size, self.room) {
-                    $(
-                        ($size, _) if jacobian.is_empty() => self.chain::<$size, 0, false>(work, x, over, to, jacobian),
-                        ($size, 0) => self.chain::<$size, 0, true>(work, x, over, to, jacobian),
-                        ($size, 4) => self.chain::<$size, 4, true>(work, x, over, to, jacobian),
-                        ($size, _) => self.chain::<$size, MOST_STATES, true>(work, x, over, to, jacobian),
-                    )+
-                    _ => false,
-                }
-            };
-        }
-        by_size!(1 2 3 4 5 6 8 12 16)
-    }
-
-    /// The step and its Jacobian for N states, of which the last may not be there, and at most F parameters.
-    ///
-    /// Each column s = ∂x/∂x₀ or ∂x/∂p goes with x through the stages by ṡ = ∂f/∂x·s + ∂f/∂p, by itself.
-    #[inline(never)]
-    fn chain<const N: usize, const F: usize, const LINEAR: bool>(
-        &self,
-        work: &mut Work,
-        x: &[f64],
-        (inputs, interval): (&Nodes<&[f64]>, f64),
-        to: &mut [f64],
-        jacobian: &mut [f64],
-    ) -> bool {
-        self.begin(work, x);
-        let at = padded::<N>(x, self.states);
-        let half = 0.5 * interval;
-        // What the columns need of each stage is kept, so that they go through all of them at one go.
-        let mut linear = [Linear::<N, F>::NONE; 4];
-        self.program.set_inputs(work, inputs.start);
-        let k1 = self.stage::<N, F, LINEAR>(work, &at, true, &mut linear[0]);
-        self.program.set_inputs(work, inputs.middle);
-        let k2 = self.stage::<N, F, LINEAR>(work, &moved(&at, &k1, half), true, &mut linear[1]);
-        let k3 = self.stage::<N, F, LINEAR>(work, &moved(&at, &k2, half), false, &mut linear[2]);
-        self.program.set_inputs(work, inputs.end);
-        let k4 = self.stage::<N, F, LINEAR>(work, &moved(&at, &k3, interval), true, &mut linear[3]);
-
-        let sixth = interval * (1.0 / 6.0);
-        let states = self.states.min(N);
-        for (i, next) in to.iter_mut().enumerate() {
-            *next = if i < states {
-                at[i] + (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) * sixth
-            } else {
-                x.get(i).copied().unwrap_or_default()
-            };
-        }
-        if !LINEAR {
-            return are_finite(to);
-        }
-        let of_states = through(&linear, linear.map(|stage| stage.slopes), interval);
-        let of_parameters = through(&linear, linear.map(|stage| stage.by_parameter), interval);
-        for (i, row) in jacobian.chunks_exact_mut(self.states().max(1)).enumerate() {
-            for (k, entry) in row.iter_mut().enumerate() {
-                let moved = match (i < states, k.checked_sub(states)) {
-                    (false, _) => 0.0,
-                    (true, None) => of_states[i][k] * sixth,
-                    (true, Some(parameter)) => of_parameters[i].get(parameter).map_or(0.0, |sum| sum * sixth),
-                };
-                *entry = if i == k { 1.0 + moved } else { moved };
-            }
-        }
-        are_finite(to) & are_finite(jacobian)
-    }
-
-    /// f, and ∂f/∂x and ∂f/∂p where they are wanted.
-    #[inline(always)]
-    fn stage<const N: usize, const F: usize, const LINEAR: bool>(
-        &self,
-        work: &mut Work,
-        x: &[f64; N],
-        new_inputs: bool,
-        linear: &mut Linear<N, F>,
-    ) -> [f64; N] {
-        self.program.stage(work, x, new_inputs);
-        if LINEAR {
-            for (row, registers) in linear.slopes.iter_mut().zip(self.slopes.as_chunks::<N>().0) {
-                *row = registers.map(|register| work.get(register));
-            }
-            let by_parameter = linear.by_parameter.as_flattened_mut();
-            for (slope, register) in by_parameter.iter_mut().zip(&self.by_parameter) {
-                *slope = work.get(*register);
-            }
-        }
-        self.rates
-            .first_chunk::<N>()
-            .map_or([0.0; N], |registers| registers.map(|register| work.get(register)))
-    }
-
     /// Takes the parameters that are states.
     #[inline]
     fn begin(&self, work: &mut Work, x: &[f64]) {
@@ -318,70 +219,9 @@ impl Motion {
     }
 }
 
-/// What one stage of a step is linearised to: ∂f/∂x and ∂f/∂p.
-#[derive(Clone, Copy)]
-struct Linear<const N: usize, const F: usize> {
-    slopes: [[f64; N]; N],
-    by_parameter: [[f64; F]; N],
-}
-
-impl<const N: usize, const F: usize> Linear<N, F> {
-    const NONE: Self = Self { slopes: [[0.0; N]; N], by_parameter: [[0.0; F]; N] };
-}
-
-/// x + h·k.
-#[inline(always)]
-fn moved<const N: usize>(x: &[f64; N], k: &[f64; N], h: f64) -> [f64; N] {
-    std::array::from_fn(|i| x[i] + k[i] * h)
-}
-
-/// K₁ + 2·K₂ + 2·K₃ + K₄ with Kᵢ = Bᵢ + cᵢ·h·Aᵢ·Kᵢ₋₁: the derivatives of the four rates.
-///
-/// Aᵢ is ∂f/∂x at the stage and Bᵢ what the rate hangs on directly: Aᵢ itself for derivatives by the state before the
-/// step, since A·(1 + c·h·K) = A + c·h·A·K, and ∂f/∂p for those by parameters.
-#[inline(always)]
-fn through<const N: usize, const F: usize, const M: usize>(
-    linear: &[Linear<N, F>; 4],
-    b: [[[f64; M]; N]; 4],
-    h: f64,
-) -> [[f64; M]; N] {
-    let half = 0.5 * h;
-    let k1 = b[0];
-    let k2 = plus_product(&b[1], &linear[1].slopes, &k1, half);
-    let k3 = plus_product(&b[2], &linear[2].slopes, &k2, half);
-    let k4 = plus_product(&b[3], &linear[3].slopes, &k3, h);
-    let mut sum = k1;
-    for i in 0..N {
-        for k in 0..M {
-            sum[i][k] = k1[i][k] + 2.0 * (k2[i][k] + k3[i][k]) + k4[i][k];
-        }
-    }
-    sum
-}
-
-/// B + c·A·K.
-#[inline(always)]
-fn plus_product<const N: usize, const M: usize>(
-    b: &[[f64; M]; N],
-    a: &[[f64; N]; N],
-    k: &[[f64; M]; N],
-    c: f64,
-) -> [[f64; M]; N] {
-    let mut sum = *b;
-    for i in 0..N {
-        for column in 0..M {
-            let mut product = a[i][0] * k[0][column];
-            for j in 1..N {
-                product += a[i][j] * k[j][column];
-            }
-            sum[i][column] += product * c;
-        }
-    }
-    sum
-}
-
 /// The first of these numbers, and zeros behind them.
 #[inline(always)]
+#[allow(clippy::inline_always)] // its size is known where it is called, and not to a function of its own
 pub(crate) fn padded<const N: usize>(x: &[f64], count: usize) -> [f64; N] {
     let mut padded = [0.0; N];
     for (padded, x) in padded.iter_mut().zip(x.iter().take(count)) {

@@ -1,0 +1,94 @@
+//! Derivatives within expressions, and formulas that are inserted.
+
+use super::Line;
+use super::names::{Formula, Meaning, Text};
+use super::resolve::{Arguments, Resolved, Resolver, Value};
+use crate::error::Fault;
+use crate::graph::{Graph, Variable};
+use crate::quantity::Quantity;
+use kalmems_units::Dimension;
+use std::ops::Range;
+use std::sync::Arc;
+
+impl Resolver {
+    /// The variable that a derivative is taken by.
+    pub(super) fn partial(
+        &mut self,
+        text: &Text,
+        arguments: &Arguments,
+        of: Value,
+        by: &Range<usize>,
+    ) -> Resolved {
+        let name = text.word(by);
+        let bound = arguments.iter().find(|(argument, _)| argument == name).map(|(_, value)| value.node);
+        let variable = match (bound, self.names.get(name)) {
+            (Some(node), _) => self.graph.as_variable(node),
+            (None, Some(Meaning::State(index))) => Some(Variable::State(*index)),
+            (None, Some(Meaning::Input(index))) => Some(Variable::Input(*index)),
+            (None, Some(Meaning::Parameter(index))) => Some(Variable::Parameter(*index)),
+            (None, None) => return Err(text.error(by, self.names.unknown(name, false))),
+            (None, Some(_)) => None,
+        };
+        let Some(variable) = variable else {
+            let is = match (bound, self.names.get(name)) {
+                (None, Some(meaning)) => meaning.words(),
+                _ => "an argument that stands for an expression",
+            };
+            let expected = "a derivative is taken by a state, an input or a parameter".to_owned();
+            return Err(text.error(by, Fault::Use { name: name.to_owned(), is, expected }));
+        };
+        let by_quantity = self.variable(variable).quantity;
+        let node = self.graph.derivative(of.node, variable);
+        let quantity = of.quantity.over(by_quantity).unwrap_or(Quantity::Any);
+        Ok(Value::new(node, quantity))
+    }
+
+    /// The total derivative along the motion.
+    pub(super) fn total(&mut self, text: &Text, span: &Range<usize>, of: Value) -> Resolved {
+        let mut parts = Vec::new();
+        for variable in self.graph.variables(of.node) {
+            match variable {
+                Variable::Parameter(_) => {}
+                Variable::State(state) => {
+                    let slope = self.graph.derivative(of.node, variable);
+                    if slope != Graph::ZERO {
+                        let rate = self.rate(state)?.node;
+                        parts.push((self.graph.product(&[(slope, 1), (rate, 1)]), 1.0));
+                    }
+                }
+                Variable::Input(index) => {
+                    if self.graph.derivative(of.node, variable) != Graph::ZERO {
+                        let input = self.names.of_input(index);
+                        return Err(text.error(span, Fault::RateOfInput { input }));
+                    }
+                }
+            }
+        }
+        let second = Quantity::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
+        let quantity = of.quantity.over(second).unwrap_or(Quantity::Any);
+        Ok(Value::new(self.graph.sum(0.0, &parts), quantity))
+    }
+
+    /// A formula with its arguments inserted.
+    pub(crate) fn insert(
+        &mut self,
+        text: &Text,
+        call: (&Range<usize>, &Range<usize>),
+        formula: &Arc<Formula>,
+        found: &[Value],
+    ) -> Resolved {
+        let name = text.word(call.0).to_owned();
+        if found.len() != formula.arguments.len() {
+            let (found, expected) = (found.len(), formula.arguments.len());
+            return Err(text.error(call.1, Fault::Arguments { function: name, found, expected }));
+        }
+        self.begin(text, format!("{name}(…)"), self.busy.contains(&format!("{name}(…)")))?;
+        let bound = formula.arguments.iter().cloned().zip(found.iter().copied()).collect();
+        let value = self
+            .evaluate(&formula.text, &bound)
+            .map_err(|error| error.met_in(format!("in `{}` of {}", text.word(call.1), text.entry.place)))?;
+        self.busy.pop();
+        self.used.insert(formula.text.entry.name.clone(), Line::Text(formula.text.clone()));
+        Ok(value)
+    }
+}
