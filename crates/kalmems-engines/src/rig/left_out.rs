@@ -32,7 +32,7 @@ pub enum Form {
 impl LeftOut {
     /// The whole key, below that of the device's table.
     pub fn key(&self, device: &Key) -> Key {
-        self.key.split('.').fold(device.clone(), |key, name| key.child(name))
+        self.key.split('.').fold(device.clone(), Key::child)
     }
 
     /// What stands at the key for a number of so many steps.

@@ -80,7 +80,7 @@ fn simulate(
     // The start has the states of the motion, or none where it is at rest.
     let starts = [base.start.as_slice(), &[]].map(|states| {
         let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), quantity(*value, unit)));
-        Table::from_iter(each)
+        each.collect::<Table>()
     });
     starts.into_iter().find_map(|start| {
         let simulate = Table::from_iter([

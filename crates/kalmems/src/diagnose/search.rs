@@ -96,7 +96,7 @@ impl Search<'_> {
                 best = (*size, found);
             }
         }
-        self.refined(Cause::Numbers(vec![(place, best.0)]))
+        self.refined(&Cause::Numbers(vec![(place, best.0)]))
     }
 
     /// Pairs with a number that explains most by itself: the partners by which the likelihood rises most at first, followed up.
@@ -116,7 +116,7 @@ impl Search<'_> {
                 Some((self.run(&cause)?.log_likelihood(true), cause))
             });
             let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
-            self.refined(cause)
+            self.refined(&cause)
         });
         followed.collect()
     }
@@ -157,7 +157,7 @@ impl Search<'_> {
         }
         let each = frequencies
             .into_iter()
-            .filter_map(|frequency_hz| self.refined(Cause::Line { frequency_hz, amplitude: [0.0; 2] }));
+            .filter_map(|frequency_hz| self.refined(&Cause::Line { frequency_hz, amplitude: [0.0; 2] }));
         each.collect()
     }
 
@@ -196,8 +196,8 @@ impl Search<'_> {
     }
 
     /// The sizes of a cause that fit best, from these on.
-    fn refined(&self, cause: Cause) -> Option<Tried> {
-        let found = self.fit(&cause, Blocks::Fitted)?;
+    fn refined(&self, cause: &Cause) -> Option<Tried> {
+        let found = self.fit(cause, Blocks::Fitted)?;
         let cause = cause.resized(&found.0);
         let trial = self.run(&cause)?;
         let held_out = trial.log_likelihood(false) - self.base.log_likelihood(false);

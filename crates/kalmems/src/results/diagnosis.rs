@@ -98,9 +98,10 @@ impl CauseReport {
 
 impl Proposal {
     fn to_text(&self) -> String {
-        let lines: String = self.simulate.lines().map(|line| format!("     {line}\n")).collect();
+        let lines: Vec<String> = self.simulate.lines().map(|line| format!("     {line}")).collect();
+        let lines = lines.join("\n");
         format!(
-            "\nA recording with {} would tell them apart: the true one would be ahead by {:.0} in ln p. As a simulation:\n\n{lines}",
+            "\nA recording with {} would tell them apart: the true one would be ahead by {:.0} in ln p. As a simulation:\n\n{lines}\n",
             self.what, self.ahead
         )
     }

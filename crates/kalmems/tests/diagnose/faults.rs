@@ -3,6 +3,7 @@
 use super::devices::{Device, Setting};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{Diagnosis, diagnose_recording};
+use kalmems::evaluate::{SegmentJudge, TestResult};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::Metrics;
@@ -112,11 +113,11 @@ impl Faulty {
         // A filter that refuses the recording sees that something is wrong.
         let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return true };
         estimates.iter().any(|estimate| {
-            let mut judge = kalmems::evaluate::SegmentJudge::default();
+            let mut judge = SegmentJudge::default();
             judge.take(estimate);
             let key = &estimate.trajectories[0].key;
             !estimate.trajectories[0].lock.held()
-                || judge.of(key).is_some_and(|judgement| judgement.tests.iter().any(|found| found.fails()))
+                || judge.of(key).is_some_and(|judgement| judgement.tests.iter().any(TestResult::fails))
         })
     }
 
@@ -171,14 +172,16 @@ pub fn spikes(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
 
 /// A factor that is one by this part too large.
 pub fn scaled(values: &mut [f64], _: &[f64], size: f64, _: u64) {
-    values.iter_mut().for_each(|value| *value *= 1.0 + size);
+    for value in values {
+        *value *= 1.0 + size;
+    }
 }
 
 /// What is shown comes so many samples later.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place among the samples
 pub fn late(values: &mut [f64], _: &[f64], size: f64, _: u64) {
     let before = values.to_vec();
     for (k, value) in values.iter_mut().enumerate() {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let place = (k as f64 - size).max(0.0);
         let whole = place as usize;
         let next = before[(whole + 1).min(before.len() - 1)];
@@ -207,14 +210,18 @@ pub fn wandering(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
 /// A step of so many standard deviations of the noise in the middle.
 pub fn stepping(values: &mut [f64], _: &[f64], size: f64, _: u64) {
     let (height, half) = (size * noise(values), values.len() / 2);
-    values[half..].iter_mut().for_each(|value| *value += height);
+    for value in &mut values[half..] {
+        *value += height;
+    }
 }
 
 /// Noise that is so many times as large in the second half.
 pub fn noisier(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
     let (sd, half) = (size * noise(values), values.len() / 2);
     let mut source = WhiteNoise::new(seed, 10);
-    values[half..].iter_mut().for_each(|value| *value += sd * source.sample());
+    for value in &mut values[half..] {
+        *value += sd * source.sample();
+    }
 }
 
 /// An amplifier that compresses what is far from the mean, by this part at the largest.

@@ -92,8 +92,7 @@ impl Finding {
         let named = looks.into_iter().take(3).find(|(_, p)| *p < HOLDS / 4.0);
         match (p * 4.0 < HOLDS, finding, named) {
             (false, ..) => Self::Holds,
-            (true, Self::NotNormal, Some((finding, _))) => finding,
-            (true, finding, _) => finding,
+            (true, Self::NotNormal, Some((finding, _))) | (true, finding, _) => finding,
         }
     }
 }

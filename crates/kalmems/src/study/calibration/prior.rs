@@ -204,8 +204,9 @@ mod tests {
     ];
 
     fn document(states: &[&str]) -> Table {
-        let filters: String =
+        let filters: Vec<String> =
             states.iter().map(|states| format!("[[estimate.filter]]\nstates = {states}\n")).collect();
+        let filters = filters.concat();
         format!(
             "[device.own]\nresonator = {{ stiffness = \"2.0 N m\" }}\nreadout = {{}}\n\
              electrodes = {{ a = {{ gap = \"10.0 um\" }}, b = {{ gap = \"20.0 um\" }} }}\n{filters}"
