@@ -2,9 +2,10 @@
 
 use super::DiagnoseError;
 use super::change::Change;
+use super::stop::Stop;
 use super::trial::Trial;
 use crate::config::{Experiment, Fault, Key, Method};
-use crate::progress::{Progress, Silent};
+use crate::progress::Progress;
 use crate::recording::{Around, Recording, Stretches};
 use crate::rigs::Workbench;
 use toml::{Table, Value};
@@ -22,6 +23,8 @@ pub(super) struct Bench<'a> {
     pub(super) filter_name: String,
     /// Recordings with their places in the experiment.
     recordings: Vec<(usize, Recording)>,
+    /// Heard by each run.
+    pub(super) stop: Stop,
 }
 
 /// Rows after the settling time that are looked at.
@@ -62,7 +65,8 @@ impl<'a> Bench<'a> {
         let text = toml::to_string(&document).unwrap_or_default();
         let told = workbench.parse(&text, experiment.path())?;
         let filter_name = chosen.name.to_string();
-        Ok(Self { workbench, experiment: told, document, filter: place, filter_name, recordings: Vec::new() })
+        let (recordings, stop) = (Vec::new(), Stop::default());
+        Ok(Self { workbench, experiment: told, document, filter: place, filter_name, recordings, stop })
     }
 
     /// The same with the beginning of each recording that the rig wants, as much as has so many rows after the settling time, in all.
@@ -139,7 +143,7 @@ impl<'a> Bench<'a> {
                 altered = change.alter(altered.as_ref().unwrap_or(recording), &columns).or(altered);
             }
             let recording = altered.as_ref().unwrap_or(recording);
-            for estimate in rig.estimate(&changed, *index, recording, &Silent).ok()? {
+            for estimate in rig.estimate(&changed, *index, recording, &self.stop).ok()? {
                 trial.take(rig, &estimate)?;
             }
         }

@@ -3,10 +3,11 @@
 use super::bench::Bench;
 use super::change::Change;
 use super::suspect::quantity;
+use super::threads;
 use super::trial::Trial;
 use crate::config::{Experiment, Key};
 use crate::patch::put;
-use crate::progress::Silent;
+use crate::progress::{Progress, map_on_threads};
 use crate::rigs::Workbench;
 use crate::simulate::{Unwritten, described};
 use crate::units::Value as Quantity;
@@ -40,24 +41,29 @@ const LONGER: f64 = 4.0;
 /// ln p from which on two causes are told apart: a factor of a thousand.
 const APART: f64 = 6.9;
 
-/// The recording in which the first of these causes would be likeliest against all others; `None` where none of those that were tried
-/// tells them apart, or none can be simulated.
+/// The recording in which the first of these causes would be likeliest against all others; `None` inside where none of those that were
+/// tried tells them apart, or none can be simulated, and `None` itself where the work was stopped.
 pub(super) fn proposal(
     workbench: &Workbench,
     experiment: &Experiment,
     (bench, base): (&Bench, &Trial),
     causes: &[Vec<Change>],
-) -> Option<Proposal> {
-    let (first, others) = causes.split_first()?;
-    let usual = simulate(workbench, experiment, (bench, base))?;
-    let tried = variations(&usual).into_iter().filter_map(|(what, simulate)| {
-        let ahead = ahead(workbench, experiment, (bench, &simulate), (first, others))?;
-        let text =
-            toml::to_string(&Table::from_iter([("simulate".to_owned(), Value::Table(simulate))])).ok()?;
-        Some(Proposal { what, ahead, simulate: text })
-    });
-    let best = tried.max_by(|a, b| a.ahead.total_cmp(&b.ahead))?;
-    (best.ahead > APART).then_some(best)
+    progress: &dyn Progress,
+) -> Option<Option<Proposal>> {
+    let Some((first, others)) = causes.split_first() else { return Some(None) };
+    let Some(usual) = simulate(workbench, experiment, (bench, base)) else { return Some(None) };
+    let variations = variations(&usual);
+    let work = (progress, "simulating other recordings");
+    let tried = map_on_threads(work, threads(), (variations.len(), 1), |place, heard| {
+        heard.reached(0).is_continue().then(|| {
+            let (what, simulate) = variations.get(place)?;
+            let ahead = ahead(workbench, experiment, (bench, simulate), (first, others))?;
+            let table = Table::from_iter([("simulate".to_owned(), Value::Table(simulate.clone()))]);
+            Some(Proposal { what: what.clone(), ahead, simulate: toml::to_string(&table).ok()? })
+        })
+    })?;
+    let best = tried.into_iter().flatten().max_by(|a, b| a.ahead.total_cmp(&b.ahead));
+    Some(best.filter(|best| best.ahead > APART))
 }
 
 /// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
@@ -163,9 +169,9 @@ fn ahead(
 ) -> Option<f64> {
     let real = with_simulation(workbench, experiment, bench, simulate, first)?;
     let simulation = workbench.rig(&real).ok()?.simulate(&real).ok()?;
-    let simulated = Unwritten::of(&*simulation, &Silent).ok()?;
+    let simulated = Unwritten::of(&*simulation, &bench.stop).ok()?;
     let told = described(&with_simulation(workbench, experiment, bench, simulate, &[])?, &*simulation);
-    let there = Bench::of(workbench, &told, None).ok()?;
+    let there = Bench { stop: bench.stop.clone(), ..Bench::of(workbench, &told, None).ok()? };
     let rig = workbench.rig(&there.experiment).ok()?;
     let index = *rig.wanted(&there.experiment).ok()?.first()?;
     let recording = simulated.recorded(&rig.layout(&there.experiment, index).ok()?).ok()?;

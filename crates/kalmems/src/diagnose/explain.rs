@@ -6,9 +6,9 @@ use super::bench::Bench;
 use super::cause::Cause;
 use super::search::{Blocks, Search, Tried};
 use super::suspect::Suspect;
+use super::threads;
 use super::trial::Trial;
 use crate::progress::{Progress, map_on_threads};
-use std::num::NonZero;
 
 /// A cause that was followed up.
 #[derive(Clone, Debug)]
@@ -59,13 +59,12 @@ impl Explained {
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let search = Search { bench, suspects, base };
-        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
         let listed = |found: Option<Vec<Vec<Tried>>>| -> Result<Vec<Tried>, DiagnoseError> {
             Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
         };
         let count = suspects.len();
         let promises =
-            map_on_threads((progress, "looking at slopes"), threads, (count, 1), |place, heard| {
+            map_on_threads((progress, "looking at slopes"), threads(), (count, 1), |place, heard| {
                 heard.reached(0).is_continue().then(|| search.promise(&[], place, base))
             });
         let promises = promises.ok_or(DiagnoseError::Interrupted)?;
@@ -74,16 +73,17 @@ impl Explained {
             (0..count).filter(|place| search.is_worth(promises[*place], largest)).collect();
         // The last two points are those of the signal itself.
         let points = (worth.len() + 2, 1);
-        let tried = listed(map_on_threads((progress, "trying causes"), threads, points, |point, heard| {
-            if heard.reached(0).is_break() {
-                return None;
-            }
-            Some(match (worth.get(point), point - worth.len().min(point)) {
-                (Some(place), _) => search.number(*place).into_iter().collect(),
-                (None, 0) => search.lines(),
-                (None, _) => search.outliers().into_iter().collect(),
-            })
-        }))?;
+        let tried =
+            listed(map_on_threads((progress, "trying causes"), threads(), points, |point, heard| {
+                if heard.reached(0).is_break() {
+                    return None;
+                }
+                Some(match (worth.get(point), point - worth.len().min(point)) {
+                    (Some(place), _) => search.number(*place).into_iter().collect(),
+                    (None, 0) => search.lines(),
+                    (None, _) => search.outliers().into_iter().collect(),
+                })
+            }))?;
         let alone = Self::of(&search, tried, count + 2);
         if !alone.causes.is_empty() {
             return Ok(alone);
@@ -95,7 +95,7 @@ impl Explained {
             .collect();
         let tried = listed(map_on_threads(
             (progress, "trying pairs"),
-            threads,
+            threads(),
             (firsts.len(), 1),
             |place, heard| {
                 if heard.reached(0).is_break() {

@@ -27,6 +27,7 @@ mod note;
 mod paste;
 mod report;
 mod search;
+mod stop;
 mod suspect;
 mod trial;
 
@@ -44,6 +45,7 @@ use crate::rigs::Workbench;
 use bench::{Bench, Extent};
 use change::Change;
 use explain::Explained;
+use std::num::NonZero;
 use suspect::Suspect;
 use trial::Trial;
 
@@ -62,7 +64,7 @@ pub fn diagnose(
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
     let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS, progress)?;
-    of_bench(workbench, experiment, &bench, progress)
+    of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
 /// The same by a recording that is held in memory, in the place of the first that the rig wants.
@@ -74,7 +76,7 @@ pub fn diagnose_recording(
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
     let bench = Bench::of(workbench, experiment, filter)?.with_recording(recording)?;
-    of_bench(workbench, experiment, &bench, progress)
+    of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
 /// What of an experiment's device the signal cannot tell, and by how much it moves the answer of one of its filters, likewise; nothing
@@ -90,7 +92,12 @@ pub fn scale_notes(
     if !base.passes() {
         return Ok(Vec::new());
     }
-    note::notes(&bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)
+    note::notes(&bench, &suspects, &base, &bench.stop.watching(progress)).ok_or(DiagnoseError::Interrupted)
+}
+
+/// How many runs at once.
+fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
@@ -129,7 +136,8 @@ fn of_bench(
         .collect();
     let of_device = |changes: &Vec<Change>| changes.iter().all(|change| matches!(change, Change::Key(..)));
     let proposal = if causes.len() > 1 && causes.iter().all(of_device) {
-        distinguish::proposal(workbench, experiment, (bench, &base), &causes)
+        distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)
+            .ok_or(DiagnoseError::Interrupted)?
     } else {
         None
     };

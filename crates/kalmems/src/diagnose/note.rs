@@ -3,10 +3,10 @@
 use super::answer::AnswerChange;
 use super::bench::Bench;
 use super::suspect::{Suspect, What};
+use super::threads;
 use super::trial::Trial;
 use crate::progress::{Progress, map_on_threads};
 use serde::Serialize;
-use std::num::NonZero;
 
 /// A parameter that the signal alone cannot tell, and what it does to the answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -50,9 +50,8 @@ pub(super) fn notes(
         .iter()
         .filter(|suspect| matches!(suspect.what, What::Factor(_) | What::DriveScale))
         .collect();
-    let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
     let work = (progress, "computing what the signal cannot tell");
-    let found = map_on_threads(work, threads, (numbers.len(), 1), |place, heard| {
+    let found = map_on_threads(work, threads(), (numbers.len(), 1), |place, heard| {
         heard.reached(0).is_continue().then(|| note(bench, numbers[place], base))
     })?;
     let mut notes: Vec<ScaleNote> = found.into_iter().flatten().collect();

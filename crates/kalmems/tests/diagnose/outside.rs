@@ -22,7 +22,8 @@ const UNKNOWN: [Unknown; 6] = [
 fn slow_faults_that_are_not_known_get_no_wrong_name() {
     let (mut honest, mut all) = (0_u32, 0_u32);
     for (what, change, sizes) in UNKNOWN {
-        for device in DEVICES.iter().filter(|device| device.name != "micro-stage") {
+        // The stage has several signals, and the axes of a scanner with two cost ten times as much as one.
+        for device in DEVICES.iter().filter(|device| !["micro-stage", "two axes"].contains(&device.name)) {
             let fault =
                 Fault { device: device.name, does: Does::Records("signal", change), is_named: "", sizes };
             let Some(size) = fault.visible_size() else {
