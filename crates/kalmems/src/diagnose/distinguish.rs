@@ -171,7 +171,8 @@ fn ahead(
     let simulation = workbench.rig(&real).ok()?.simulate(&real).ok()?;
     let simulated = Unwritten::of(&*simulation, &bench.stop).ok()?;
     let told = described(&with_simulation(workbench, experiment, bench, simulate, &[])?, &*simulation);
-    let there = Bench { stop: bench.stop.clone(), ..Bench::of(workbench, &told, None).ok()? };
+    let mut there = Bench::of(workbench, &told, None).ok()?;
+    there.stop = bench.stop.clone();
     let rig = workbench.rig(&there.experiment).ok()?;
     let index = *rig.wanted(&there.experiment).ok()?.first()?;
     let recording = simulated.recorded(&rig.layout(&there.experiment, index).ok()?).ok()?;
