@@ -57,6 +57,9 @@ const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
 /// Those of a noise, which is seldom known well.
 const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.6];
 
+/// Samples by which a drive may be early or late.
+const SAMPLES: [f64; 5] = [0.1, 0.5, 2.0, 8.0, 32.0];
+
 /// Steps of what has no size of its own.
 const STEPS: [f64; 5] = [1.0, 4.0, 16.0, 64.0, 256.0];
 
@@ -152,8 +155,7 @@ fn of_channels(experiment: &Experiment, noise_sd: f64, has_offset: bool) -> Vec<
     for (meaning, _) in recording.channels.iter() {
         if meaning == DRIVE {
             suspects.push(Suspect { what: What::DriveScale, sizes: sides(&FACTORS, true) });
-            let sizes = [0.1, 0.5, 2.0].to_vec();
-            suspects.push(Suspect { what: What::DriveEarly, sizes: sides(&sizes, true) });
+            suspects.push(Suspect { what: What::DriveEarly, sizes: sides(&SAMPLES, true) });
         } else if meaning.starts_with("signal") && !has_offset {
             let what = What::Offset { meaning: meaning.to_owned(), sd: 0.1 * noise_sd };
             suspects.push(Suspect { what, sizes: sides(&STEPS, true) });

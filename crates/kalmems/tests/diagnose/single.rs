@@ -274,10 +274,9 @@ fn slow_single_faults_are_named() {
             }
         }
         let ratio = (errors[0] / errors[1]).sqrt();
-        println!(
-            "{:18} {key:58} {size:9.2e}: {right} of 5 named, error {ratio:.2} of the right model's",
-            fault.device
-        );
+        let mended_to =
+            if errors[1] > 0.0 { format!(", error {ratio:.2} of the right model's") } else { String::new() };
+        println!("{:18} {key:58} {size:9.2e}: {right} of 5 named{mended_to}", fault.device);
         for (what, count) in others {
             println!("    {count}: {what}");
         }
