@@ -4,7 +4,6 @@ mod common;
 
 use common::device;
 use kalmems_equations::{Description, Device};
-use std::time::{Duration, Instant};
 
 fn one_state(rate: &str) -> String {
     format!("[states]\nx = '1'\ny = '1'\n[parameters]\np = '2'\n[derivative]\nx = '{rate}'\ny = '0'\n")
@@ -26,10 +25,8 @@ fn rate(text: &str, x: [f64; 2]) -> f64 {
 #[test]
 fn a_long_sum_is_not_deep() {
     let terms: Vec<String> = (0..9000).map(|k| format!("x*{k}")).collect();
-    let start = Instant::now();
     // 40 495 500 = 0 + 1 + … + 8999.
     assert_eq!(rate(&one_state(&format!("1[1/s]*({})", terms.join("+"))), [2.0, 0.0]), 80_991_000.0);
-    assert!(start.elapsed() < Duration::from_secs(5));
 }
 
 #[test]
@@ -107,8 +104,6 @@ fn functions_that_double_are_stopped() {
     for k in 1..45 {
         functions.push_str(&format!("'f{k}(z)' = 'f{0}(z) + f{0}(z + 1)'\n", k - 1));
     }
-    let start = Instant::now();
     let error = read(&format!("{}{functions}", one_state("1[1/s]*f44(x)"))).unwrap_err();
     assert!(error.contains("once everything is inserted"), "{error}");
-    assert!(start.elapsed() < Duration::from_secs(20));
 }

@@ -24,7 +24,8 @@ pub struct Motion {
     free: Vec<usize>,
     /// The number of states, or one above it for which a step is compiled.
     size: usize,
-    /// The number of parameters that are states, or one above it for which a step is compiled.
+    /// The columns of the Jacobian of those parameters that the rates depend on, and how many a step is compiled for.
+    active: Vec<usize>,
     room: usize,
     sparsity: Vec<(usize, usize)>,
     /// The registers of f, of ∂f/∂x and of ∂f/∂p, row by row and of these sizes: that of the number 0 where one is always
@@ -36,8 +37,8 @@ pub struct Motion {
 
 /// The numbers of states for which a step is compiled.
 const SIZES: [usize; 9] = [1, 2, 3, 4, 5, 6, 8, 12, MOST_STATES];
-/// The numbers of parameters as states for which a step is compiled.
-const ROOMS: [usize; 3] = [0, 4, MOST_STATES];
+/// The numbers of parameters that the rates depend on for which a step is compiled.
+const ROOMS: [usize; 3] = [0, 2, MOST_STATES];
 
 impl Device {
     /// Its motion, with these parameters, by their places, as states.
@@ -73,19 +74,34 @@ impl Device {
         let size = SIZES.into_iter().find(|size| *size >= states).unwrap_or(MOST_STATES);
         let (mut rates, mut slopes) = (own.to_vec(), vec![*zero; size * size]);
         rates.resize(size, *zero);
-        let room = ROOMS.into_iter().find(|room| *room >= free.len()).unwrap_or(MOST_STATES);
+        let mut active: Vec<usize> =
+            places.iter().map(|(_, column)| *column).filter(|c| *c >= states).collect();
+        active.sort_unstable();
+        active.dedup();
+        let room = ROOMS.into_iter().find(|room| *room >= active.len()).unwrap_or(MOST_STATES);
         let mut by_parameter = vec![*zero; size * room];
         for ((row, column), register) in places.iter().zip(registers) {
-            let entry = match column.checked_sub(states) {
-                None => slopes.get_mut(row * size + column),
-                Some(parameter) => by_parameter.get_mut(row * room + parameter),
+            let entry = match active.binary_search(column) {
+                Err(_) => slopes.get_mut(row * size + column),
+                Ok(parameter) => by_parameter.get_mut(row * room + parameter),
             };
             if let Some(entry) = entry {
                 *entry = *register;
             }
         }
         let free = free.to_vec();
-        Ok(Motion { program, states, free, size, room, sparsity: places, rates, slopes, by_parameter })
+        Ok(Motion {
+            program,
+            states,
+            free,
+            size,
+            active,
+            room,
+            sparsity: places,
+            rates,
+            slopes,
+            by_parameter,
+        })
     }
 
     /// A program for these nodes of the device's graph or of a copy of it.
@@ -170,9 +186,9 @@ impl Motion {
         jacobian.fill(0.0);
         let columns = self.states();
         for (row, column) in self.sparsity.iter().copied() {
-            let register = match column.checked_sub(self.states) {
-                None => self.slopes.get(row * self.size + column),
-                Some(parameter) => self.by_parameter.get(row * self.room + parameter),
+            let register = match self.active.binary_search(&column) {
+                Err(_) => self.slopes.get(row * self.size + column),
+                Ok(parameter) => self.by_parameter.get(row * self.room + parameter),
             };
             if let Some((entry, register)) = jacobian.get_mut(row * columns + column).zip(register) {
                 *entry = work.get(*register);

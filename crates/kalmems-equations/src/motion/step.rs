@@ -23,7 +23,7 @@ impl Motion {
                     $(
                         ($size, _) if jacobian.is_empty() => self.chain::<$size, 0, false>(work, x, over, to, jacobian),
                         ($size, 0) => self.chain::<$size, 0, true>(work, x, over, to, jacobian),
-                        ($size, 4) => self.chain::<$size, 4, true>(work, x, over, to, jacobian),
+                        ($size, 2) => self.chain::<$size, 2, true>(work, x, over, to, jacobian),
                         ($size, _) => self.chain::<$size, MOST_STATES, true>(work, x, over, to, jacobian),
                     )+
                     _ => false,
@@ -33,7 +33,8 @@ impl Motion {
         by_size!(1 2 3 4 5 6 8 12 16)
     }
 
-    /// The step and its Jacobian for N states, of which the last may not be there, and at most F parameters.
+    /// The step and its Jacobian for N states, of which the last may not be there, and at most F parameters that the
+    /// rates depend on.
     ///
     /// Each column s = ∂x/∂x₀ or ∂x/∂p goes with x through the stages by ṡ = ∂f/∂x·s + ∂f/∂p, by itself.
     #[inline(never)]
@@ -80,18 +81,27 @@ impl Motion {
         if !LINEAR {
             return are_finite(to);
         }
-        let (of_states, of_parameters) = (of_states.sum, of_parameters.sum);
-        for (i, row) in jacobian.chunks_exact_mut(self.states().max(1)).enumerate() {
-            for (k, entry) in row.iter_mut().enumerate() {
-                let moved = match (i < states, k.checked_sub(states)) {
-                    (false, _) => 0.0,
-                    (true, None) => of_states[i][k] * sixth,
-                    (true, Some(parameter)) => of_parameters[i].get(parameter).map_or(0.0, |sum| sum * sixth),
-                };
-                *entry = if i == k { 1.0 + moved } else { moved };
+        let columns = self.states();
+        jacobian.fill(0.0);
+        for (i, row) in jacobian.chunks_exact_mut(columns.max(1)).enumerate() {
+            // What is held hangs on itself.
+            if let Some(entry) = row.get_mut(i) {
+                *entry = 1.0;
+            }
+            if i < states {
+                for (entry, sum) in row.iter_mut().zip(&of_states.sum[i]).take(states) {
+                    *entry += sum * sixth;
+                }
+                for (column, sum) in self.active.iter().zip(&of_parameters.sum[i]) {
+                    if let Some(entry) = row.get_mut(*column) {
+                        *entry = sum * sixth;
+                    }
+                }
             }
         }
-        are_finite(to) & are_finite(jacobian)
+        are_finite(to)
+            & are_finite(of_states.sum.as_flattened())
+            & are_finite(of_parameters.sum.as_flattened())
     }
 
     /// f, and ∂f/∂x and ∂f/∂p where they are wanted.
