@@ -6,6 +6,7 @@ use super::suspect::Suspect;
 use super::trial::Trial;
 use crate::evaluate::{InnovationTest, TestPlace};
 use crate::fit::{Innovations, MostLikely, most_likely};
+use kalmems_core::Scalar;
 
 /// What is searched among, and what a cause has to be better than.
 pub(super) struct Search<'a> {
@@ -50,6 +51,13 @@ const LEAST_PROMISE: f64 = 2.0;
 
 /// The share of the largest promise below which a number is not followed up: what gains so little at first cannot gain most.
 const SMALL_PROMISE: f64 = 0.02;
+
+/// Steps of a search for a line, for each frequency that the recording can tell from the next; and how many there are at most.
+const FINE: f64 = 8.0;
+const MOST_STEPS: f64 = 400.0;
+
+/// Steps by which the frequency of a line is tuned, in parts of what the recording can tell from the next.
+const TUNING: [f64; 4] = [0.3, 0.1, 0.03, 0.01];
 
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
@@ -140,25 +148,83 @@ impl Search<'_> {
         (information > 0.0).then(|| 0.5 * gradient * gradient / information)
     }
 
-    /// A line at each frequency at which the tests of the innovations find one.
+    /// A line at each frequency at which the tests of the innovations find one, or too much power: where the innovations have most.
     pub(super) fn lines(&self) -> Vec<Tried> {
+        let resolution_hz = 1.0 / self.duration_s();
         let mut frequencies: Vec<f64> = Vec::new();
         for found in self.base.failing() {
-            let frequency_hz = match (found.test, found.place) {
-                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => hz,
+            let around = |hz: f64, by: f64| {
+                [(hz - by * resolution_hz).max(0.25 * resolution_hz), hz + by * resolution_hz]
+            };
+            let range = match (found.test, found.place) {
+                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => around(hz, 1.5),
                 (InnovationTest::Harmonics, Some(TestPlace::Harmonic { number, of_hz })) => {
-                    number as f64 * of_hz
+                    around(number as f64 * of_hz, 0.5)
+                }
+                (InnovationTest::Bands, Some(TestPlace::Band { from_hz, to_hz })) => {
+                    [around(from_hz, 1.0)[0], around(to_hz, 1.0)[1]]
                 }
                 _ => continue,
             };
-            if frequencies.iter().all(|known| (known / frequency_hz - 1.0).abs() > 1e-6) {
+            let frequency_hz = self.strongest(range, resolution_hz);
+            if frequencies.iter().all(|known| (known - frequency_hz).abs() > resolution_hz) {
                 frequencies.push(frequency_hz);
             }
         }
-        let each = frequencies
-            .into_iter()
-            .filter_map(|frequency_hz| self.refined(&Cause::Line { frequency_hz, amplitude: [0.0; 2] }));
-        each.collect()
+        frequencies.into_iter().filter_map(|hz| self.tuned(hz, resolution_hz)).collect()
+    }
+
+    /// A line near a frequency, where it makes the fitted blocks the likeliest: what follows of it in the innovations is not all at its own
+    /// frequency.
+    fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<Tried> {
+        let fitted = |frequency_hz: f64| {
+            let cause = Cause::Line { frequency_hz, amplitude: [0.0; 2] };
+            let cause = cause.resized(&self.fit(&cause, Blocks::Fitted)?.0);
+            let trial = self.run(&cause)?;
+            Some((trial.log_likelihood(true), frequency_hz, cause))
+        };
+        let mut best = fitted(frequency_hz)?;
+        for part in TUNING {
+            for side in [-part, part] {
+                for _ in 0..TUNING.len() {
+                    match fitted(best.1 + side * resolution_hz) {
+                        Some(found) if found.0 > best.0 => best = found,
+                        _ => break,
+                    }
+                }
+            }
+        }
+        self.refined(&best.2)
+    }
+
+    /// The frequency in a range at which the innovations of the first signal, over their standard deviations, have most.
+    fn strongest(&self, [from_hz, to_hz]: [f64; 2], resolution_hz: f64) -> f64 {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of steps, bounded
+        let steps = (FINE * (to_hz - from_hz) / resolution_hz).clamp(1.0, MOST_STEPS).ceil() as u32;
+        let at = |step: u32| from_hz + (to_hz - from_hz) * f64::from(step) / f64::from(steps);
+        let power = |hz: f64| {
+            let (mut cosine, mut sine) = (0.0, 0.0);
+            for (k, (value, variance)) in
+                self.base.innovations.value.iter().zip(&self.base.innovations.variance).enumerate()
+            {
+                let z = value / variance.sqrt();
+                if self.base.is_of_first[k] && z.is_finite() {
+                    let phase = std::f64::consts::TAU * hz * self.base.time_s[k];
+                    cosine += z * Scalar::cos(phase);
+                    sine += z * Scalar::sin(phase);
+                }
+            }
+            cosine * cosine + sine * sine
+        };
+        let all = (0..=steps).map(|step| (power(at(step)), at(step)));
+        all.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(from_hz, |(_, hz)| hz)
+    }
+
+    /// From the first innovation to the last, in s.
+    fn duration_s(&self) -> f64 {
+        let [first, last] =
+            [self.base.time_s.first(), self.base.time_s.last()].map(|t| t.copied().unwrap_or(0.0));
+        (last - first).abs().max(f64::MIN_POSITIVE)
     }
 
     /// Samples that are none of the noise, where there are some and not too many.

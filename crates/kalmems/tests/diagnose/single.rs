@@ -217,6 +217,18 @@ fn a_stiffness_is_named_with_the_inertia_that_the_recording_cannot_tell_from_it(
 }
 
 #[test]
+fn hum_is_named_with_its_frequency() {
+    let place = FAULTS.iter().position(|fault| fault.is_named == LINE && fault.device == THRESHOLD).unwrap();
+    let found = FAULTS[place].of_size(1.0, 31).diagnosis();
+    let names: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
+    // Two periods in the 40 ms of the recording, one and a half of them after the settling time.
+    let hz = names
+        .first()
+        .and_then(|name| name.strip_prefix("a line of ")?.split(' ').next()?.parse::<f64>().ok());
+    assert!(names.len() == 1 && hz.is_some_and(|hz| (hz - 50.0).abs() < 0.5), "{names:?} {:?}", found.tests);
+}
+
+#[test]
 fn of_filters_that_are_right_nothing_is_changed() {
     for device in DEVICES.iter().filter(|device| device.name != "two axes") {
         let right = Fault {
