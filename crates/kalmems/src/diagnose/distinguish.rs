@@ -3,8 +3,8 @@
 use super::bench::Bench;
 use super::change::Change;
 use super::suspect::quantity;
-use super::threads;
 use super::trial::Trial;
+use super::{DiagnoseError, threads};
 use crate::config::{Experiment, Key};
 use crate::patch::put;
 use crate::progress::{Progress, map_on_threads};
@@ -41,17 +41,17 @@ const LONGER: f64 = 4.0;
 /// ln p from which on two causes are told apart: a factor of a thousand.
 const APART: f64 = 6.9;
 
-/// The recording in which the first of these causes would be likeliest against all others; `None` inside where none of those that were
-/// tried tells them apart, or none can be simulated, and `None` itself where the work was stopped.
+/// The recording in which the first of these causes would be likeliest against all others; `None` where none of those that were tried
+/// tells them apart, or none can be simulated.
 pub(super) fn proposal(
     workbench: &Workbench,
     experiment: &Experiment,
     (bench, base): (&Bench, &Trial),
     causes: &[Vec<Change>],
     progress: &dyn Progress,
-) -> Option<Option<Proposal>> {
-    let Some((first, others)) = causes.split_first() else { return Some(None) };
-    let Some(usual) = simulate(workbench, experiment, (bench, base)) else { return Some(None) };
+) -> Result<Option<Proposal>, DiagnoseError> {
+    let Some((first, others)) = causes.split_first() else { return Ok(None) };
+    let Some(usual) = simulate(workbench, experiment, (bench, base)) else { return Ok(None) };
     let variations = variations(&usual);
     let work = (progress, "simulating other recordings");
     let tried = map_on_threads(work, threads(), (variations.len(), 1), |place, heard| {
@@ -61,9 +61,10 @@ pub(super) fn proposal(
             let table = Table::from_iter([("simulate".to_owned(), Value::Table(simulate.clone()))]);
             Some(Proposal { what: what.clone(), ahead, simulate: toml::to_string(&table).ok()? })
         })
-    })?;
+    });
+    let tried = tried.ok_or(DiagnoseError::Interrupted)?;
     let best = tried.into_iter().flatten().max_by(|a, b| a.ahead.total_cmp(&b.ahead));
-    Some(best.filter(|best| best.ahead > APART))
+    Ok(best.filter(|best| best.ahead > APART))
 }
 
 /// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.

@@ -136,8 +136,7 @@ fn of_bench(
         .collect();
     let of_device = |changes: &Vec<Change>| changes.iter().all(|change| matches!(change, Change::Key(..)));
     let proposal = if causes.len() > 1 && causes.iter().all(of_device) {
-        distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)
-            .ok_or(DiagnoseError::Interrupted)?
+        distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)?
     } else {
         None
     };
