@@ -232,10 +232,7 @@ fn what_cannot_be_calibrated_is_refused_with_what_to_write() {
     let refused = Folder::with(&example("shared_scanner/experiment.toml")).refused("experiment.toml");
     assert!(refused.contains("simulate: the key is missing; a calibration simulates"), "{refused}");
     // Without a number that could be drawn there is no truth.
-    let threshold = fs::read_to_string(
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/simulation.toml"),
-    )
-    .unwrap();
+    let threshold = example("threshold_scanner/simulation.toml");
     let folder = Folder::with(&threshold.replace("feedthrough_capacitance = \"0.2 pF\"\n", ""));
     let refused = folder.refused("experiment.toml");
     assert!(refused.contains("feedthrough"), "{refused}");

@@ -2,7 +2,7 @@
 
 use super::prior::Drawn;
 use crate::estimate::{Trajectory, TrajectoryKind};
-use crate::evaluate::{Claim, ErrorSeries, ParameterAnswer};
+use crate::evaluate::{Claim, ErrorSeries, MotionErrors, ParameterAnswer};
 use crate::results::{EstimatorMetrics, Metrics};
 use crate::workflow::{Outcome, SegmentOutcome};
 use serde::{Deserialize, Serialize};
@@ -99,7 +99,7 @@ fn claims(
     estimator: &EstimatorMetrics,
     drawn: &[Drawn],
 ) -> Vec<Claimed> {
-    let angles = segment.errors.get(place).into_iter().flatten().flat_map(|errors| errors.each());
+    let angles = segment.errors.get(place).into_iter().flatten().flat_map(MotionErrors::each);
     let angles = angles.map(|errors| (errors.of, &errors.error, errors.angle.claim));
     let values = segment.values.get(place).into_iter().flatten();
     let values = values.map(|(name, errors)| (*name, &errors.error, errors.claim));
