@@ -88,12 +88,12 @@ impl Finding {
         let [first, rest @ ..] = looks;
         let (finding, p) =
             rest.into_iter().fold(first, |least, look| if look.1 < least.1 { look } else { least });
-        // The ranks see the others as well; what they see has a name then.
-        let named = looks.into_iter().take(3).find(|(_, p)| *p < HOLDS / 4.0);
-        match (p * 4.0 < HOLDS, finding, named) {
-            (false, ..) => Self::Holds,
-            (true, Self::NotNormal, Some((finding, _))) | (true, finding, _) => finding,
+        if p * 4.0 >= HOLDS {
+            return Self::Holds;
         }
+        // The ranks see the others as well; what they see has a name then.
+        let named = looks.into_iter().take(3).find(|(_, p)| p * 4.0 < HOLDS);
+        named.filter(|_| finding == Self::NotNormal).map_or(finding, |(named, _)| named)
     }
 }
 
