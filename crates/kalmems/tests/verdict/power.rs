@@ -154,7 +154,10 @@ fn curves(kinds: &'static [Kind]) -> Vec<Curve> {
                 let place = next.fetch_add(1, Ordering::Relaxed);
                 kinds.get(place).map(|kind| (place, kind))
             } {
-                own.push((place, kind.curve()));
+                let curve = kind.curve();
+                // As soon as it is known: all of them take long.
+                println!("{}", row(&curve));
+                own.push((place, curve));
             }
             own
         };
@@ -175,23 +178,26 @@ fn written(kind: &Kind, size: f64) -> String {
     }
 }
 
+/// The row of the book.
+fn row(Curve { kind, points, .. }: &Curve) -> String {
+    let list = |of: &dyn Fn(&Point) -> String| points.iter().map(of).collect::<Vec<_>>().join(", ");
+    format!(
+        "| {} | `{}` | {} | {} | {} | {} |",
+        kind.device,
+        kind.key.rsplit_once("scanner.").map_or(kind.key, |(_, key)| key),
+        written(kind, points[1].size),
+        list(&|p| p.failed.to_string()),
+        list(&|p| format!("{:.0}", p.held)),
+        list(&|p| format!("{:.1}", p.error)),
+    )
+}
+
 fn print(curves: &[&Curve]) {
     println!(
         "| device | wrong | by | fail of 10 at ½, 1, 2, 4, 8 times that | d² there | errors in claimed sd there |"
     );
     println!("|---|---|---|---|---|---|");
-    for Curve { kind, points, .. } in curves {
-        let list = |of: &dyn Fn(&Point) -> String| points.iter().map(of).collect::<Vec<_>>().join(", ");
-        println!(
-            "| {} | `{}` | {} | {} | {} | {} |",
-            kind.device,
-            kind.key.rsplit_once("scanner.").map_or(kind.key, |(_, key)| key),
-            written(kind, points[1].size),
-            list(&|p| p.failed.to_string()),
-            list(&|p| format!("{:.0}", p.held)),
-            list(&|p| format!("{:.1}", p.error)),
-        );
-    }
+    curves.iter().for_each(|curve| println!("{}", row(curve)));
 }
 
 /// How many runs fail of those whose d² is in a range, and of how many.
