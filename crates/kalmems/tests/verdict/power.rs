@@ -197,7 +197,9 @@ fn print(curves: &[&Curve]) {
         "| device | wrong | by | fail of 10 at ½, 1, 2, 4, 8 times that | d² there | errors in claimed sd there |"
     );
     println!("|---|---|---|---|---|---|");
-    curves.iter().for_each(|curve| println!("{}", row(curve)));
+    for curve in curves {
+        println!("{}", row(curve));
+    }
 }
 
 /// How many runs fail of those whose d² is in a range, and of how many.
