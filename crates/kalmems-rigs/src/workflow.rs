@@ -10,7 +10,7 @@ use crate::evaluate::{
     ErrorsByState, Judgement, MotionErrors, ReferenceError, ReferenceRecording, SegmentJudge, ValueState,
     evaluate_values,
 };
-use crate::progress::Progress;
+use crate::progress::{Progress, Reader};
 use crate::recording::{ReadError, Recording};
 use crate::simulate::Unwritten;
 use crate::{Rig, Workbench};
@@ -111,18 +111,17 @@ pub fn estimate(
     for index in wanted {
         let described = experiment.recording(index)?;
         let file = experiment.resolve(&described.file);
-        let mut reading = Reading { progress, started: false };
-        let recording = Recording::read_with(&file, &rig.layout(experiment, index)?, &mut |d, n| {
-            reading.hear("reading", d, n)
-        })?;
+        let mut reading = Reader::new(progress, "reading");
+        let layout = rig.layout(experiment, index)?;
+        let recording = Recording::read_with(&file, &layout, &mut |done, total| reading.hear(done, total))?;
         let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
 
-        let mut reading = Reading { progress, started: false };
+        let mut reading = Reader::new(progress, "reading the reference");
         let reference = ReferenceRecording::read(
             experiment,
             (index, recording.origin()),
             &rig.reference(experiment)?,
-            &mut |d, n| reading.hear("reading the reference", d, n),
+            &mut |done, total| reading.hear(done, total),
         )?;
         recordings.push(evaluate(rig, described, recording, estimates, reference, None)?);
     }
@@ -208,20 +207,4 @@ fn require(experiment: &Experiment, file: &Path, key: Key) -> Result<(), ConfigE
         path.display()
     );
     Err(experiment.error(key, Fault::Value { why }))
-}
-
-/// Passes on how far a reader has come.
-struct Reading<'a> {
-    progress: &'a dyn Progress,
-    started: bool,
-}
-
-impl Reading<'_> {
-    fn hear(&mut self, what: &str, done: u64, total: u64) -> std::ops::ControlFlow<()> {
-        if !self.started {
-            self.progress.begin(what, total);
-            self.started = true;
-        }
-        self.progress.reached(done)
-    }
 }

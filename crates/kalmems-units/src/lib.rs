@@ -22,4 +22,4 @@ pub use dimension::Dimension;
 pub use header::Header;
 pub use kind::Kind;
 pub use unit::{Unit, UnitError};
-pub use value::Value;
+pub use value::{Value, number_length};

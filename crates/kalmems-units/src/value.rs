@@ -66,8 +66,8 @@ impl Value {
     }
 }
 
-/// The length of the decimal number that `text` starts with; 0 if it starts with none.
-fn number_length(text: &str) -> usize {
+/// The length of the decimal number that `text` starts with, its sign included; 0 if it starts with none.
+pub fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
     let sign = usize::from(matches!(bytes.first(), Some(b'+' | b'-')));

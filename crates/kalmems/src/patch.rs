@@ -42,6 +42,15 @@ pub(crate) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), F
     Ok(())
 }
 
+/// The value at a key.
+pub(crate) fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Value> {
+    let (Step::Name(first), steps) = key.steps().split_first()? else { return None };
+    steps.iter().try_fold(document.get(first)?, |value, step| match step {
+        Step::Name(name) => value.get(name.as_str()),
+        Step::Index(index) => value.get(*index),
+    })
+}
+
 /// The first name on the way to a key that the document does not have, and the names beside which it would stand.
 pub(crate) fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
     let mut table = Some(document);
@@ -83,6 +92,7 @@ mod tests {
             let mut document = document();
             put(&mut document, &Key::parse(key).unwrap(), Value::Integer(9)).unwrap();
             assert_eq!(document, expected.parse::<Table>().unwrap(), "{key}");
+            assert_eq!(get(&document, &Key::parse(key).unwrap()), Some(&Value::Integer(9)), "{key}");
         }
         for key in ["e[2].f", "a.b", "b[0]", "e.f", "g[0].h", "b.g[0]"] {
             assert!(put(&mut document(), &Key::parse(key).unwrap(), Value::Integer(9)).is_err(), "{key}");

@@ -1,5 +1,8 @@
 //! Calibrations: what is drawn, what is counted, the same bytes by every way, and what is refused.
 
+mod folders;
+
+use folders::{files, table};
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{Metrics, Output};
 use kalmems::rigs::published;
@@ -97,24 +100,6 @@ impl Folder {
         let refused = self.plan(file, 2).unwrap_err().to_string();
         refused.replace(&format!("{}/", self.0.path().display()), "")
     }
-}
-
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
-        if path.is_dir() {
-            found.extend(files(&path).into_iter().map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
-        } else {
-            found.insert(name, fs::read(&path).unwrap());
-        }
-    }
-    found
-}
-
-fn table(results: &BTreeMap<String, Vec<u8>>, name: &str) -> Vec<BTreeMap<String, String>> {
-    csv::Reader::from_reader(results[name].as_slice()).deserialize().map(Result::unwrap).collect()
 }
 
 /// Stops after so many runs.

@@ -67,6 +67,7 @@ fn with_four_parameters_as_states_ekf_and_ukf_agree_from_a_start_by_the_signal()
     let metrics = metrics("experiment.toml", &(filters + &wide));
     let [ekf, ukf, root, wide_ekf, wide_ukf] =
         ["ekf", "ukf", "square_root_ukf", "wide_ekf", "wide_ukf"].map(|key| angle_and_phase(&metrics, key).0);
+    println!("from the signal {ekf:.4} {ukf:.4} {root:.4}, from 0.15 rad {wide_ekf:.4} {wide_ukf:.4} deg");
     assert!((ukf / ekf - 1.0).abs() < 0.02 && (root / ukf - 1.0).abs() < 1e-3, "{ekf} {ukf} {root}");
     // From 0.15 rad one of the two is led astray by more than the other, and says less than it is.
     assert!(wide_ekf.max(wide_ukf) > 3.0 * ekf, "{wide_ekf} {wide_ukf} {ekf}");

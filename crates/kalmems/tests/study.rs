@@ -1,5 +1,8 @@
 //! Studies: the same bytes by every way, and what is refused.
 
+mod folders;
+
+use folders::{files, table};
 use kalmems::progress::{Progress, Silent};
 use kalmems::recording::{Clock, Hints, Layout, Recording};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
@@ -116,25 +119,6 @@ impl Folder {
     }
 }
 
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
-        if path.is_dir() {
-            found.extend(files(&path).into_iter().map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
-        } else {
-            found.insert(name, fs::read(&path).unwrap());
-        }
-    }
-    found
-}
-
-fn table(results: &BTreeMap<String, Vec<u8>>) -> Vec<BTreeMap<String, String>> {
-    let mut csv = csv::Reader::from_reader(results["results.csv"].as_slice());
-    csv.deserialize().map(Result::unwrap).collect()
-}
-
 /// Stops after so many runs.
 struct After(AtomicU64);
 
@@ -234,7 +218,7 @@ fn a_journal_is_that_of_one_study() {
 #[test]
 fn repeats_differ_and_draws_are_those_of_the_table() {
     let folder = Folder::with(STUDY);
-    let rows = table(&folder.results("out", 2));
+    let rows = table(&folder.results("out", 2), "results.csv");
     assert_eq!(rows.len(), 6);
     let distinct = |name: &str| {
         rows.iter().map(|row| row[name].as_str()).collect::<std::collections::BTreeSet<_>>().len()
@@ -257,7 +241,7 @@ fn a_run_that_fails_is_a_row_and_the_study_goes_on() {
     let plan = folder.plan().unwrap();
     let summary = write(&plan, &[journal], &folder.path("out")).unwrap();
     assert_eq!((summary.runs, summary.failed(), summary.rows), (3, 1, 3));
-    let rows = table(&files(&folder.path("out")));
+    let rows = table(&files(&folder.path("out")), "results.csv");
     assert!(
         rows[1]["error"].contains("expected more than the settling time of 0.0019 s"),
         "{}",
@@ -394,7 +378,7 @@ fn two_keys_make_a_map() {
     let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
     let results = folder.written("out", std::slice::from_ref(&journal));
     let mut medians: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for row in table(&results) {
+    for row in table(&results, "results.csv") {
         medians.entry(row["point"].clone()).or_default().push(row["errors.angle.rmse_deg"].parse().unwrap());
     }
     assert_eq!(medians.len(), 6);
@@ -443,7 +427,7 @@ fn a_recording_can_be_studied() {
     let output = Output::begin(&folder.path("written"), &Work::named("simulate", "written")).unwrap();
     write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
     output.commit().unwrap();
-    let rows = table(&folder.results("out", 2));
+    let rows = table(&folder.results("out", 2), "results.csv");
     let nis = |i: usize| rows[i]["consistency.mean_nis"].parse::<f64>().unwrap();
     assert!(rows.len() == 2 && nis(1) > 1.5 * nis(0), "{} {}", nis(0), nis(1));
     // The recording is part of the study.

@@ -5,7 +5,7 @@ use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::inspect::inspect_with;
-use kalmems::progress::Progress;
+use kalmems::progress::Reader;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
 use kalmems::rigs::Workbench;
@@ -56,18 +56,13 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         return Err(Ending::Wrong(why.to_owned()));
     }
     let bar = Bar::default();
-    let mut started = false;
-    let inspection = inspect_with(&arguments.input, &mut |done, total| {
-        if !started {
-            bar.begin("reading", total);
-            started = true;
-        }
-        bar.reached(done)
-    })
-    .map_err(|e| match e {
-        ReadError::Interrupted { .. } => Ending::Interrupted,
-        e => wrong(&e),
-    })?;
+    let mut reading = Reader::new(&bar, "reading");
+    let inspection = inspect_with(&arguments.input, &mut |done, total| reading.hear(done, total)).map_err(
+        |e| match e {
+            ReadError::Interrupted { .. } => Ending::Interrupted,
+            e => wrong(&e),
+        },
+    )?;
     drop(bar);
     if let Some(path) = &arguments.png {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;

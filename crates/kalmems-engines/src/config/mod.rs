@@ -55,7 +55,7 @@ pub use identify::{FeedthroughBy, Identify, Trusted};
 pub use key::Key;
 pub use key::Step;
 pub use name::Name;
-pub use quantity::Quantity;
+pub use quantity::{Quantity, written};
 pub use reader::read_source;
 pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};

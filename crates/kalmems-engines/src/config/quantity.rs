@@ -48,6 +48,15 @@ impl<K, S> From<Value> for Quantity<K, S> {
     }
 }
 
+/// A number in a unit as an experiment file has it: text with the unit behind it, and a plain number where that is empty.
+pub fn written(number: f64, unit: &str) -> toml::Value {
+    if unit.is_empty() {
+        toml::Value::Float(number)
+    } else {
+        toml::Value::String(format!("{number:e} {unit}"))
+    }
+}
+
 // What follows is compiled once, and not for each kind and sign.
 
 fn parse_of(text: &str, kind: &Kind, sign: Sign) -> Result<Value, String> {

@@ -156,7 +156,7 @@ fn rate(series: &ErrorSeries, truth: &[f64], k: usize) -> Option<f64> {
 
 impl Explained {
     /// The nearest in least squares; `None` of too few errors, and where the reference does not move.
-    fn of(series: &ErrorSeries, truth: &[f64]) -> Option<Self> {
+    pub fn of(series: &ErrorSeries, truth: &[f64]) -> Option<Self> {
         let places: Vec<f64> = (0..series.error.len()).map(|k| k as f64).collect();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place
         let basis = |place: f64| {

@@ -21,6 +21,36 @@ impl Innovations {
     }
 }
 
+/// What innovations say of one parameter to first order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// The slope of Σ ln p by the parameter.
+    pub gradient: f64,
+    /// What they tell of it, Σ ν'ν'/S + S'S'/2S²: the inverse of the variance with which they determine it alone.
+    pub information: f64,
+}
+
+impl Innovations {
+    /// By the innovations of the same samples with the parameter changed by a step. What is no update in one of both does not count.
+    pub fn score(&self, there: &Self, step: f64) -> Score {
+        let mut score = Score { gradient: 0.0, information: 0.0 };
+        let own = self.value.iter().zip(&self.variance);
+        for ((value, variance), (value_there, variance_there)) in
+            own.zip(there.value.iter().zip(&there.variance))
+        {
+            let (slope, relative) =
+                ((value_there - value) / step, (variance_there - variance) / (step * variance));
+            let gradient = 0.5 * relative * (value * value / variance - 1.0) - value * slope / variance;
+            let information = slope * slope / variance + 0.5 * relative * relative;
+            if gradient.is_finite() && information.is_finite() {
+                score.gradient += gradient;
+                score.information += information;
+            }
+        }
+        score
+    }
+}
+
 /// Parameters that make innovations the likeliest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MostLikely<const P: usize> {
@@ -193,6 +223,25 @@ mod tests {
         for (found, expected) in found.sd.iter().zip(expected_sd) {
             assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
         }
+    }
+
+    /// y = a + noise of variance v: the slope of Σ ln p by a is Σ (y − a)/v, and the information n/v.
+    #[test]
+    fn the_score_of_a_mean_is_that_of_the_closed_form() {
+        let mut noise = noise();
+        let data: Vec<f64> = (0..500).map(|_| 1.7 + 0.3 * noise()).collect();
+        let with = |a: f64| Innovations {
+            value: data.iter().map(|y| y - a).chain([f64::NAN]).collect(),
+            variance: vec![0.09; 501],
+        };
+        let score = with(1.5).score(&with(1.51), 0.01);
+        let gradient = data.iter().map(|y| (y - 1.5) / 0.09).sum::<f64>();
+        assert!((score.gradient / gradient - 1.0).abs() < 1e-9, "{score:?} {gradient}");
+        assert!((score.information / (500.0 / 0.09) - 1.0).abs() < 1e-9, "{score:?}");
+        // And by the variance: n/2v of information for its logarithm's square.
+        let wider = Innovations { variance: vec![0.09 * 1.001; 501], ..with(1.7) };
+        let score = with(1.7).score(&wider, 0.001);
+        assert!((score.information / 250.0 - 1.0).abs() < 1e-9, "{score:?}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ mod triangle;
 
 pub use error::FitError;
 pub use levenberg::{Bounds, FitSettings, fit};
-pub use likelihood::{Innovations, MostLikely, most_likely};
+pub use likelihood::{Innovations, MostLikely, Score, most_likely};
 pub use outcome::{Derived, Direction, Fit};
 pub use profile::profile;
 pub use regression::{ByDual, Law, Regression};

@@ -1,9 +1,11 @@
 //! What long work tells, and how it is stopped.
 
 mod pace;
+mod reader;
 mod threads;
 
 pub use pace::Pace;
+pub use reader::Reader;
 pub use threads::map_on_threads;
 
 use std::ops::ControlFlow;

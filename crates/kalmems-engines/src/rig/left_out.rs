@@ -1,6 +1,6 @@
 //! Numbers of a device that an experiment may leave out.
 
-use crate::config::Key;
+use crate::config::{Key, written};
 use toml::Value;
 
 /// A number that the device table may leave out, or have as zero; a diagnosis tries whether it is there.
@@ -38,9 +38,6 @@ impl LeftOut {
     /// What stands at the key for a number of so many steps.
     pub fn value(&self, steps: f64) -> Value {
         let number = steps * self.step;
-        let written = |number: f64, unit: &str| {
-            if unit.is_empty() { Value::Float(number) } else { Value::String(format!("{number:e} {unit}")) }
-        };
         match self.form {
             Form::Number => written(number, self.unit),
             Form::TwoPoles => {

@@ -1,6 +1,7 @@
 //! The words and signs of an expression.
 
 use crate::error::Fault;
+use kalmems_units::number_length;
 use std::ops::Range;
 
 /// What a piece of text is.
@@ -76,29 +77,4 @@ fn stray(start: usize, found: char) -> (Range<usize>, Fault) {
     };
     let fault = Fault::Syntax { found: format!("`{}`", found.escape_debug()), expected: expected.to_owned() };
     (start..start + found.len_utf8(), fault)
-}
-
-/// How long the decimal number is that the text starts with; 0 where it starts with none.
-fn number_length(text: &str) -> usize {
-    let bytes = text.as_bytes();
-    let digits = |from: usize| bytes.iter().skip(from).take_while(|b| b.is_ascii_digit()).count();
-    let whole = digits(0);
-    let mut end = whole;
-    let mut count = whole;
-    if bytes.get(end) == Some(&b'.') {
-        let fraction = digits(end + 1);
-        count += fraction;
-        end += 1 + fraction;
-    }
-    if count == 0 {
-        return 0;
-    }
-    if matches!(bytes.get(end), Some(b'e' | b'E')) {
-        let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
-        let exponent = digits(end + 1 + sign);
-        if exponent > 0 {
-            end += 1 + sign + exponent;
-        }
-    }
-    end
 }

@@ -1,7 +1,7 @@
 //! What a change makes of the answer.
 
 use super::trial::Trial;
-use crate::signal::least_squares;
+use crate::evaluate::{ErrorSeries, Explained};
 use serde::Serialize;
 
 /// How an answer differs from another one of the same samples: Δx = offset + scale·x + early·ẋ and a rest.
@@ -41,9 +41,16 @@ impl AnswerChange {
         let mean = sum / f64::max(count, 1.0);
         let of_rms = mean_square(&mut from.answer.iter().map(|x| x - mean))?.sqrt();
         let claimed = mean_square(&mut from.answer_sd.iter().copied()).unwrap_or(0.0).sqrt();
-        let own =
+        let none =
             Self { rms: square.sqrt(), offset: 0.0, scale: 0.0, early_s: 0.0, share: 0.0, of_rms, claimed };
-        Some(own.explained(from, &difference, mean, square))
+        let series = ErrorSeries { time_s: from.answer_time_s.clone(), error: difference, sd: Vec::new() };
+        Some(Explained::of(&series, &from.answer).map_or(none, |found| Self {
+            offset: found.bias,
+            scale: found.scale,
+            early_s: found.early_s,
+            share: found.share,
+            ..none
+        }))
     }
 
     /// That of a change which is so many times as large.
@@ -56,31 +63,5 @@ impl AnswerChange {
             early_s: factor * self.early_s,
             ..self
         }
-    }
-
-    fn explained(self, from: &Trial, difference: &[f64], mean: f64, square: f64) -> Self {
-        let (times, answer) = (&from.answer_time_s, &from.answer);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place
-        let basis = |place: f64| {
-            let k = place as usize;
-            let (before, after) = (k.saturating_sub(1), (k + 1).min(answer.len() - 1));
-            let rate = (answer[after] - answer[before]) / (times[after] - times[before]);
-            // Another segment begins here.
-            if rate.is_finite() && times[after] > times[before] {
-                [1.0, answer[k] - mean, rate]
-            } else {
-                [1.0, 0.0, 0.0]
-            }
-        };
-        let places: Vec<f64> = (0..difference.len()).map(|k| k as f64).collect();
-        let Some([offset, scale, early_s]) = least_squares(&places, difference, basis) else { return self };
-        let (mut left, mut count) = (0.0, 0.0);
-        for (place, difference) in places.iter().zip(difference).filter(|(_, d)| d.is_finite()) {
-            let [one, x, rate] = basis(*place);
-            left += (difference - offset * one - scale * x - early_s * rate).powi(2);
-            count += 1.0;
-        }
-        let share = if square > 0.0 { 1.0 - left / count / square } else { 0.0 };
-        Self { offset: offset - scale * mean, scale, early_s, share, ..self }
     }
 }

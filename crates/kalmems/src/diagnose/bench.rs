@@ -5,7 +5,7 @@ use super::change::Change;
 use super::stop::Stop;
 use super::trial::Trial;
 use crate::config::{Experiment, Fault, Key, Method};
-use crate::progress::Progress;
+use crate::progress::{Progress, Reader};
 use crate::recording::{Around, Recording, Stretches};
 use crate::rigs::Workbench;
 use toml::{Table, Value};
@@ -60,9 +60,11 @@ impl<'a> Bench<'a> {
             let key = Key::from("estimate").child("filter").index(place).child("method");
             return Err(experiment.error(key, Fault::Value { why }).into());
         }
-        let mut document: Table = experiment.to_toml().unwrap_or_default().parse().unwrap_or_default();
+        let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+        let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
+        let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
         keep_one_filter(&mut document, place);
-        let text = toml::to_string(&document).unwrap_or_default();
+        let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
         let told = workbench.parse(&text, experiment.path())?;
         let filter_name = chosen.name.to_string();
         let (recordings, stop) = (Vec::new(), Stop::default());
@@ -85,14 +87,8 @@ impl<'a> Bench<'a> {
             let layout = rig.layout(&self.experiment, index)?;
             let around = Around { rows, first: rows, before: 0, after: 0 };
             let mut stretches = Stretches::open(&file, &layout, around)?;
-            let mut begun = false;
-            let hear = &mut |done: u64, total: u64| {
-                if !begun {
-                    progress.begin("reading", total);
-                    begun = true;
-                }
-                progress.reached(done)
-            };
+            let mut reading = Reader::new(progress, "reading");
+            let hear = &mut |done: u64, total: u64| reading.hear(done, total);
             while left > 0 {
                 let Some(interval_s) = stretches.beginning(hear)? else {
                     // Within a segment, or after the last.

@@ -2,10 +2,9 @@
 
 use super::bench::Bench;
 use super::change::Change;
-use super::suspect::quantity;
 use super::trial::Trial;
 use super::{DiagnoseError, threads};
-use crate::config::{Experiment, Key};
+use crate::config::{Experiment, Key, written};
 use crate::patch::put;
 use crate::progress::{Progress, map_on_threads};
 use crate::rigs::Workbench;
@@ -80,20 +79,20 @@ fn simulate(
     let (rows, duration_s) = bench.extent();
     let (drive, rate_hz) = (base.drive?, rows as f64 / duration_s);
     let sine = Table::from_iter([
-        ("offset".to_owned(), quantity(drive.offset, "V")),
-        ("amplitude".to_owned(), quantity(drive.amplitude, "V")),
-        ("frequency".to_owned(), quantity(drive.frequency_hz, "Hz")),
+        ("offset".to_owned(), written(drive.offset, "V")),
+        ("amplitude".to_owned(), written(drive.amplitude, "V")),
+        ("frequency".to_owned(), written(drive.frequency_hz, "Hz")),
     ]);
     // The start has the states of the motion, or none where it is at rest.
     let starts = [base.start.as_slice(), &[]].map(|states| {
-        let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), quantity(*value, unit)));
+        let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), written(*value, unit)));
         each.collect::<Table>()
     });
     starts.into_iter().find_map(|start| {
         let simulate = Table::from_iter([
-            ("duration".to_owned(), quantity(duration_s, "s")),
-            ("sampling_rate".to_owned(), quantity(rate_hz, "Hz")),
-            ("integration_rate".to_owned(), quantity(10.0 * rate_hz, "Hz")),
+            ("duration".to_owned(), written(duration_s, "s")),
+            ("sampling_rate".to_owned(), written(rate_hz, "Hz")),
+            ("integration_rate".to_owned(), written(10.0 * rate_hz, "Hz")),
             ("start".to_owned(), Value::Table(start)),
             (
                 "drive".to_owned(),
@@ -135,9 +134,9 @@ fn variations(usual: &Table) -> Vec<(String, Table)> {
             let mut varied = usual.clone();
             // The digits that a factor of two of them leaves.
             let number: f64 = format!("{:.7e}", number * factor).parse().unwrap_or(number * factor);
-            if put(&mut varied, &key, quantity(number, unit)).is_ok() {
-                let written = format!("{number} {unit}");
-                all.push((format!("the drive's {name} {} instead of {text}", written.trim()), varied));
+            if put(&mut varied, &key, written(number, unit)).is_ok() {
+                let text_now = format!("{number} {unit}");
+                all.push((format!("the drive's {name} {} instead of {text}", text_now.trim()), varied));
             }
         }
     };
@@ -155,7 +154,7 @@ fn variations(usual: &Table) -> Vec<(String, Table)> {
         && let Ok(value) = Quantity::parse(text)
     {
         let mut longer = usual.clone();
-        longer.insert("duration".to_owned(), quantity(LONGER * value.si(), "s"));
+        longer.insert("duration".to_owned(), written(LONGER * value.si(), "s"));
         all.push((format!("{LONGER} times as long"), longer));
     }
     all

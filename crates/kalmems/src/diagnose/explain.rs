@@ -4,10 +4,10 @@ use super::DiagnoseError;
 use super::answer::AnswerChange;
 use super::bench::Bench;
 use super::cause::Cause;
-use super::search::{Blocks, Search, Tried};
+use super::search::{Search, Tried};
 use super::suspect::Suspect;
 use super::threads;
-use super::trial::Trial;
+use super::trial::{Blocks, Trial};
 use crate::progress::{Progress, map_on_threads};
 
 /// A cause that was followed up.
@@ -25,12 +25,24 @@ pub(super) struct Found {
     pub(super) answer: Option<AnswerChange>,
 }
 
+/// What is tried at once.
+#[derive(Clone, Copy)]
+enum Job {
+    /// A number, by its place among the suspects.
+    Number(usize),
+    /// Lines in the signal.
+    Lines,
+    /// Samples of the signal that are none of its noise.
+    Outliers,
+}
+
 /// What came of it.
 #[derive(Clone, Debug)]
 pub(super) struct Explained {
-    /// Those that pass the tests, and those that the recording cannot tell from the first of them, the likeliest first.
+    /// Where one of the likeliest leaves nothing that the tests find: it, and those that the recording cannot tell from it, the likeliest
+    /// first.
     pub(super) causes: Vec<Found>,
-    /// Where none passes: those that explain most.
+    /// Where none does: those that explain most.
     pub(super) closest: Vec<Found>,
     /// How many causes were tried.
     pub(super) tried: usize,
@@ -69,21 +81,23 @@ impl Explained {
             });
         let promises = promises.ok_or(DiagnoseError::Interrupted)?;
         let largest = promises.iter().flatten().copied().fold(0.0, f64::max);
-        let worth: Vec<usize> =
-            (0..count).filter(|place| search.is_worth(promises[*place], largest)).collect();
-        // The last two points are those of the signal itself.
-        let points = (worth.len() + 2, 1);
-        let tried =
-            listed(map_on_threads((progress, "trying causes"), threads(), points, |point, heard| {
+        let numbers = (0..count).filter(|place| search.is_worth(promises[*place], largest)).map(Job::Number);
+        let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::Outliers]).collect();
+        let tried = listed(map_on_threads(
+            (progress, "trying causes"),
+            threads(),
+            (jobs.len(), 1),
+            |place, heard| {
                 if heard.reached(0).is_break() {
                     return None;
                 }
-                Some(match (worth.get(point), point - worth.len().min(point)) {
-                    (Some(place), _) => search.number(*place).into_iter().collect(),
-                    (None, 0) => search.lines(),
-                    (None, _) => search.outliers().into_iter().collect(),
+                Some(match jobs[place] {
+                    Job::Number(number) => search.number(number).into_iter().collect(),
+                    Job::Lines => search.lines(),
+                    Job::Outliers => search.outliers().into_iter().collect(),
                 })
-            }))?;
+            },
+        ))?;
         let alone = Self::of(&search, tried, count + 2);
         if !alone.causes.is_empty() {
             return Ok(alone);
@@ -104,7 +118,8 @@ impl Explained {
                 Some(search.pairs(&firsts[place]))
             },
         ))?;
-        let tries = alone.tried + firsts.len() * count;
+        // Which numbers are first was chosen by what they gain: any pair could have been.
+        let tries = alone.tried + count * count.saturating_sub(1) / 2;
         let mut pairs = Self::of(&search, tried, tries);
         if pairs.causes.is_empty() {
             pairs.closest = alone.closest;

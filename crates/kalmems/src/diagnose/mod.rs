@@ -3,8 +3,8 @@
 //! A filter is run again and again over the beginning of its recordings, with one number of the device table, or of what was
 //! recorded, changed. What makes its innovations the likeliest is found on every second block of the recording
 //! ([`fit::most_likely`](crate::fit::most_likely)) and judged on the others, so that a cause gains nothing by being fitted: where
-//! nothing is wrong the likelihood ratio of the others is 1 on average, whatever was tried. A cause explains a recording if no other is
-//! a thousand times as likely and the innovations pass the tests of the verdict. Causes that the recording cannot tell apart are named
+//! nothing is wrong the likelihood ratio of the others is 1 on average, as far as a block is longer than the filter remembers. A cause
+//! explains a recording if no other is a thousand times as likely and the tests of the verdict find nothing in the innovations. Causes that the recording cannot tell apart are named
 //! together.
 //!
 //! ```

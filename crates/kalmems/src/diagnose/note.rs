@@ -61,7 +61,7 @@ pub(super) fn notes(
 
 fn note(bench: &Bench, suspect: &Suspect, base: &Trial) -> Option<ScaleNote> {
     let changed = bench.run(&suspect.changes(STEP)?)?;
-    let information = information(base, &changed)? / (STEP * STEP);
+    let information = base.innovations.score(&changed.innovations, STEP).information;
     let change = AnswerChange::between(base, &changed)?;
     if change.rms == 0.0 {
         return None;
@@ -72,18 +72,4 @@ fn note(bench: &Bench, suspect: &Suspect, base: &Trial) -> Option<ScaleNote> {
     let change = change.times(by / STEP);
     let (answer, unit) = (base.answer_name, base.answer_unit);
     matters.then(|| ScaleNote { parameter: suspect.name(), hidden, by, change, answer, unit })
-}
-
-/// What the innovations tell of a change, Σ Δν²/S + ΔS²/2S².
-fn information(base: &Trial, changed: &Trial) -> Option<f64> {
-    let (own, other) = (&base.innovations, &changed.innovations);
-    if own.value.len() != other.value.len() {
-        return None;
-    }
-    let each = (0..own.value.len()).map(|k| {
-        let variance = own.variance[k];
-        (other.value[k] - own.value[k]).powi(2) / variance
-            + 0.5 * ((other.variance[k] - variance) / variance).powi(2)
-    });
-    Some(each.filter(|part| part.is_finite()).sum())
 }

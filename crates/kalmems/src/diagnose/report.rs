@@ -11,6 +11,7 @@ use super::suspect::{DRIVE, Suspect, What};
 use super::trial::Trial;
 use crate::config::{Experiment, Key};
 use crate::evaluate::TestResult;
+use crate::patch::get;
 use serde::Serialize;
 
 /// What came of a diagnosis.
@@ -183,7 +184,7 @@ fn edits(
                 let sd = sd_of(cause, key, (suspects, sd));
                 edits.push(Edit {
                     key: in_file(key, bench.filter).to_string(),
-                    from: value_at(&bench.document, key).map(ToString::to_string),
+                    from: get(&bench.document, key).map(ToString::to_string),
                     to: rounded(value, sd).to_string(),
                     sd,
                 });
@@ -195,7 +196,7 @@ fn edits(
                     _ => continue,
                 };
                 let channel = Key::from("recording").index(0).child("channels").child(meaning);
-                let Some(column) = value_at(&bench.document, &channel) else { continue };
+                let Some(column) = get(&bench.document, &channel) else { continue };
                 let mut table = match column {
                     toml::Value::Table(table) => table.clone(),
                     other => toml::Table::from_iter([("column".to_owned(), other.clone())]),
@@ -231,15 +232,6 @@ fn in_file(key: &Key, filter: usize) -> Key {
         }
         _ => key.clone(),
     }
-}
-
-fn value_at<'a>(document: &'a toml::Table, key: &Key) -> Option<&'a toml::Value> {
-    let (first, steps) = key.steps().split_first()?;
-    let crate::config::Step::Name(first) = first else { return None };
-    steps.iter().try_fold(document.get(first)?, |value, step| match step {
-        crate::config::Step::Name(name) => value.get(name),
-        crate::config::Step::Index(index) => value.get(index),
-    })
 }
 
 /// The relative standard error of a number by the size of its suspect.

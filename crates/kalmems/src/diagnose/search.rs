@@ -3,7 +3,7 @@
 use super::bench::Bench;
 use super::cause::Cause;
 use super::suspect::Suspect;
-use super::trial::Trial;
+use super::trial::{Blocks, Trial};
 use crate::evaluate::{InnovationTest, TestPlace};
 use crate::fit::{Innovations, MostLikely, most_likely};
 use kalmems_core::Scalar;
@@ -22,13 +22,6 @@ pub(super) struct Tried {
     pub(super) cause: Cause,
     /// ln p of the blocks that were not fitted, less that of the experiment as it is.
     pub(super) held_out: f64,
-}
-
-/// Which blocks are looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Blocks {
-    Fitted,
-    All,
 }
 
 /// How far beyond the first sizes that are tried a search may go.
@@ -85,7 +78,7 @@ impl Search<'_> {
 
     /// A single number that may be wrong.
     pub(super) fn number(&self, place: usize) -> Option<Tried> {
-        let own = self.base.log_likelihood(true);
+        let own = self.base.log_likelihood(Blocks::Fitted);
         let mut best = (0.0, own);
         // Of a filter that follows the motion the likelihood falls on the side where it is not: so far from there on in vain.
         let mut in_vain = [0_usize; 2];
@@ -96,7 +89,7 @@ impl Search<'_> {
             }
             in_vain[side] += 1;
             let Some(trial) = self.run(&Cause::Numbers(vec![(place, *size)])) else { continue };
-            let found = trial.log_likelihood(true);
+            let found = trial.log_likelihood(Blocks::Fitted);
             if found > own {
                 in_vain[side] = 0;
             }
@@ -121,7 +114,7 @@ impl Search<'_> {
             let sizes = self.suspects[second].sizes.iter().copied().chain([0.0]);
             let tried = sizes.filter_map(|other| {
                 let cause = Cause::Numbers(vec![(place, size), (second, other)]);
-                Some((self.run(&cause)?.log_likelihood(true), cause))
+                Some((self.run(&cause)?.log_likelihood(Blocks::Fitted), cause))
             });
             let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
             self.refined(&cause)
@@ -133,19 +126,8 @@ impl Search<'_> {
     pub(super) fn promise(&self, others: &[(usize, f64)], place: usize, alone: &Trial) -> Option<f64> {
         let step = self.step(place);
         let beside = self.run(&Cause::Numbers([others, &[(place, step)]].concat()))?;
-        let (own, there) = (alone.part(true), beside.part(true));
-        let (mut gradient, mut information) = (0.0, 0.0);
-        for k in 0..own.value.len() {
-            let (variance, z2) = (own.variance[k], own.value[k] * own.value[k] / own.variance[k]);
-            let slope = (there.value[k] - own.value[k]) / step;
-            let of_variance = (there.variance[k] - variance) / (step * variance);
-            let g = own.value[k] * slope / variance + 0.5 * of_variance * (1.0 - z2);
-            if g.is_finite() {
-                gradient += g;
-                information += slope * slope / variance + 0.5 * of_variance * of_variance;
-            }
-        }
-        (information > 0.0).then(|| 0.5 * gradient * gradient / information)
+        let score = alone.part(Blocks::Fitted).score(&beside.part(Blocks::Fitted), step);
+        (score.information > 0.0).then(|| 0.5 * score.gradient * score.gradient / score.information)
     }
 
     /// A line at each frequency at which the tests of the innovations find one, or too much power: where the innovations have most.
@@ -181,7 +163,7 @@ impl Search<'_> {
             let cause = Cause::Line { frequency_hz, amplitude: [0.0; 2] };
             let cause = cause.resized(&self.fit(&cause, Blocks::Fitted)?.0);
             let trial = self.run(&cause)?;
-            Some((trial.log_likelihood(true), frequency_hz, cause))
+            Some((trial.log_likelihood(Blocks::Fitted), frequency_hz, cause))
         };
         let mut best = fitted(frequency_hz)?;
         for part in TUNING {
@@ -250,7 +232,8 @@ impl Search<'_> {
         }
         let cause = Cause::Outliers(times);
         let trial = self.run(&cause)?;
-        let held_out = trial.log_likelihood(false) + lost - self.base.log_likelihood(false);
+        let held_out =
+            trial.log_likelihood(Blocks::HeldOut) + lost - self.base.log_likelihood(Blocks::HeldOut);
         Some(Tried { cause, held_out })
     }
 
@@ -266,7 +249,7 @@ impl Search<'_> {
         let found = self.fit(cause, Blocks::Fitted)?;
         let cause = cause.resized(&found.0);
         let trial = self.run(&cause)?;
-        let held_out = trial.log_likelihood(false) - self.base.log_likelihood(false);
+        let held_out = trial.log_likelihood(Blocks::HeldOut) - self.base.log_likelihood(Blocks::HeldOut);
         held_out.is_finite().then_some(Tried { cause, held_out })
     }
 
@@ -299,7 +282,7 @@ impl Search<'_> {
             }
         }
         let trial = self.run(&cause.resized(sizes))?;
-        Some(if blocks == Blocks::All { trial.innovations } else { trial.part(true) })
+        Some(trial.part(blocks))
     }
 
     /// A first step of a number: half of the smallest size that is tried.

@@ -1,7 +1,7 @@
 //! What may be wrong: numbers of the device table, and what was recorded.
 
 use super::change::{Altered, Change};
-use crate::config::{Experiment, Key, Step};
+use crate::config::{Experiment, Key, Step, written};
 use crate::rigs::{LeftOut, Rig};
 use crate::units::Value as Quantity;
 use kalmems_core::Scalar;
@@ -42,13 +42,8 @@ pub(super) struct Number {
 
 impl Number {
     fn times(&self, factor: f64) -> Value {
-        quantity(self.written * factor, &self.unit)
+        written(self.written * factor, &self.unit)
     }
-}
-
-/// A number with its unit, as an experiment has it.
-pub(super) fn quantity(number: f64, unit: &str) -> Value {
-    if unit.is_empty() { Value::Float(number) } else { Value::String(format!("{number:e} {unit}")) }
 }
 
 /// Relative sizes by which a number of a device may be wrong.

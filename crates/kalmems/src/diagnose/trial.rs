@@ -16,6 +16,17 @@ const LEFT: f64 = 1e-3;
 /// States of a motion along one axis: where it is, and how fast.
 const MOTION: usize = 2;
 
+/// Blocks of the recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Blocks {
+    /// Those by which sizes are fitted.
+    Fitted,
+    /// Those by which causes are judged.
+    HeldOut,
+    /// Both.
+    All,
+}
+
 /// One run of the filter.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trial {
@@ -111,15 +122,20 @@ impl Trial {
         (self.updates > 0).then_some(self)
     }
 
-    /// Σ ln p of the innovations in the blocks that are fitted, or in those that are not.
-    pub(super) fn log_likelihood(&self, fitted: bool) -> f64 {
-        self.part(fitted).log_likelihood()
+    /// Σ ln p of the innovations in some of the blocks.
+    pub(super) fn log_likelihood(&self, blocks: Blocks) -> f64 {
+        self.part(blocks).log_likelihood()
     }
 
-    /// Those of the blocks that are fitted, or of those that are not; the others are missing.
-    pub(super) fn part(&self, fitted: bool) -> Innovations {
+    /// The innovations in some of the blocks; the others are missing.
+    pub(super) fn part(&self, blocks: Blocks) -> Innovations {
+        let is_in = |is_fitted: bool| match blocks {
+            Blocks::Fitted => is_fitted,
+            Blocks::HeldOut => !is_fitted,
+            Blocks::All => true,
+        };
         let each = self.innovations.value.iter().zip(&self.is_fitted);
-        let value = each.map(|(value, own)| if *own == fitted { *value } else { f64::NAN }).collect();
+        let value = each.map(|(value, own)| if is_in(*own) { *value } else { f64::NAN }).collect();
         Innovations { value, variance: self.innovations.variance.clone() }
     }
 

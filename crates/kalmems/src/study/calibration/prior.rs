@@ -3,7 +3,7 @@
 use super::super::seed::Draw;
 use crate::config::{Fault, Key, Step};
 use crate::estimate::Parameter;
-use crate::patch::put;
+use crate::patch::{get, put};
 use crate::units::Value;
 use toml::{Table, Value as Toml};
 
@@ -146,15 +146,6 @@ fn expanded(document: &Table, written: &str) -> Vec<Key> {
             .collect();
     }
     found.into_iter().map(|(key, _)| key).collect()
-}
-
-fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Toml> {
-    let mut steps = key.steps().iter();
-    let Some(Step::Name(first)) = steps.next() else { return None };
-    steps.try_fold(document.get(first)?, |value, step| match step {
-        Step::Name(name) => value.get(name.as_str()),
-        Step::Index(index) => value.get(*index),
-    })
 }
 
 /// A number in SI.
