@@ -123,7 +123,7 @@ pub fn estimate(
             &rig.reference(experiment)?,
             &mut |done, total| reading.hear(done, total),
         )?;
-        recordings.push(evaluate(rig, described, recording, estimates, reference, None)?);
+        recordings.push(evaluate((rig, experiment), described, recording, estimates, reference, None)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
@@ -154,14 +154,14 @@ pub fn estimate_unwritten(
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;
-    let outcome = evaluate(rig, described, recording, estimates, reference, None)?;
+    let outcome = evaluate((rig, experiment), described, recording, estimates, reference, None)?;
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
 }
 
 /// Compares what the filters say with the reference, and judges their innovations: together with those of the parts before
 /// where a judge is given, with whether the segment ends here.
 fn evaluate(
-    rig: &dyn Rig,
+    (rig, experiment): (&dyn Rig, &Experiment),
     described: &config::Recording,
     recording: Recording,
     (estimates, stretches): (Vec<SegmentEstimate>, StretchSummary),
@@ -191,7 +191,7 @@ fn evaluate(
         segments.push(SegmentOutcome { estimate, errors, values, judgements });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-    let (input, values) = (rig.input(), rig.values());
+    let (input, values) = (rig.input(), rig.values(experiment));
     Ok(RecordingOutcome { name, recording, reference, input, values, segments, stretches })
 }
 

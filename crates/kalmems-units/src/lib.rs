@@ -15,11 +15,13 @@
 mod dimension;
 mod header;
 pub mod kind;
+mod known;
 mod unit;
 mod value;
 
 pub use dimension::Dimension;
 pub use header::Header;
 pub use kind::Kind;
+pub use known::{Known, name};
 pub use unit::{Unit, UnitError};
 pub use value::{Value, number_length};

@@ -185,6 +185,17 @@ impl Experiment {
         values: &Values,
         expected: [Entry; N],
     ) -> Result<[f64; N], ConfigError> {
+        let found = self.values_of(key, values, &expected)?;
+        Ok(std::array::from_fn(|i| found.get(i).copied().unwrap_or(f64::NAN)))
+    }
+
+    /// The same of a table whose keys are known when the program runs.
+    pub fn values_of(
+        &self,
+        key: impl Into<Key>,
+        values: &Values,
+        expected: &[Entry],
+    ) -> Result<Vec<f64>, ConfigError> {
         values::read(values, expected)
             .map_err(|(name, fault)| self.error(key.into().child(name.last()), fault))
     }
@@ -210,18 +221,28 @@ impl Experiment {
         channels: &'a Channels,
         meanings: [&str; N],
     ) -> Result<[&'a str; N], ConfigError> {
+        let found = self.columns_of(key, channels, &meanings)?;
+        Ok(std::array::from_fn(|i| found.get(i).copied().unwrap_or_default()))
+    }
+
+    /// The same by meanings that are known when the program runs.
+    pub fn columns_of<'a>(
+        &self,
+        key: impl Into<Key>,
+        channels: &'a Channels,
+        meanings: &[&str],
+    ) -> Result<Vec<&'a str>, ConfigError> {
         let key = key.into();
         if let Some((name, _)) = channels.iter().find(|(name, _)| !meanings.contains(name)) {
-            return Err(self.error(key.child(name), Fault::unknown_key(name, meanings)));
+            return Err(self.error(key.child(name), Fault::unknown_key(name, meanings.iter().copied())));
         }
-        let mut columns = [""; N];
-        for (slot, meaning) in columns.iter_mut().zip(meanings) {
-            *slot = channels.column(meaning).ok_or_else(|| {
+        let column = |meaning: &&str| {
+            channels.column(meaning).ok_or_else(|| {
                 let remedy = format!("name the column, such as `{meaning} = \"{meaning}_V\"`");
                 self.error(key.clone().child(meaning), Fault::MissingKey { remedy })
-            })?;
-        }
-        Ok(columns)
+            })
+        };
+        meanings.iter().map(column).collect()
     }
 
     /// The places of the recordings with one of these roles, which are those that a rig estimates; refused where there

@@ -44,21 +44,20 @@ impl AnyValue {
 }
 
 /// The SI values of `expected` in its order. All must be there, and no others.
-pub(super) fn read<const N: usize>(values: &Values, expected: [Entry; N]) -> Result<[f64; N], (Key, Fault)> {
+pub(super) fn read(values: &Values, expected: &[Entry]) -> Result<Vec<f64>, (Key, Fault)> {
     if let Some(name) = values.keys().find(|name| expected.iter().all(|entry| entry.name != *name)) {
         let known = expected.iter().map(|entry| entry.name);
         return Err((Key::default().child(name), Fault::unknown_key(name, known)));
     }
-    let mut found = [0.0; N];
-    for (slot, entry) in found.iter_mut().zip(expected) {
+    let one = |entry: &Entry| {
         let at = |fault| (Key::default().child(entry.name), fault);
         let Some(value) = values.get(entry.name) else {
             let remedy = format!("write `{} = \"{}\"`", entry.name, entry.kind.example);
             return Err(at(Fault::MissingKey { remedy }));
         };
-        *slot = entry.sign.check(&value.0, entry.kind).map_err(|why| at(Fault::Value { why }))?;
-    }
-    Ok(found)
+        entry.sign.check(&value.0, entry.kind).map_err(|why| at(Fault::Value { why }))
+    };
+    expected.iter().map(one).collect()
 }
 
 impl Serialize for AnyValue {

@@ -138,11 +138,11 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         &[]
     }
 
-    fn values(&self) -> &'static [ValueState] {
+    fn values(&self, _: &Experiment) -> &'static [ValueState] {
         D::VALUES
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         D::PARAMETERS
     }
 
@@ -420,11 +420,11 @@ struct DrivenSimulation<D: DrivenDevice<M>, const M: usize> {
 }
 
 impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &RECORDED
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         D::TRUTH
     }
 

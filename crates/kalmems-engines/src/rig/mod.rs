@@ -60,12 +60,14 @@ pub trait Rig: Send + Sync {
     }
 
     /// The states that a reference may know and that are no angles; the first is what the device is for.
-    fn values(&self) -> &'static [ValueState] {
+    fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
+        let _ = experiment;
         &[]
     }
 
     /// The parameters of the device that a filter may hold as uncertain, with the keys that stand for them.
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, experiment: &Experiment) -> &'static [Parameter] {
+        let _ = experiment;
         &[]
     }
 
@@ -77,7 +79,7 @@ pub trait Rig: Send + Sync {
 
     /// What a reference of this device may know.
     fn reference(&self, experiment: &Experiment) -> Result<ReferenceChannels, ConfigError> {
-        let (angles, values) = (self.angles(), self.values());
+        let (angles, values) = (self.angles(), self.values(experiment));
         Ok(ReferenceChannels { angles, values, instruments: self.instruments(experiment)? })
     }
 

@@ -46,10 +46,10 @@ pub struct Paper {
 /// A simulation of one device, ready to run.
 pub trait Simulation {
     /// The channels of the recording beside the time.
-    fn recorded(&self) -> &'static [Channel];
+    fn recorded(&self) -> &[Channel];
 
     /// The channels of the reference beside the time.
-    fn truth(&self) -> &'static [Channel];
+    fn truth(&self) -> &[Channel];
 
     /// What the recording would have been taken for.
     fn role(&self) -> Role {

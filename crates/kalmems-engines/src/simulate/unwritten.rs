@@ -28,7 +28,7 @@ pub struct Unwritten {
 
 #[derive(Clone, Debug)]
 struct Columns {
-    channels: &'static [Channel],
+    channels: Vec<Channel>,
     /// Row after row.
     values: Vec<f64>,
 }
@@ -36,7 +36,7 @@ struct Columns {
 impl Unwritten {
     /// Runs a simulation.
     pub fn of(simulation: &dyn Simulation, progress: &dyn Progress) -> Result<Self, SimulateError> {
-        let columns = |channels| Columns { channels, values: Vec::new() };
+        let columns = |channels: &[Channel]| Columns { channels: channels.to_vec(), values: Vec::new() };
         let (mut recorded, mut truth) = (columns(simulation.recorded()), columns(simulation.truth()));
         let mut time_s = Vec::new();
         progress.begin("simulating", simulation.samples());

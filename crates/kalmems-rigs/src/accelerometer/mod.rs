@@ -94,7 +94,7 @@ impl Rig for AccelerometerRig {
         vec![squeezed_film]
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &uncertainty::PARAMETERS
     }
 
@@ -122,7 +122,7 @@ impl Rig for AccelerometerRig {
         &[]
     }
 
-    fn values(&self) -> &'static [ValueState] {
+    fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
     }
 

@@ -215,12 +215,12 @@ fn unstable(experiment: &Experiment, closed: &RebalanceLoop<f64>, interval_s: f6
 }
 
 impl Simulation for AccelerometerSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         const WITHOUT: &[Channel] = &[RECORDED[0], RECORDED[1]];
         if self.records_acceleration { &RECORDED } else { WITHOUT }
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "acceleration", column: "acceleration_m_per_s2" },
             Channel { meaning: "displacement", column: "displacement_m" },

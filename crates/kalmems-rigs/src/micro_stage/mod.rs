@@ -84,7 +84,7 @@ impl Rig for MicroStageRig {
         Ok(Instruments { edge: stage.vibrometer.as_ref().map(EdgeVelocity::from), ..Instruments::default() })
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &filters::PARAMETERS
     }
 
@@ -120,7 +120,7 @@ impl Rig for MicroStageRig {
         &[]
     }
 
-    fn values(&self) -> &'static [ValueState] {
+    fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
     }
 

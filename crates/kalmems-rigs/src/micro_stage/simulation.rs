@@ -160,11 +160,11 @@ impl StageSimulation {
 }
 
 impl Simulation for StageSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &RECORDED
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "rate", column: "rate_rad_per_s" },
             Channel { meaning: "angle", column: "angle_rad" },

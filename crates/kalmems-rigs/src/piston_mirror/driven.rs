@@ -93,11 +93,11 @@ pub fn noise_deviation(
 }
 
 impl Simulation for DrivenSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &[Channel { meaning: "signal", column: "cap_F" }, Channel { meaning: "trigger", column: "trigger_V" }]
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "position", column: "position_m" },
             Channel { meaning: "velocity", column: "velocity_m_per_s" },

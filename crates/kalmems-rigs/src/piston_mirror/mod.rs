@@ -87,7 +87,7 @@ impl Rig for PistonMirrorRig {
         Ok(Some(LengthScale { key: "device.piston_mirror.capacitance.reference_distance", length }))
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &settings::PARAMETERS
     }
 
@@ -110,7 +110,7 @@ impl Rig for PistonMirrorRig {
         &[]
     }
 
-    fn values(&self) -> &'static [ValueState] {
+    fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
     }
 

@@ -101,11 +101,11 @@ impl PhasorSimulation {
 }
 
 impl Simulation for PhasorSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &[Channel { meaning: "signal", column: "cap_F" }]
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "position", column: "position_m" },
             Channel { meaning: "velocity", column: "velocity_m_per_s" },

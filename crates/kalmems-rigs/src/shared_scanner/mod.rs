@@ -88,7 +88,7 @@ impl Rig for SharedScannerRig {
         Uses { no_methods: &NO_METHODS, ..Uses::default() }
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &filters::PARAMETERS
     }
 

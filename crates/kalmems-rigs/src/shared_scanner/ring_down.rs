@@ -69,11 +69,11 @@ impl RingDownSimulation {
 }
 
 impl Simulation for RingDownSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &[Channel { meaning: "current_signal", column: "vo1_V" }]
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[Channel { meaning: "angle", column: "angle_rad" }]
     }
 

@@ -191,11 +191,11 @@ where
     D: Dynamics<f64, N, Input = f64> + Copy,
     Z: Sensor<D, N>,
 {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         self.truth
     }
 

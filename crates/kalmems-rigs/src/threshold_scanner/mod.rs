@@ -94,7 +94,7 @@ impl Rig for ThresholdScannerRig {
         vec![number("readout.feedthrough_capacitance", "pF", 1e-3), number("readout.offset", "mV", 0.1)]
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &filters::PARAMETERS
     }
 

@@ -166,11 +166,11 @@ fn captured(capture: &CaptureDrive, rate_hz: f64) -> ((Drive, u64), Drive) {
 }
 
 impl Simulation for ThresholdSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         if self.detector.is_some() { &[DRIVE, SIGNAL, POSITION] } else { &[DRIVE, SIGNAL] }
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "angle", column: "angle_rad" },
             Channel { meaning: "rate", column: "rate_rad_per_s" },

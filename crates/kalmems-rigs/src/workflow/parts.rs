@@ -199,7 +199,14 @@ impl Work<'_> {
         };
         let described = self.experiment.recording(self.index)?;
         let estimates = (vec![estimate], StretchSummary::default());
-        Ok(evaluate(self.rig, described, part.recording.clone(), estimates, known, Some((judge, part.ends)))?)
+        Ok(evaluate(
+            (self.rig, self.experiment),
+            described,
+            part.recording.clone(),
+            estimates,
+            known,
+            Some((judge, part.ends)),
+        )?)
     }
 }
 

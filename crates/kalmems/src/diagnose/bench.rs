@@ -140,7 +140,7 @@ impl<'a> Bench<'a> {
             }
             let recording = altered.as_ref().unwrap_or(recording);
             for estimate in rig.estimate(&changed, *index, recording, &self.stop).ok()? {
-                trial.take(rig, &estimate)?;
+                trial.take((rig, &changed), &estimate)?;
             }
         }
         trial.ended()

@@ -1,5 +1,6 @@
 //! What a filter says of the recordings of a bench.
 
+use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory};
 use crate::evaluate::{SegmentJudge, TestResult};
 use crate::fit::Innovations;
@@ -61,7 +62,11 @@ pub(super) struct Trial {
 
 impl Trial {
     /// Takes what the filter says of a segment in; `None` where it stopped.
-    pub(super) fn take(&mut self, rig: &dyn Rig, estimate: &SegmentEstimate) -> Option<()> {
+    pub(super) fn take(
+        &mut self,
+        (rig, experiment): (&dyn Rig, &Experiment),
+        estimate: &SegmentEstimate,
+    ) -> Option<()> {
         let trajectory = estimate.trajectories.first()?;
         if trajectory.failure.is_some() {
             return None;
@@ -96,7 +101,7 @@ impl Trial {
             });
             self.start = of_motion.collect();
         }
-        self.take_answer(rig, trajectory, scored);
+        self.take_answer((rig, experiment), trajectory, scored);
         let mut judge = SegmentJudge::default();
         judge.take(estimate);
         let judgement = judge.of(&trajectory.key).unwrap_or_default();
@@ -106,9 +111,14 @@ impl Trial {
         Some(())
     }
 
-    fn take_answer(&mut self, rig: &dyn Rig, trajectory: &Trajectory, scored: std::ops::Range<usize>) {
+    fn take_answer(
+        &mut self,
+        (rig, experiment): (&dyn Rig, &Experiment),
+        trajectory: &Trajectory,
+        scored: std::ops::Range<usize>,
+    ) {
         let angle = || rig.angles().first().map(|[angle, _]| *angle);
-        let name = rig.values().first().map(|value| value.name).or_else(angle);
+        let name = rig.values(experiment).first().map(|value| value.name).or_else(angle);
         let named = name.and_then(|name| trajectory.state(name));
         let Some(state) = named.or_else(|| trajectory.states.first()) else { return };
         (self.answer_name, self.answer_unit) = (state.name, state.unit);

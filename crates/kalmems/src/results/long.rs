@@ -193,7 +193,7 @@ impl<'a> LongEstimate<'a> {
             schema_version: Metrics::SCHEMA_VERSION,
             experiment: self.experiment.name.to_string(),
             rig: rig.name(),
-            values: rig.values(),
+            values: rig.values(self.experiment),
             scale_notes: notes,
             recordings: std::mem::take(&mut self.recordings),
         };

@@ -137,11 +137,11 @@ fn advance(
 }
 
 impl Simulation for RegulatedSimulation {
-    fn recorded(&self) -> &'static [Channel] {
+    fn recorded(&self) -> &[Channel] {
         &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
     }
 
-    fn truth(&self) -> &'static [Channel] {
+    fn truth(&self) -> &[Channel] {
         &[
             Channel { meaning: "angle", column: "angle_rad" },
             Channel { meaning: "rate", column: "rate_rad_per_s" },

@@ -46,7 +46,7 @@ impl Rig for TwoAxesRig {
         Uses { no_methods: &NO_METHODS, ..Uses::default() }
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
         &super::filters::PARAMETERS
     }
 

@@ -74,7 +74,8 @@ impl Plan {
         let first = self.run(0);
         let settings: Vec<Option<&Setting>> = first.settings.iter().map(Some).collect();
         let told = self.patched(&[], &settings, AppliesTo::Told, None)?;
-        let parameters = self.workbench.rig(&self.read(&told)?)?.parameters();
+        let read = self.read(&told)?;
+        let parameters = self.workbench.rig(&read)?.parameters(&read);
         let refused = |(key, fault)| self.experiment.error_at(key, fault);
         let filters = prior::groups(&told, parameters).map_err(refused)?;
         for group in &filters {
