@@ -1,5 +1,7 @@
 //! What a device is described by, in the order in which it is written.
 
+use crate::error::EquationError;
+use kalmems_units::Unit;
 use std::fmt;
 
 /// Where a text of a description stands.
@@ -81,6 +83,24 @@ pub struct Points {
     pub y_unit: String,
     /// What it does beyond the points.
     pub outside: Outside,
+}
+
+impl Points {
+    /// The same with places and values in SI, of points that are in their units.
+    ///
+    /// # Errors
+    ///
+    /// A unit that is not known.
+    pub fn in_si(self) -> Result<Self, EquationError> {
+        let factor = |unit: &str| match Unit::parse(unit) {
+            Ok(unit) => Ok(unit.factor()),
+            Err(fault) => Err(EquationError::whole(&self.place, unit, fault.into())),
+        };
+        let (of_x, of_y) = (factor(&self.x_unit)?, factor(&self.y_unit)?);
+        let x = self.x.iter().map(|x| x * of_x).collect();
+        let y = self.y.iter().map(|y| y * of_y).collect();
+        Ok(Self { x, y, ..self })
+    }
 }
 
 /// A device as it is written: names and texts in the order of the file. [`Device::of`](crate::Device::of) reads it.

@@ -222,21 +222,17 @@ fn points(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Points, Equa
     let (x, y) = (numbers(place, needed(place, "x", x)?)?, numbers(place, needed(place, "y", y)?)?);
     let x_unit = entry(Some(&place.key), needed(place, "x_unit", x_unit)?)?;
     let y_unit = entry(Some(&place.key), needed(place, "y_unit", y_unit)?)?;
-    let si = |unit: &Entry| match kalmems_units::Unit::parse(&unit.text) {
-        Ok(unit) => Ok(unit.factor()),
-        Err(fault) => Err(EquationError::whole(&unit.place, &unit.text, fault.into())),
-    };
-    let (of_x, of_y) = (si(&x_unit)?, si(&y_unit)?);
-    Ok(Points {
+    Points {
         name: name.to_owned(),
         place: place.clone(),
         file: None,
-        x: x.into_iter().map(|x| x * of_x).collect(),
-        y: y.into_iter().map(|y| y * of_y).collect(),
+        x,
+        y,
         x_unit: x_unit.text,
         y_unit: y_unit.text,
         outside,
-    })
+    }
+    .in_si()
 }
 
 fn numbers(place: &Place, (_, _, value): Pair<'_, '_>) -> Result<Vec<f64>, EquationError> {

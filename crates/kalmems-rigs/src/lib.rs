@@ -4,6 +4,7 @@
 //! crate: whoever has a [`Workbench`] adds a rig to it.
 
 pub mod accelerometer;
+pub mod equations;
 pub mod micro_stage;
 pub mod piston_mirror;
 pub mod shared_scanner;
@@ -31,6 +32,7 @@ pub fn published() -> &'static Workbench {
             .with(micro_stage::MicroStageRig)
             .with(accelerometer::AccelerometerRig)
             .with(piston_mirror::PistonMirrorRig)
+            .with(equations::EquationsRig)
     });
     &PUBLISHED
 }

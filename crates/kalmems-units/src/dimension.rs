@@ -58,13 +58,17 @@ impl Dimension {
         Some(result)
     }
 
-    /// As the ending of a column name: `rad_per_s`, `kg_m2_per_s3`; `1` for a ratio.
+    /// As the ending of a column name: `rad_per_s`, `V_s_per_rad`; `1` for a ratio.
     pub(crate) fn header(self) -> String {
+        let (unit, rest) =
+            self.named().map_or((None, self), |(symbol, halves, rest)| (Some((symbol, halves)), rest));
+        let parts = || {
+            let rest = SYMBOLS.into_iter().zip(rest.halves);
+            unit.into_iter().chain(rest).filter(|(_, halves)| *halves != 0)
+        };
         let mut words = Vec::new();
         for above in [true, false] {
-            for (halves, symbol) in
-                self.halves.iter().zip(SYMBOLS).filter(|(h, _)| (**h > 0) == above && **h != 0)
-            {
+            for (symbol, halves) in parts().filter(|(_, halves)| (*halves > 0) == above) {
                 if !above {
                     words.push("per".to_owned());
                 }

@@ -109,7 +109,7 @@ impl Kind {
 
     /// The ending of a column's name that has such a quantity in SI: `rad_per_s`.
     pub fn ending(&self) -> &'static str {
-        name(&self.dimension.header())
+        name(&Unit::coherent(self.dimension).si_header())
     }
 }
 

@@ -120,6 +120,11 @@ impl Unit {
         self.dimension
     }
 
+    /// The SI unit of a dimension.
+    pub(crate) const fn coherent(dimension: Dimension) -> Self {
+        Self { mantissa: 1.0, decimal: 0, dimension }
+    }
+
     /// The SI unit of this dimension as column names have it: `V`, `rad_per_s`; base units where it has no name.
     pub fn si_header(&self) -> String {
         let named = TABLE.iter().find(|row| {

@@ -110,6 +110,31 @@ pub fn by_signal(
     if y.is_finite() { filter.update(sensor, y, variance).map(Some) } else { Ok(None) }
 }
 
+/// Corrects a filter by several signals at one sample, one after the other, each linearised where those before it have led: the
+/// innovation of the first one, and of each behind it innovation and standard deviation, written to `further`, not a number where
+/// the signal is missing.
+///
+/// Each innovation is foretold by the past and the signals before it, so that all sequences are white, and independent of one
+/// another, for a filter that is right.
+pub fn by_signals<S: Sensor>(
+    filter: &mut dyn Filtering,
+    signals: impl Iterator<Item = (f64, S, f64)>,
+    further: &mut Vec<[f64; 2]>,
+) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+    let mut first = None;
+    further.clear();
+    for (i, (y, sensor, variance)) in signals.enumerate() {
+        let innovation = by_signal(filter, y, (&sensor, variance))?;
+        if i == 0 {
+            first = innovation;
+        } else {
+            let of = |found: Innovation<f64, 1>| [found.residual[0], found.covariance.standard_deviation(0)];
+            further.push(innovation.map_or([f64::NAN; 2], of));
+        }
+    }
+    Ok(first)
+}
+
 /// Quantities that follow from the states, such as a position from an amplitude and a phase.
 #[derive(Clone, Copy, Debug)]
 pub struct Derived {

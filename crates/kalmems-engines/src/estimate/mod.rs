@@ -32,7 +32,7 @@ pub use any_filter::{AnyFilter, FilterKind, Known, MOST_STATES, StateFilter, but
 pub use bank::{MOST_MODELS, answers_of_bank};
 pub use bridge::{Bridge, MOST_STEPS};
 pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
-pub use engine::{Compute, Course, Derived, Filtering, StateName, by_signal};
+pub use engine::{Compute, Course, Derived, Filtering, StateName, by_signal, by_signals};
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};

@@ -15,6 +15,8 @@ pub struct Past {
     pub start_s: f64,
     /// What is kept of its drive.
     pub drive: DrivePast,
+    /// What is kept of its other inputs, of a device that has several.
+    further_drives: Vec<DrivePast>,
     /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
     pub motion_rate: Option<f64>,
     /// What the rig itself keeps.
@@ -28,6 +30,15 @@ impl Past {
     /// Of a segment that begins at this time in s.
     pub fn from(start_s: f64) -> Self {
         Self { start_s, ..Self::default() }
+    }
+
+    /// What is kept of one of several inputs, of which the first is the drive.
+    pub fn input(&mut self, index: usize) -> &mut DrivePast {
+        let Some(further) = index.checked_sub(1) else { return &mut self.drive };
+        while self.further_drives.len() <= further {
+            self.further_drives.push(DrivePast::default());
+        }
+        &mut self.further_drives[further]
     }
 
     /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
@@ -56,6 +67,9 @@ pub struct PastState {
     start_s: Bits,
     /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
     drive: Option<[Bits; 5]>,
+    /// The same of other inputs.
+    #[serde(default)]
+    further_drives: Vec<Option<[Bits; 5]>>,
     #[serde(default)]
     numbers: Vec<Bits>,
     /// The rate of the motion that phases are told by.
@@ -113,10 +127,8 @@ impl Past {
         });
         PastState {
             start_s: self.start_s.into(),
-            drive: self.drive.known().map(|sine| {
-                [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
-                    .map(Bits::from)
-            }),
+            drive: written(&self.drive),
+            further_drives: self.further_drives.iter().map(written).collect(),
             numbers: bits(&self.numbers),
             motion_rate: self.motion_rate.map(Bits::from),
             filters: filters.collect(),
@@ -136,19 +148,29 @@ impl Past {
             told_s: filter.told.map(|told| told.map(f64::from)),
             ..FilterPast::default()
         });
-        let sine = state.drive.map(|numbers| {
-            let [offset, amplitude, frequency_hz, phase_rad, residual_rms] = numbers.map(f64::from);
-            Sine { offset, amplitude, frequency_hz, phase_rad, residual_rms }
-        });
         Self {
             start_s: state.start_s.into(),
-            drive: DrivePast::resumed(sine),
+            drive: read(state.drive.as_ref()),
+            further_drives: state.further_drives.iter().map(|sine| read(sine.as_ref())).collect(),
             numbers: numbers(&state.numbers),
             motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
             rig: Slot::default(),
         }
     }
+}
+
+/// What is written of an input: the sine that it followed, if it did.
+fn written(drive: &DrivePast) -> Option<[Bits; 5]> {
+    let sine = drive.known()?;
+    Some([sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms].map(Bits::from))
+}
+
+fn read(written: Option<&[Bits; 5]>) -> DrivePast {
+    DrivePast::resumed(written.map(|numbers| {
+        let [offset, amplitude, frequency_hz, phase_rad, residual_rms] = numbers.map(f64::from);
+        Sine { offset, amplitude, frequency_hz, phase_rad, residual_rms }
+    }))
 }
 
 /// Room for something whose type its owner alone knows.

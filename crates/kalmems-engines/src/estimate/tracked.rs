@@ -31,7 +31,7 @@ impl Tracked {
 
 /// A parameter of the device that can be a state. As one it is the deviation from what the device table says: of a
 /// factor relative to it, of an offset in V.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Its name in the experiment file and in trajectories.
     pub name: &'static str,

@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// A state that a reference may know.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ValueState {
     /// Its name among the states.
     pub name: &'static str,

@@ -228,7 +228,7 @@ impl Drive {
     /// Calls `each` with the parts of an interval between which the drive jumps: end and drive of each part.
     ///
     /// No integrator follows a jump within its step.
-    pub(super) fn parts(&self, from_s: f64, to_s: f64, each: &mut impl FnMut(f64, f64, &Nodes<f64>)) {
+    pub fn parts(&self, from_s: f64, to_s: f64, each: &mut impl FnMut(f64, f64, &Nodes<f64>)) {
         let Self::Square { frequency_hz, duty, .. } = self else {
             let middle = from_s.midpoint(to_s);
             let nodes = Nodes { start: self.at(from_s), middle: self.at(middle), end: self.at(to_s) };

@@ -98,6 +98,7 @@ pub(crate) struct Noise {
 #[derive(Clone, Debug)]
 pub struct Device {
     pub(crate) states: Vec<Named>,
+    pub(crate) own_states: usize,
     pub(crate) inputs: Vec<Named>,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) measures: Vec<Named>,
@@ -127,6 +128,11 @@ impl Device {
     /// Its states.
     pub fn states(&self) -> &[Named] {
         &self.states
+    }
+
+    /// How many of its states, from the first one on, are stated; lags and delays add those behind them.
+    pub fn own_states(&self) -> usize {
+        self.own_states
     }
 
     /// Its inputs.

@@ -54,6 +54,7 @@ impl Device {
         let equations = resolver.used.into_iter().chain(equations).collect();
         Ok(Self {
             states,
+            own_states: description.states.len(),
             inputs,
             parameters,
             measures,

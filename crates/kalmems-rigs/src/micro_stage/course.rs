@@ -2,7 +2,7 @@
 
 use super::segment::Samples;
 use crate::estimate::driven::Plant;
-use crate::estimate::{Bridge, Counts, Course, Filtering, HeldSamples, Step};
+use crate::estimate::{Bridge, Counts, Course, Filtering, HeldSamples, Step, by_signals};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::dynamics::PiezoStage;
@@ -113,30 +113,15 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         })
     }
 
-    /// By one channel after the other, each linearised where those before it have led.
-    ///
-    /// Each innovation is foretold by the past and the channels before it, so that all sequences are white, and independent of one
-    /// another, for a filter that is right.
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
         _: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        let mut first = None;
-        self.further.clear();
-        for (i, (channel, plant)) in self.channels.iter().zip(self.plants).enumerate() {
-            let y = channel.signal[k];
-            let update = || filter.update(&plant.sensor(), y, channel.noise_variance);
-            let innovation = y.is_finite().then(update).transpose()?;
-            if i == 0 {
-                first = innovation;
-            } else {
-                let of =
-                    |found: Innovation<f64, 1>| [found.residual[0], found.covariance.standard_deviation(0)];
-                self.further.push(innovation.map_or([f64::NAN; 2], of));
-            }
-        }
-        Ok(first)
+        let signals = self.channels.iter().zip(self.plants);
+        let signals =
+            signals.map(|(channel, plant)| (channel.signal[k], plant.sensor(), channel.noise_variance));
+        by_signals(filter, signals, &mut self.further)
     }
 }

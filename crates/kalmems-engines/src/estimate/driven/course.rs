@@ -7,7 +7,7 @@ use crate::estimate::{
 use crate::signal::Sine;
 use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, FilterError, Innovation, Mat, Nodes};
+use kalmems_core::{Covariance, FilterError, Innovation, Mat};
 use kalmems_models::control::MotionPhase;
 
 /// Model, drive and signal of one segment.
@@ -132,7 +132,7 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
             return match &self.parts {
                 None => filter.predict(&self.plant.under(&self.usual, &drive)),
                 Some((steps, each)) => (0..*steps).try_for_each(|step| {
-                    filter.predict(&self.plant.under(each, &part(&drive, step, *steps)))
+                    filter.predict(&self.plant.under(each, &Drive::nodes_of_part(&drive, step, *steps)))
                 }),
             };
         }
@@ -163,16 +163,6 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         by_signal(filter, self.data.signal[k], (&self.plant.sensor(), self.noise_variance))
     }
-}
-
-/// The drive over one of so many parts of an interval, by the parabola through its nodes.
-fn part(drive: &Nodes<f64>, step: usize, steps: usize) -> Nodes<f64> {
-    let at = |halves: usize| {
-        let s = halves as f64 / (2 * steps) as f64;
-        let Nodes { start, middle, end } = drive;
-        start * (2.0 * s - 1.0) * (s - 1.0) + 4.0 * middle * s * (1.0 - s) + end * s * (2.0 * s - 1.0)
-    };
-    Nodes { start: at(2 * step), middle: at(2 * step + 1), end: at(2 * step + 2) }
 }
 
 /// The name of the motion's phase among the quantities that follow from the states.

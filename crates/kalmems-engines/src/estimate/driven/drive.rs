@@ -283,6 +283,15 @@ impl<'a> Drive<'a> {
         Nodes { start, middle: cubic_between(self.time_s, |k| self.sample(k).0, to, middle), end }
     }
 
+    /// The drive over one of so many parts of an interval, by the parabola through its nodes.
+    pub fn nodes_of_part(Nodes { start, middle, end }: &Nodes<f64>, step: usize, steps: usize) -> Nodes<f64> {
+        let at = |halves: usize| {
+            let s = halves as f64 / (2 * steps) as f64;
+            start * (2.0 * s - 1.0) * (s - 1.0) + 4.0 * middle * s * (1.0 - s) + end * s * (2.0 * s - 1.0)
+        };
+        Nodes { start: at(2 * step), middle: at(2 * step + 1), end: at(2 * step + 2) }
+    }
+
     /// The drive from its sine, for a sub-step of an interval in which samples are missing.
     pub fn nodes_from_sine(sine: &Sine, from_s: f64, to_s: f64) -> Nodes<f64> {
         Nodes { start: sine.at(from_s), middle: sine.at(from_s.midpoint(to_s)), end: sine.at(to_s) }

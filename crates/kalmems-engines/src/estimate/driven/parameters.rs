@@ -73,14 +73,14 @@ impl Held {
     }
 
     /// Where the parameters go, behind `moving` states.
-    pub(super) fn advance(&self, moving: usize, x: &[f64], to: &mut [f64]) {
+    pub fn advance(&self, moving: usize, x: &[f64], to: &mut [f64]) {
         for ((to, x), (persistence, _)) in to[moving..].iter_mut().zip(&x[moving..]).zip(self.steps) {
             *to = x * persistence;
         }
     }
 
     /// Their rows of a Jacobian.
-    pub(super) fn linearize(&self, moving: usize, states: usize, jacobian: &mut [f64]) {
+    pub fn linearize(&self, moving: usize, states: usize, jacobian: &mut [f64]) {
         for i in moving..states {
             let row = &mut jacobian[i * states..(i + 1) * states];
             row.fill(0.0);
@@ -88,23 +88,23 @@ impl Held {
         }
     }
 
-    /// Covariance and root of the noise of all states, with that of a motion.
-    pub(super) fn noise<const M: usize>(
+    /// Covariance and root of the noise of all states, with that of a motion of so many.
+    pub fn noise<const M: usize>(
         &self,
-        of_motion: &ProcessNoise<f64, M>,
+        (of_motion, moving): (&ProcessNoise<f64, M>, usize),
         covariance: &mut [f64],
         root: &mut [f64],
     ) {
-        let states = M + self.count;
+        let states = moving + self.count;
         for (whole, part) in
             [(&mut *covariance, of_motion.covariance().lower_triangle()), (&mut *root, of_motion.root())]
         {
             whole.fill(0.0);
-            for (row, part) in whole.chunks_exact_mut(states).zip(&part.0) {
-                row[..M].copy_from_slice(part);
+            for (row, part) in whole.chunks_exact_mut(states).zip(&part.0).take(moving) {
+                row[..moving].copy_from_slice(&part[..moving]);
             }
         }
-        for (i, (_, variance)) in (M..states).zip(self.steps) {
+        for (i, (_, variance)) in (moving..states).zip(self.steps) {
             covariance[i * states + i] = variance;
             root[i * states + i] = variance.sqrt();
         }
@@ -141,7 +141,7 @@ impl<P: Process<f64, M>, const M: usize> Transition for Beside<'_, P, M> {
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
-        self.held.noise(self.process.noise(), covariance, root);
+        self.held.noise((self.process.noise(), M), covariance, root);
     }
 
     fn moving(&self, _: usize) -> usize {

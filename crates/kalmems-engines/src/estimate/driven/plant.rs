@@ -213,7 +213,7 @@ where
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
-        self.motion.parameters.noise(self.motion.process.noise(), covariance, root);
+        self.motion.parameters.noise((self.motion.process.noise(), M), covariance, root);
     }
 
     fn moving(&self, _: usize) -> usize {

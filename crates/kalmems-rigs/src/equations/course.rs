@@ -1,0 +1,150 @@
+//! A device of one's own on its way through one segment.
+
+use super::model::{EquationModel, Interval};
+use crate::estimate::driven::Drive;
+use crate::estimate::{Bridge, Counts, Course, Filtering, Samples, by_signals};
+use kalmems_core::{FilterError, Innovation, Nodes};
+
+/// A measured channel over a segment.
+pub struct Channel<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its place among the device's measurements.
+    pub measure: usize,
+    /// The variance of a sample.
+    pub variance: f64,
+    /// The samples; not a number where one is missing.
+    pub signal: &'a [f64],
+}
+
+/// What the filters see of a segment.
+pub struct EquationSegment<'a> {
+    /// When, in s.
+    pub time_s: &'a [f64],
+    /// The inputs, in the order of the device.
+    pub inputs: Vec<Drive<'a>>,
+    /// The measured channels that the recording has, in that order.
+    pub channels: Vec<Channel<'a>>,
+    /// Which samples are new.
+    pub samples: Samples,
+}
+
+impl EquationSegment<'_> {
+    /// The inputs at a sample.
+    pub fn inputs_at(&self, k: usize, to: &mut Vec<f64>) {
+        to.clear();
+        to.extend(self.inputs.iter().map(|input| input.sample(k).0));
+    }
+}
+
+/// The way of one filter.
+pub struct EquationCourse<'a> {
+    model: &'a EquationModel,
+    data: &'a EquationSegment<'a>,
+    /// The channels that correct the filter, by their places in the segment.
+    channels: &'a [usize],
+    /// Steps from sample to sample, and each of them.
+    parts: (usize, Interval),
+    /// Innovation and standard deviation of each channel after the first, at the last sample.
+    further: Vec<[f64; 2]>,
+    /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
+    nodes: [Vec<f64>; 3],
+}
+
+/// How far an interval may be from the usual one and still be stepped as such, relative to it.
+const SAME: f64 = 1e-6;
+
+impl<'a> EquationCourse<'a> {
+    /// A way through this segment.
+    ///
+    /// It takes so many steps from sample to sample.
+    pub fn new(
+        model: &'a EquationModel,
+        data: &'a EquationSegment<'a>,
+        channels: &'a [usize],
+        steps: usize,
+    ) -> Self {
+        let parts = (steps, model.over(data.samples.interval_s / steps as f64));
+        let nodes = [const { Vec::new() }; 3];
+        Self { model, data, channels, parts, further: Vec::new(), nodes }
+    }
+}
+
+/// Takes the inputs of a step from nodes of each.
+fn set_nodes(nodes: &mut [Vec<f64>; 3], inputs: &[Drive<'_>], of: impl Fn(&Drive<'_>) -> Nodes<f64>) {
+    nodes.iter_mut().for_each(Vec::clear);
+    for input in inputs {
+        let Nodes { start, middle, end } = of(input);
+        for (list, value) in nodes.iter_mut().zip([start, middle, end]) {
+            list.push(value);
+        }
+    }
+}
+
+impl Course for EquationCourse<'_> {
+    fn time_s(&self) -> &[f64] {
+        self.data.time_s
+    }
+
+    fn signal(&self) -> &[f64] {
+        let first = self.channels.first().and_then(|place| self.data.channels.get(*place));
+        first.map_or(&[], |channel| channel.signal)
+    }
+
+    fn further_signals(&self) -> Vec<String> {
+        let further = self.channels.iter().skip(1).filter_map(|place| self.data.channels.get(*place));
+        further.map(|channel| channel.name.to_owned()).collect()
+    }
+
+    fn further_innovations(&self) -> &[[f64; 2]] {
+        &self.further
+    }
+
+    fn advance(
+        &mut self,
+        filter: &mut dyn Filtering,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        let is_from_sine = self.data.inputs.iter().any(|input| input.sample(to).1);
+        counts.drive_from_sine += usize::from(is_from_sine);
+        let (from_s, to_s) = (self.data.time_s[to - 1], self.data.time_s[to]);
+        let (interval, usual_s) = (to_s - from_s, self.data.samples.interval_s);
+        let (steps, usual) = &self.parts;
+        let of_usual = (interval / usual_s - 1.0).abs() <= SAME;
+        let bridge = Bridge::over(interval, usual_s);
+        let (intervals, steps) = if of_usual { (1, *steps) } else { (bridge.steps, *steps * bridge.steps) };
+        if !of_usual {
+            counts.bridged = counts.bridged.saturating_add(bridge.missing);
+        }
+        let other = (!of_usual).then(|| self.model.over(interval / steps as f64));
+        let each = other.as_ref().unwrap_or(usual);
+        // Over a gap each input follows its sine, where it has one; where it has none, the recording was refused.
+        for step in 0..steps {
+            let at = |step: usize| from_s + interval * step as f64 / steps as f64;
+            set_nodes(&mut self.nodes, &self.data.inputs, |input| match input.stand_in(to) {
+                Some(sine) if intervals > 1 => Drive::nodes_from_sine(sine, at(step), at(step + 1)),
+                _ if steps == 1 => input.nodes(to),
+                _ => Drive::nodes_of_part(&input.nodes(to), step, steps),
+            });
+            let [start, middle, end] = &self.nodes;
+            let under = self.model.under(each, Nodes { start, middle, end }, filter.mean());
+            filter.predict(&under)?;
+        }
+        Ok(())
+    }
+
+    fn correct(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        _: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let [inputs, ..] = &mut self.nodes;
+        self.data.inputs_at(k, inputs);
+        let channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        let signals = channels
+            .map(|channel| (channel.signal[k], self.model.sensor(channel.measure, inputs), channel.variance));
+        by_signals(filter, signals, &mut self.further)
+    }
+}

@@ -1,0 +1,151 @@
+//! A device of one's own: differential equations with units in the table `[device.equations]`, and everything works from them.
+
+mod course;
+mod model;
+mod names;
+mod ordered;
+mod outlook;
+mod segment;
+mod settings;
+mod simulation;
+mod table;
+
+pub use table::EquationsTable;
+
+use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
+use crate::estimate::{EstimateError, Parameter, Past, SegmentEstimate};
+use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::outlook::Outlook;
+use crate::progress::Progress;
+use crate::recording::Layout;
+use crate::simulate::{SimulateError, Simulation};
+use crate::{Estimator, Rig};
+use segment::EquationEstimator;
+use settings::{OwnDevice, Settings};
+use simulation::EquationSimulation;
+use table::refused;
+
+/// The rig of any device that is described by equations.
+pub struct EquationsRig;
+
+/// What equations of a motion and of its measurements do not tell.
+static NO_METHODS: [(Method, &str); 3] = [
+    (Method::LockIn, NO_INVERSE),
+    (Method::DirectInversion, NO_INVERSE),
+    (
+        Method::KalmanBucy,
+        "its equations are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
+    ),
+];
+
+/// Why nothing is taken from the signal alone.
+const NO_INVERSE: &str =
+    "its equations say what signal a state makes, and not what state a signal means; use `ekf`";
+
+/// The columns of a recording's inputs, in the order of the device, and those of its measurements, with their places.
+type Columns<'a> = (Vec<&'a str>, Vec<(usize, &'a str)>);
+
+fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigError> {
+    let device = experiment.device::<EquationsTable>()?.device();
+    let device = device.map_err(|error| refused(experiment, &error))?;
+    let key = Key::from("recording").index(index).child("channels");
+    let channels = &experiment.recording(index)?.channels;
+    let measures = device.measures().iter().enumerate();
+    let known: Vec<(usize, &str)> = measures
+        .filter(|(_, named)| channels.column(&named.name).is_some())
+        .map(|(place, named)| (place, &*named.name))
+        .collect();
+    if known.is_empty() {
+        let names: Vec<String> =
+            device.measures().iter().map(|named| format!("`{0} = \"{0}_V\"`", named.name)).collect();
+        let remedy = format!("name the column of a measurement, such as {}", names.join(" or "));
+        return Err(experiment.error(key, Fault::MissingKey { remedy }));
+    }
+    let inputs = device.inputs().iter().map(|named| &*named.name);
+    let meanings: Vec<&str> = inputs.chain(known.iter().map(|(_, name)| *name)).collect();
+    let mut all = experiment.columns_of(key, channels, &meanings)?;
+    let measured = all.split_off(device.inputs().len());
+    Ok((all, known.iter().map(|(place, _)| *place).zip(measured).collect()))
+}
+
+impl Rig for EquationsRig {
+    fn name(&self) -> &'static str {
+        "equations"
+    }
+
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<EquationsTable>()
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        experiment.device::<EquationsTable>().map(|_| true)
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { several_signals: true, no_methods: &NO_METHODS, ..Uses::default() }
+    }
+
+    fn input(&self) -> &'static str {
+        "input"
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        Settings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
+        for index in &wanted {
+            columns(experiment, *index)?;
+        }
+        Ok(wanted)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+        let (inputs, measured) = columns(experiment, index)?;
+        let all: Vec<&str> =
+            inputs.into_iter().chain(measured.into_iter().map(|(_, column)| column)).collect();
+        // Where nothing moves by itself, a gap is bounded as if a cycle took a second.
+        let cycle_s = OwnDevice::of(experiment)?.natural_hz().map_or(1.0, f64::recip);
+        experiment.layout_to_estimate(index, &all, cycle_s)
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[]
+    }
+
+    fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
+        let table = experiment.device::<EquationsTable>().ok();
+        let device = table.as_ref().and_then(|table| table.device().ok());
+        table.zip(device).map_or(&[], |(table, device)| names::values(&table, &device))
+    }
+
+    fn parameters(&self, experiment: &Experiment) -> &'static [Parameter] {
+        let device = experiment.device::<EquationsTable>().ok().and_then(|table| table.device().ok());
+        device.map_or(&[], |device| settings::parameters(experiment, &device))
+    }
+
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
+        let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
+        let (inputs, measured) = columns(experiment, index)?;
+        let past = Past::default();
+        Ok(Box::new(EquationEstimator { experiment, settings, models, inputs, measured, past, progress }))
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        Ok(outlook::outlook(experiment)?)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        Ok(Box::new(EquationSimulation::of(experiment)?))
+    }
+
+    /// It has no angle; see [`Rig::values`].
+    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+        vec![None; estimate.trajectories.len()]
+    }
+}

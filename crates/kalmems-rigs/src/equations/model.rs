@@ -1,0 +1,364 @@
+//! A device's equations as filters run them: the step over an interval, and what is read.
+
+use crate::estimate::driven::{Drive, Held};
+use crate::estimate::{Sensor, Tracked, Transition};
+use kalmems_core::augmentation::AddedState;
+use kalmems_core::discretize::discretize;
+use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
+use kalmems_equations::{Device, EquationError, MOST_STATES, Motion, NoiseKind, Readout, Work};
+use std::cell::RefCell;
+
+/// How a step follows the equations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// By Runge and Kutta's method of fourth order.
+    RungeKutta,
+    /// By Euler's method.
+    Euler,
+}
+
+/// A device with the values of its parameters, some of which may be states behind its own.
+///
+/// x = [states of the device, deviations of those parameters]: a parameter is its value there plus its scale times its
+/// deviation.
+pub struct EquationModel {
+    motion: Motion,
+    readouts: Vec<Readout>,
+    work: RefCell<Vec<Work>>,
+    /// Value and scale of each parameter that is a state, and how it drifts.
+    free: Vec<(f64, AddedState<f64>)>,
+    /// The power density of the noise of each state's rate.
+    density: Vec<f64>,
+    /// The states that come round, and the period of each.
+    periods: Vec<(usize, f64)>,
+    /// Where the noise is linearised.
+    rest: Vec<f64>,
+    inputs: usize,
+    rule: Rule,
+    /// How fast its fastest small motion is, in 1/s.
+    fastest: f64,
+}
+
+/// One number for each state, with those that are parameters.
+type Numbers = [f64; MOST_STATES];
+
+impl EquationModel {
+    /// With these values of all parameters; noise is discretised for the motion at `rest` under no input.
+    pub fn new(
+        device: &Device,
+        values: &[f64],
+        tracked: &[Tracked],
+        (density, rule): (Vec<f64>, Rule),
+        (rest, fastest): (&[f64], f64),
+    ) -> Result<Self, EquationError> {
+        let places: Vec<usize> =
+            tracked.iter().filter_map(|tracked| device.parameter(tracked.parameter.name)).collect();
+        let free = places
+            .iter()
+            .zip(tracked)
+            .map(|(place, tracked)| (values.get(*place).copied().unwrap_or(f64::NAN), tracked.added));
+        let free: Vec<_> = free.collect();
+        let motion = device.motion(&places)?;
+        let readouts: Vec<Readout> =
+            (0..device.measures().len()).map(|k| device.readout(k, &places)).collect::<Result<_, _>>()?;
+        let mut work = vec![motion.work(values)];
+        work.extend(readouts.iter().map(|readout| readout.work(values)));
+        let rest = rest.iter().copied().chain(free.iter().map(|(value, _)| *value)).collect();
+        let (periods, inputs) = (device.periods(values)?, device.inputs().len());
+        Ok(Self { motion, readouts, work: work.into(), free, density, periods, rest, inputs, rule, fastest })
+    }
+
+    /// The states that move by equations of their own.
+    pub fn moving(&self) -> usize {
+        self.motion.moving()
+    }
+
+    /// What is made once for an interval in s.
+    pub fn over(&self, interval_s: f64) -> Interval {
+        let moving = self.moving();
+        let states = moving + self.free.len();
+        let held = Held::of(self.free.iter().map(|(_, added)| *added), interval_s);
+        let (mut covariance, mut root) = (vec![0.0; states * states], vec![0.0; states * states]);
+        let mut noise = |jacobian: &[f64]| match moving {
+            0..=2 => self.write_noise::<2>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
+            3..=4 => self.write_noise::<4>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
+            5..=8 => self.write_noise::<8>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
+            _ => self.write_noise::<MOST_STATES>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
+        };
+        let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
+        self.with_work(0, |work| {
+            let inputs = [0.0; MOST_STATES];
+            let inputs = inputs.get(..self.inputs).unwrap_or_default();
+            self.motion.linearize(work, &self.rest, inputs, &mut rates, &mut jacobian);
+        });
+        noise(&jacobian);
+        let steps = match self.rule {
+            Rule::RungeKutta => steps_over(self.fastest, interval_s).unwrap_or(MOST_STEPS),
+            // A published filter by Euler's method takes one step for a sample, however short that is.
+            Rule::Euler => 1,
+        };
+        Interval { interval_s, steps, held, covariance, root }
+    }
+
+    fn write_noise<const M: usize>(
+        &self,
+        jacobian: &[f64],
+        interval_s: f64,
+        held: &Held,
+        (covariance, root): (&mut [f64], &mut [f64]),
+    ) {
+        let (moving, states) = (self.moving(), self.rest.len());
+        let entry = |i: usize, j: usize| {
+            let known = jacobian.get(i * states + j).filter(|_| i < moving && j < moving);
+            // At a place where the motion cannot be linearised, as that of a device without a rest, noise goes into its own state.
+            known.copied().filter(|slope| slope.is_finite()).unwrap_or(0.0)
+        };
+        let a = Mat::<f64, M, M>::from_fn(entry);
+        let density =
+            Mat::<f64, M, M>::from_fn(
+                |i, j| {
+                    if i == j { self.density.get(i).copied().unwrap_or(0.0) } else { 0.0 }
+                },
+            );
+        let noise = discretize(&a, &NoiseDensity::from_lower(density), interval_s).noise;
+        held.noise((&ProcessNoise::from(noise), moving), covariance, root);
+    }
+
+    /// This step under inputs, from a state with this mean: whole turns of what comes round are taken off.
+    pub fn under<'a>(
+        &'a self,
+        interval: &'a Interval,
+        inputs: Nodes<&'a [f64]>,
+        mean: &[f64],
+    ) -> UnderInputs<'a> {
+        let mut turns = [0.0; MOST_STATES];
+        for (state, period) in &self.periods {
+            if let Some((turn, at)) = turns.get_mut(*state).zip(mean.get(*state)) {
+                *turn = period * (at / period).floor();
+            }
+        }
+        UnderInputs { model: self, interval, inputs, turns }
+    }
+
+    /// A measurement under inputs.
+    pub fn sensor<'a>(&'a self, measure: usize, inputs: &'a [f64]) -> Seen<'a> {
+        Seen { model: self, measure, inputs }
+    }
+
+    fn with_work<R>(&self, place: usize, with: impl FnOnce(&mut Work) -> R) -> Option<R> {
+        self.work.borrow_mut().get_mut(place).map(with)
+    }
+
+    /// The states with the values of the parameters behind them.
+    fn valued(&self, x: &[f64]) -> Numbers {
+        let mut valued = [0.0; MOST_STATES];
+        for (to, x) in valued.iter_mut().zip(x) {
+            *to = *x;
+        }
+        for (to, (value, added)) in valued.iter_mut().skip(self.moving()).zip(&self.free) {
+            *to = value + *to * added.scale;
+        }
+        valued
+    }
+}
+
+/// What is made once for an interval.
+pub struct Interval {
+    interval_s: f64,
+    /// The steps in which the equations are followed over it.
+    steps: usize,
+    held: Held,
+    covariance: Vec<f64>,
+    root: Vec<f64>,
+}
+
+/// A step under inputs.
+pub struct UnderInputs<'a> {
+    model: &'a EquationModel,
+    interval: &'a Interval,
+    inputs: Nodes<&'a [f64]>,
+    turns: Numbers,
+}
+
+impl UnderInputs<'_> {
+    /// Moves the states, with the derivatives by all of them where there is room for these.
+    fn moved(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        let model = self.model;
+        let mut valued = model.valued(x);
+        let Some(at) = valued.get_mut(..x.len()) else { return };
+        let finite = model.with_work(0, |work| match model.rule {
+            Rule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
+            Rule::Euler => self.by_euler(work, at, to, jacobian),
+        });
+        if finite != Some(true) {
+            to.fill(f64::NAN);
+        }
+        for (to, turns) in to.iter_mut().zip(&self.turns) {
+            *to -= turns;
+        }
+        self.interval.held.advance(model.moving(), x, to);
+    }
+
+    fn by_runge_kutta(&self, work: &mut Work, at: &mut [f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
+        let (motion, Interval { interval_s, steps, .. }) = (&self.model.motion, self.interval);
+        if *steps == 1 {
+            return if jacobian.is_empty() {
+                motion.step(work, at, &self.inputs, *interval_s, to)
+            } else {
+                motion.linearized_step(work, at, &self.inputs, *interval_s, to, jacobian)
+            };
+        }
+        let (size, step_s) = (at.len(), interval_s / *steps as f64);
+        let mut finite = true;
+        let mut first = true;
+        let mut one = [0.0; MOST_STATES * MOST_STATES];
+        let one = one.get_mut(..jacobian.len()).unwrap_or_default();
+        let mut column = [0.0; MOST_STATES];
+        for step in 0..*steps {
+            let mut nodes = [[0.0; MOST_STATES]; 3];
+            let inputs = self.inputs_of_part(step, *steps, &mut nodes);
+            if jacobian.is_empty() {
+                finite &= motion.step(work, at, &inputs, step_s, to);
+            } else if first {
+                finite &= motion.linearized_step(work, at, &inputs, step_s, to, jacobian);
+                first = false;
+            } else {
+                finite &= motion.linearized_step(work, at, &inputs, step_s, to, one);
+                // The derivative of both: that of this step times that of those before, column by column.
+                for j in 0..size {
+                    for (k, entry) in column.iter_mut().enumerate().take(size) {
+                        *entry = jacobian[k * size + j];
+                    }
+                    for i in 0..self.model.moving() {
+                        let row = &one[i * size..(i + 1) * size];
+                        jacobian[i * size + j] = row.iter().zip(&column).map(|(a, b)| a * b).sum();
+                    }
+                }
+            }
+            at.copy_from_slice(to);
+        }
+        finite
+    }
+
+    /// The inputs over one of so many parts of the interval.
+    fn inputs_of_part<'b>(&self, step: usize, steps: usize, nodes: &'b mut [Numbers; 3]) -> Nodes<&'b [f64]> {
+        let Nodes { start, middle, end } = self.inputs;
+        let count = start.len().min(MOST_STATES);
+        for (k, ((start, middle), end)) in start.iter().zip(middle).zip(end).take(count).enumerate() {
+            let whole = Nodes { start: *start, middle: *middle, end: *end };
+            let part = Drive::nodes_of_part(&whole, step, steps);
+            for (list, value) in nodes.iter_mut().zip([part.start, part.middle, part.end]) {
+                list[k] = value;
+            }
+        }
+        let [start, middle, end] = nodes;
+        Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] }
+    }
+
+    fn by_euler(&self, work: &mut Work, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
+        let (motion, interval_s) = (&self.model.motion, self.interval.interval_s);
+        let finite = if jacobian.is_empty() {
+            motion.rates(work, at, self.inputs.start, to)
+        } else {
+            motion.linearize(work, at, self.inputs.start, to, jacobian)
+        };
+        for (to, at) in to.iter_mut().zip(at) {
+            *to = at + interval_s * *to;
+        }
+        for (place, slope) in jacobian.iter_mut().enumerate() {
+            *slope *= interval_s;
+            if place % (at.len() + 1) == 0 {
+                *slope += 1.0;
+            }
+        }
+        finite
+    }
+}
+
+impl Transition for UnderInputs<'_> {
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        self.moved(x, to, &mut []);
+    }
+
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        self.moved(x, to, jacobian);
+        let moving = self.model.moving();
+        for row in jacobian.chunks_exact_mut(x.len().max(1)).take(moving) {
+            for (slope, (_, added)) in row.iter_mut().skip(moving).zip(&self.model.free) {
+                *slope *= added.scale;
+            }
+        }
+        self.interval.held.linearize(moving, x.len(), jacobian);
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        covariance.copy_from_slice(&self.interval.covariance);
+        root.copy_from_slice(&self.interval.root);
+    }
+
+    fn moving(&self, _: usize) -> usize {
+        self.model.moving()
+    }
+}
+
+/// A measurement under inputs.
+pub struct Seen<'a> {
+    model: &'a EquationModel,
+    measure: usize,
+    inputs: &'a [f64],
+}
+
+impl Seen<'_> {
+    fn of<R>(&self, x: &[f64], with: impl FnOnce(&Readout, &mut Work, &[f64]) -> R) -> Option<R> {
+        let valued = self.model.valued(x);
+        let (readout, x) = self.model.readouts.get(self.measure).zip(valued.get(..x.len()))?;
+        self.model.with_work(self.measure + 1, |work| with(readout, work, x))
+    }
+}
+
+impl Sensor for Seen<'_> {
+    fn read(&self, x: &[f64]) -> f64 {
+        self.of(x, |readout, work, x| readout.read(work, x, self.inputs)).unwrap_or(f64::NAN)
+    }
+
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let read = self.of(x, |readout, work, x| readout.linearize(work, x, self.inputs, slopes));
+        for (slope, (_, added)) in slopes.iter_mut().skip(self.model.moving()).zip(&self.model.free) {
+            *slope *= added.scale;
+        }
+        read.unwrap_or(f64::NAN)
+    }
+}
+
+/// |λ|·h of a step: what the method of fourth order leaves out of a mode λ is (|λ|·h)⁴/120 of it.
+const SHORT: f64 = 0.1;
+/// Steps for one interval at most.
+const MOST_STEPS: usize = 1024;
+
+/// Steps of Runge and Kutta's method in which an interval in s is followed: each so short that the method decays and turns the
+/// fastest small motion, of this size in 1/s, to 10⁻⁶ as the equations do; `None` where that takes more steps than a sample is
+/// worth.
+pub fn steps_over(fastest: f64, interval_s: f64) -> Option<usize> {
+    let steps = (fastest * interval_s / SHORT).ceil().max(1.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
+    (steps <= MOST_STEPS as f64).then_some(steps as usize)
+}
+
+/// The noises that a device's table states, at a sampling rate in Hz: the density of each state's rate, 0 where none is stated,
+/// and the variance of a sample of each measurement.
+pub fn noises(
+    device: &Device,
+    values: &[f64],
+    rate_hz: f64,
+) -> Result<(Vec<f64>, Vec<Option<f64>>), EquationError> {
+    let (mut densities, mut variances) =
+        (vec![0.0; device.states().len()], vec![None; device.measures().len()]);
+    for (kind, size) in device.noise(values)? {
+        match kind {
+            NoiseKind::Rate { state } => densities[state] = size,
+            NoiseKind::Variance { measure } => variances[measure] = Some(size),
+            NoiseKind::Density { measure } => variances[measure] = Some(0.5 * rate_hz * size),
+        }
+    }
+    Ok((densities, variances))
+}

@@ -1,0 +1,85 @@
+//! The names of a device's own, as estimates, references and tables have them.
+
+use super::table::EquationsTable;
+use crate::config::{Entry, Sign};
+use crate::estimate::{Parameter, StateName};
+use crate::evaluate::ValueState;
+use crate::simulate::Channel;
+use crate::units::{Kind, Known, kind, name};
+use kalmems_equations::{Device, Named};
+
+/// The kind of a name's unit.
+pub fn kind_of(named: &Named) -> &'static Kind {
+    Kind::of_unit(named.unit, &named.unit_text)
+}
+
+/// The states, as a trajectory has them.
+pub fn states(device: &Device) -> Vec<StateName> {
+    let of = |named: &Named| (name(&named.name), kind_of(named).ending(), kind_of(named));
+    device.states().iter().map(of).collect()
+}
+
+/// The states, as tables of values name them.
+pub fn entries(device: &Device, sign: Sign) -> Vec<Entry> {
+    device
+        .states()
+        .iter()
+        .map(|named| Entry { name: name(&named.name), kind: kind_of(named), sign })
+        .collect()
+}
+
+/// The densities of the noises of their rates, likewise.
+pub fn densities(device: &Device) -> Vec<Entry> {
+    let of = |named: &Named| Entry {
+        name: name(&named.name),
+        kind: kind_of(named).drift(),
+        sign: Sign::NotNegative,
+    };
+    device.states().iter().map(of).collect()
+}
+
+/// Columns of a recording, one for each name: `x_m`.
+pub fn channels(all: &[Named]) -> Vec<Channel> {
+    let of = |named: &Named| Channel {
+        meaning: name(&named.name),
+        column: name(&format!("{}_{}", named.name, kind_of(named).ending())),
+    };
+    all.iter().map(of).collect()
+}
+
+/// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
+/// the turns.
+pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {
+    static KNOWN: Known<[ValueState]> = Known::new();
+    let states: Vec<&Named> = device.states().iter().take(device.own_states()).collect();
+    let rate_of = |named: &Named| {
+        let text = table.derivative.get(&named.name)?.trim();
+        states.iter().find(|state| *state.name == *text).map(|state| name(&state.name))
+    };
+    let of =
+        |named: &&Named| ValueState { name: name(&named.name), kind: kind_of(named), rate: rate_of(named) };
+    let comes_round = |named: &&&Named| table.cyclic.get(&named.name).is_some();
+    let values: Vec<ValueState> = states.iter().filter(|named| !comes_round(named)).map(of).collect();
+    KNOWN.get(&values, || values.clone().into())
+}
+
+/// The parameters that a filter may hold as uncertain. Each is a factor on what the table says; `added` are those whose
+/// deviation is in their own unit.
+pub fn parameters(device: &Device, added: &[bool]) -> &'static [Parameter] {
+    static KNOWN: Known<[Parameter]> = Known::new();
+    static WRITTEN: Known<[(&'static str, i32)]> = Known::new();
+    let one = |(place, parameter): (usize, &kalmems_equations::Parameter)| {
+        let own = name(&parameter.named.name);
+        let keys = [(name(&format!("parameters.{own}")), 1)];
+        let written = WRITTEN.get(&keys, || keys.into());
+        let all = if added.get(place).copied().unwrap_or(false) {
+            let kind = kind_of(&parameter.named);
+            Parameter { kind, unit: kind.ending(), drift: kind.drift(), ..Parameter::factor(own) }
+        } else {
+            Parameter { kind: &kind::RATIO, ..Parameter::factor(own) }
+        };
+        all.written(written)
+    };
+    let all: Vec<Parameter> = device.parameters().iter().enumerate().map(one).collect();
+    KNOWN.get(&all, || all.clone().into())
+}

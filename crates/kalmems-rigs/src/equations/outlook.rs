@@ -1,0 +1,167 @@
+//! What can be said of a device of one's own before anything is recorded.
+
+use super::names;
+use super::settings::OwnDevice;
+use super::table::{EquationsTable, refused};
+use crate::config::{ConfigError, Experiment, Start};
+use crate::outlook::{Fact, Outlook, Topic};
+use kalmems_equations::{Mode, Named};
+use kalmems_figures::significant;
+use std::f64::consts::TAU;
+
+/// The outlook of an experiment.
+pub fn outlook(experiment: &Experiment) -> Result<Outlook, ConfigError> {
+    let own = OwnDevice::of(experiment)?;
+    let mut topics = vec![equations(&own)];
+    topics.extend(energy(experiment, &own)?);
+    topics.push(free_motion(&own));
+    topics.push(measurements(experiment, &own)?);
+    Ok(Outlook {
+        experiment: experiment.name.to_string(),
+        device: "equations",
+        topics,
+        response: None,
+        start: None,
+        frequencies: Vec::new(),
+        information: Vec::new(),
+    })
+}
+
+fn fact(name: &'static str, values: Vec<f64>, text: String) -> Fact {
+    Fact { name, values, text }
+}
+
+/// A value with its SI unit.
+fn in_si(value: f64, named: &Named) -> String {
+    let dimension = named.unit.dimension().to_string();
+    if dimension == "1" { significant(value) } else { format!("{} {dimension}", significant(value)) }
+}
+
+fn equations(own: &OwnDevice) -> Topic {
+    let device = &own.device;
+    let mut facts: Vec<Fact> =
+        device.typeset().into_iter().map(|line| fact("equation", Vec::new(), line)).collect();
+    let notices = device.notices().iter();
+    facts.extend(notices.map(|notice| fact("notice", Vec::new(), format!("Look at {notice}"))));
+    Topic { title: "Equations", facts }
+}
+
+/// Whether the equations keep the energy that the table states.
+fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<Topic>, ConfigError> {
+    let sizes = sizes(experiment, own)?;
+    let inputs = vec![1.0; own.device.inputs().len()];
+    let found = own.device.check_energy(&sizes, &inputs).map_err(|error| refused(experiment, &error))?;
+    Ok(found.map(|check| Topic {
+        title: "Energy",
+        facts: vec![fact("energy_imbalance", vec![check.imbalance], check.to_string())],
+    }))
+}
+
+/// How large the states become, by what the experiment says of their start.
+fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigError> {
+    let device = &own.device;
+    let entries = names::entries(device, crate::config::Sign::Any);
+    let mut sizes = vec![0.0_f64; entries.len()];
+    let simulated = experiment.simulate.iter().map(|simulate| &simulate.start);
+    let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let started = filters().filter_map(|filter| match &filter.start {
+        Some(Start::Values(values)) => Some(values),
+        _ => None,
+    });
+    for values in simulated.chain(started).chain(filters().map(|filter| &filter.start_sd)) {
+        for (size, entry) in sizes.iter_mut().zip(&entries) {
+            if let Some(value) = values.get(entry.name) {
+                *size = size.max(value.value().si().abs());
+            }
+        }
+    }
+    // The rate of a state is as large as a free motion of that size makes it.
+    let table = experiment.device::<EquationsTable>()?;
+    let rate = own.natural_hz().map_or(1.0, |hz| TAU * hz);
+    for value in names::values(&table, device) {
+        let place = |name: &str| device.state(name);
+        let Some((of, its_rate)) = place(value.name).zip(value.rate.and_then(place)) else { continue };
+        match (sizes[of] > 0.0, sizes[its_rate] > 0.0) {
+            (true, false) => sizes[its_rate] = sizes[of] * rate,
+            (false, true) => sizes[of] = sizes[its_rate] / rate,
+            _ => {}
+        }
+    }
+    Ok(sizes.into_iter().map(|size| if size > 0.0 { size } else { 1.0 }).collect())
+}
+
+fn free_motion(own: &OwnDevice) -> Topic {
+    let device = &own.device;
+    let mut facts = Vec::new();
+    if own.rests {
+        let each = device.states().iter().zip(&own.rest);
+        let each: Vec<String> =
+            each.map(|(named, at)| format!("{} = {}", named.name, in_si(*at, named))).collect();
+        let text = format!("Without an input it rests at {}.", each.join(", "));
+        facts.push(fact("rest", own.rest.clone(), text));
+    } else {
+        let text = "No state was found in which all rates vanish without an input.".to_owned();
+        facts.push(fact("rest", Vec::new(), text));
+    }
+    let grows = |mode: &Mode| mode.growth > 1e-9 * mode.rate.abs().max(mode.growth.abs());
+    for mode in own.modes.iter().filter(|mode| mode.rate >= 0.0) {
+        facts.push(if mode.oscillates() {
+            let (hz, ratio) = (mode.frequency_hz(), mode.damping_ratio());
+            let text = if grows(mode) {
+                format!(
+                    "A small motion at {} Hz grows by itself: the rest is not stable (damping ratio {}).",
+                    significant(hz),
+                    significant(ratio)
+                )
+            } else {
+                format!(
+                    "A small motion oscillates at {} Hz with a damping ratio of {} (quality factor {}).",
+                    significant(hz),
+                    significant(ratio),
+                    significant(0.5 / ratio)
+                )
+            };
+            fact("mode_hz_and_damping_ratio", vec![hz, ratio], text)
+        } else if mode.growth == 0.0 {
+            let text = "One state, or a sum of states, stays where it is put.".to_owned();
+            fact("mode_per_s", vec![0.0], text)
+        } else {
+            let time_s = mode.growth.abs().recip();
+            let what = if grows(mode) { "grows" } else { "decays" };
+            let text = format!("A small deviation {what} with a time constant of {} s.", significant(time_s));
+            fact("mode_per_s", vec![mode.growth], text)
+        });
+    }
+    Topic { title: "Free motion", facts }
+}
+
+/// What is measured at rest, and how it depends on the states there.
+fn measurements(experiment: &Experiment, own: &OwnDevice) -> Result<Topic, ConfigError> {
+    let device = &own.device;
+    let wrong = |error| refused(experiment, &error);
+    let inputs = vec![0.0; device.inputs().len()];
+    let mut facts = Vec::new();
+    for (place, named) in device.measures().iter().enumerate() {
+        let readout = device.readout(place, &[]).map_err(wrong)?;
+        let mut slopes = vec![0.0; device.states().len()];
+        let mut work = readout.work(&own.values);
+        let value = readout.linearize(&mut work, &own.rest, &inputs, &mut slopes);
+        let seen: Vec<String> = device
+            .states()
+            .iter()
+            .zip(&slopes)
+            .filter(|(_, slope)| **slope != 0.0)
+            .map(|(state, slope)| {
+                format!("{} per {} of {}", significant(*slope), state.unit.dimension(), state.name)
+            })
+            .collect();
+        let depends = if seen.is_empty() {
+            "to first order it depends on no state there, so that small motions are not seen".to_owned()
+        } else {
+            format!("it changes by {}", seen.join(" and by "))
+        };
+        let text = format!("At rest `{}` is {}; {depends}.", named.name, in_si(value, named));
+        facts.push(fact("measurement_at_rest", std::iter::once(value).chain(slopes).collect(), text));
+    }
+    Ok(Topic { title: "Measurements", facts })
+}

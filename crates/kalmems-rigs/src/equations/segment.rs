@@ -1,0 +1,196 @@
+//! The filters of one segment.
+
+use super::course::{Channel, EquationCourse, EquationSegment};
+use super::model::{EquationModel, noises, steps_over};
+use super::names;
+use super::settings::{FilterSettings, OwnDevice, Settings};
+use super::table::refused;
+use crate::Estimator;
+use crate::config::{Experiment, Fault, Key, Method};
+use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
+use crate::estimate::{
+    AnyFilter, Around, Axis, Course, EstimateError, FilterPast, Known, Motion, Part, Past, SegmentEstimate,
+    SignalSegment, Trajectory, answers_of_bank, follow,
+};
+use crate::progress::Progress;
+use kalmems_core::Nodes;
+use kalmems_equations::EquationError;
+use kalmems_figures::number;
+
+/// Rows before the new ones that inputs are interpolated through.
+const INTERPOLATED: usize = 4;
+/// Cycles of the free motion that show how the device is driven, at least.
+const STARTING_CYCLES: f64 = 40.0;
+
+/// Estimates recordings, part by part.
+pub struct EquationEstimator<'a> {
+    /// The experiment.
+    pub experiment: &'a Experiment,
+    /// What it says of the device and its filters.
+    pub settings: Settings,
+    /// The models of each filter: one, but for a bank.
+    pub models: Vec<Vec<EquationModel>>,
+    /// The columns of the inputs.
+    pub inputs: Vec<&'a str>,
+    /// The measurements that the recording has, each with its column.
+    pub measured: Vec<(usize, &'a str)>,
+    /// What is kept from one part to the next.
+    pub past: Past,
+    /// Who follows the work.
+    pub progress: &'a dyn Progress,
+}
+
+impl Estimator for EquationEstimator<'_> {
+    fn around(&self, interval_s: f64) -> Around {
+        let first_s = self.settings.own.natural_hz().map_or(0.0, |hz| STARTING_CYCLES / hz);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let rows = (first_s / interval_s).ceil() as usize;
+        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before: INTERPOLATED, after: 1, smooths }
+    }
+
+    fn past(&mut self) -> &mut Past {
+        &mut self.past
+    }
+
+    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+        let (settings, past) = (&self.settings, &mut self.past);
+        let OwnDevice { device, values, .. } = &settings.own;
+        let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
+        let Some((first, column)) = self.measured.first().copied() else {
+            let why = "no channel of the recording is measured of the device".to_owned();
+            return Err(self.experiment.error("recording", Fault::Value { why }).into());
+        };
+        let kind = names::kind_of(&device.measures()[first]);
+        let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
+        let samples = segment.samples();
+        let mut inputs = Vec::new();
+        for (index, (column, named)) in self.inputs.iter().zip(device.inputs()).enumerate() {
+            let column_of = segment.recording.column_of(column, names::kind_of(named))?;
+            let of = column_of.of(segment.segment);
+            let drive = Drive::of(&segment.time_s, of, &samples, past.input(index));
+            if let Some((first_s, count)) = drive.unknown() {
+                let (place, column) = (segment.place.clone(), (*column).to_owned());
+                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
+            }
+            inputs.push(drive);
+        }
+        let (_, variances) = noises(device, values, segment.interval_s.recip()).map_err(wrong)?;
+        let mut channels = Vec::new();
+        for (measure, column) in &self.measured {
+            let named = &device.measures()[*measure];
+            let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
+            let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) else {
+                let key = Key::from("device.equations.noise").child(&named.name);
+                let remedy = format!(
+                    "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
+                    named.name, named.unit_text
+                );
+                return Err(self.experiment.error(key, Fault::MissingKey { remedy }).into());
+            };
+            channels.push(Channel { name: &named.name, measure: *measure, variance, signal });
+        }
+        if steps_over(settings.own.fastest(), segment.interval_s).is_none() {
+            let why = format!(
+                "it has a motion that is far faster than the samples, which come every {} s: put what follows at once in the place of \
+                 a state, or sample faster; `kalmems inspect` lists its time constants",
+                number(segment.interval_s)
+            );
+            return Err(self.experiment.error("device.equations", Fault::Value { why }).into());
+        }
+        let drive = inputs.iter().find_map(|input| input.first_sine().copied());
+        let natural_hz = settings.own.natural_hz().unwrap_or_else(|| segment.interval_s.recip() / 100.0);
+        let motion = match &drive {
+            Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
+            None => Motion { frequency_hz: natural_hz, is_driven: false },
+        };
+        let data = EquationSegment { time_s: &segment.time_s, inputs, channels, samples };
+        let states = settings.own.states();
+        let axes = [(states[0].0, motion)];
+        let start_s = segment.start_s + settings.skip_s;
+        let mut all = Vec::new();
+        for (index, filter) in settings.filters.iter().enumerate() {
+            let past = past.filter(index);
+            let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
+            let (own, progress) = (&settings.own, self.progress);
+            let way = OneFilter { own, filter, models, data: &data, progress };
+            let mut found = way.follow(past)?;
+            for (answer, trajectory) in found.iter_mut().enumerate() {
+                let judge = &mut past.answer(answer).judge;
+                trajectory.lock = judge.judge(trajectory, &axes, start_s, data.samples.ends);
+            }
+            all.append(&mut found);
+        }
+        let drive_column = self.inputs.first().copied().unwrap_or_default();
+        let axis = Axis { angle: states[0].0, motion, drive };
+        Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
+    }
+}
+
+/// One filter over the new samples.
+struct OneFilter<'a> {
+    own: &'a OwnDevice,
+    filter: &'a FilterSettings,
+    models: &'a [EquationModel],
+    data: &'a EquationSegment<'a>,
+    progress: &'a dyn Progress,
+}
+
+impl OneFilter<'_> {
+    fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+        let basics = &self.filter.basics;
+        let states = basics.states(&self.own.states());
+        let channels = self.channels();
+        if basics.method == Method::Bank {
+            let course = |model| -> Box<dyn Course + '_> {
+                Box::new(EquationCourse::new(model, self.data, &channels, 1))
+            };
+            let way = (self.models.iter().map(course).collect(), &self.data.samples);
+            return answers_of_bank((basics, past), |_| Ok(self.filter.known()), way, &states, self.progress);
+        }
+        let Some(model) = self.models.first() else { return Ok(Vec::new()) };
+        let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
+        let mut course = EquationCourse::new(model, self.data, &channels, steps);
+        let way = (&mut course as _, &self.data.samples);
+        let begin = |left| self.begin(left, model, &channels);
+        let mut all = follow((basics, past), begin, way, &states, self.progress)?;
+        if basics.method == Method::Model {
+            all.iter_mut().for_each(Trajectory::mark_model_alone);
+        }
+        Ok(all)
+    }
+
+    /// The channels that correct it.
+    fn channels(&self) -> Vec<usize> {
+        let wanted = &self.filter.measures;
+        let all = 0..self.data.channels.len();
+        if wanted.is_empty() {
+            return all.collect();
+        }
+        let place = |measure: &usize| self.data.channels.iter().position(|c| c.measure == *measure);
+        wanted.iter().filter_map(place).collect()
+    }
+
+    fn begin(
+        &self,
+        left: Option<Known>,
+        model: &EquationModel,
+        channels: &[usize],
+    ) -> Result<AnyFilter, EstimateError> {
+        let basics = &self.filter.basics;
+        let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.filter.known())) };
+        let interval_s = self.data.samples.interval_s;
+        let interval = model.over(interval_s);
+        let inputs = vec![0.0; self.data.inputs.len()];
+        let rest = Known::apart(self.own.rest.iter().map(|at| (*at, 0.0)));
+        let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);
+        let Some(channel) = channels.first().and_then(|place| self.data.channels.get(*place)) else {
+            return Err(basics.no_gain(&"it has no channel"));
+        };
+        let sensor = model.sensor(channel.measure, &inputs);
+        let known = left.unwrap_or_else(|| self.filter.known());
+        let point = (&step as _, &sensor as _, channel.variance);
+        AnyFilter::of_constant_gain((gain, interval_s), (&rest, &known), point)
+            .map_err(|why| basics.no_gain(&why))
+    }
+}

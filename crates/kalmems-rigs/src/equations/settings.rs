@@ -1,0 +1,295 @@
+//! From an experiment file to SI.
+
+use super::model::{EquationModel, Rule, noises};
+use super::names;
+use super::table::{EquationsTable, refused};
+use crate::config::{
+    AnyValue, ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Sign, Start, Values,
+};
+use crate::estimate::driven::combinations;
+use crate::estimate::{FilterBasics, Known, Parameter, StateName, Tracked, process_noise};
+use crate::units::Dimension;
+use kalmems_equations::{Device, EquationError, Mode, modes};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A device with the values of its parameters, and how it moves when it is left alone.
+pub struct OwnDevice {
+    /// Its equations.
+    pub device: Arc<Device>,
+    /// The values of its parameters in SI.
+    pub values: Vec<f64>,
+    /// Where it rests without an input; 0 throughout where it rests nowhere.
+    pub rest: Vec<f64>,
+    /// Whether it rests there.
+    pub rests: bool,
+    /// How a small motion about that place goes.
+    pub modes: Vec<Mode>,
+}
+
+impl OwnDevice {
+    /// Of an experiment.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let table = experiment.device::<EquationsTable>()?;
+        let device = table.device().map_err(|error| refused(experiment, &error))?;
+        let values = device.values();
+        Self::with(device, values).map_err(|error| refused(experiment, &error))
+    }
+
+    fn with(device: Arc<Device>, values: Vec<f64>) -> Result<Self, EquationError> {
+        let motion = device.motion(&[])?;
+        let mut work = motion.work(&values);
+        let states = device.states().len();
+        let inputs = vec![0.0; device.inputs().len()];
+        // A state that comes round, or whose rate no state changes, rests wherever it is.
+        let mut held = vec![false; states];
+        for (state, _) in device.periods(&values)? {
+            held[state] = true;
+        }
+        for (state, is_held) in held.iter_mut().enumerate() {
+            *is_held |= motion.sparsity().all(|(row, _)| row != state);
+        }
+        let found = motion.rest(&mut work, &vec![0.0; states], &held, &inputs);
+        let rests = found.is_some();
+        let rest = found.unwrap_or_else(|| vec![0.0; states]);
+        let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
+        motion.linearize(&mut work, &rest, &inputs, &mut rates, &mut jacobian);
+        let modes = modes(&jacobian, states).unwrap_or_default();
+        Ok(Self { device, values, rest, rests, modes })
+    }
+
+    /// The frequency of its free motion in Hz: that of its slowest oscillation; of a device that does not oscillate, one by its
+    /// slowest decay.
+    pub fn natural_hz(&self) -> Option<f64> {
+        let oscillating = self.modes.iter().filter(|mode| mode.oscillates()).map(Mode::frequency_hz);
+        let decaying =
+            self.modes.iter().map(|mode| mode.growth.abs() / std::f64::consts::TAU).filter(|hz| *hz > 0.0);
+        oscillating.reduce(f64::min).or_else(|| decaying.reduce(f64::min))
+    }
+
+    /// How fast its fastest small motion is, in 1/s.
+    pub fn fastest(&self) -> f64 {
+        self.modes.iter().map(Mode::size).fold(0.0, f64::max)
+    }
+
+    /// Its states, as trajectories name them.
+    pub fn states(&self) -> Vec<StateName> {
+        names::states(&self.device)
+    }
+}
+
+/// What the file says of the filters.
+pub struct Settings {
+    /// The device.
+    pub own: OwnDevice,
+    /// How long the filters have to settle, in s.
+    pub skip_s: f64,
+    /// The filters.
+    pub filters: Vec<FilterSettings>,
+}
+
+/// What the file says of one filter.
+pub struct FilterSettings {
+    /// What every filter has.
+    pub basics: FilterBasics,
+    /// The measurements that correct it, by their places; none for all that the recording has.
+    pub measures: Vec<usize>,
+    start: Vec<f64>,
+    start_sd: Vec<f64>,
+    /// The density of the noise of each state's rate, where the file says one here.
+    density: Vec<Option<f64>>,
+}
+
+impl Settings {
+    /// Reads and checks them.
+    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
+        let own = OwnDevice::of(experiment)?;
+        let Some(estimate) = &experiment.estimate else {
+            let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
+            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+        };
+        let of = |index| FilterSettings::of(experiment, estimate, &own, index);
+        let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
+        Ok(Self { skip_s: estimate.skip.si(), filters, own })
+    }
+}
+
+/// The parameters that a filter may hold as uncertain: each by a factor, but for those whose deviation some filter of the
+/// experiment states in the parameter's own unit.
+pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [Parameter] {
+    let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let is_added = |parameter: &kalmems_equations::Parameter| {
+        let kind = names::kind_of(&parameter.named);
+        let own = |filter: &Filter| {
+            let state = filter.states.get(&*parameter.named.name)?;
+            let dimension = state.start_sd.value().unit().dimension();
+            Some(dimension != Dimension::NONE && kind.accepts(dimension))
+        };
+        filters().filter_map(own).any(|own| own)
+    };
+    let added: Vec<bool> = device.parameters().iter().map(is_added).collect();
+    names::parameters(device, &added)
+}
+
+impl FilterSettings {
+    fn of(
+        experiment: &Experiment,
+        estimate: &Estimate,
+        own: &OwnDevice,
+        index: usize,
+    ) -> Result<Self, ConfigError> {
+        let (device, filter) = (&own.device, &estimate.filters[index]);
+        let at = Key::from("estimate").child("filter").index(index);
+        let refuse =
+            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        if filter.demodulator {
+            return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
+        }
+        let entries = names::entries(device, Sign::Any);
+        let example = || {
+            let each = entries.iter().map(|entry| format!("{} = \"{}\"", entry.name, entry.kind.example));
+            format!("{{ {} }}", each.collect::<Vec<_>>().join(", "))
+        };
+        let start = match &filter.start {
+            Some(Start::Values(values)) => values,
+            Some(_) => return refuse("start", format!("expected values, such as `{}`", example())),
+            None => &BTreeMap::new(),
+        };
+        let of = |name: &str, values: &Values, sign| {
+            some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
+        };
+        let start: Vec<f64> = of("start", start, Sign::Any)?
+            .into_iter()
+            .zip(&own.rest)
+            .map(|(s, rest)| s.unwrap_or(*rest))
+            .collect();
+        let claims = filter.method.claims();
+        let sd = if claims {
+            of("start_sd", &filter.start_sd, Sign::NotNegative)?
+        } else {
+            vec![Some(0.0); entries.len()]
+        };
+        let start_sd = following(own, &start, sd).map_err(|missing| {
+            let entry = &entries[missing];
+            let remedy = format!(
+                "write `{} = \"{}\"`: how well the state is known at first",
+                entry.name, entry.kind.example
+            );
+            experiment.error(at.clone().child("start_sd").child(entry.name), Fault::MissingKey { remedy })
+        })?;
+        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let density = some(experiment, &noise_key, noise, &names::densities(device))?;
+        let known = parameters(experiment, device);
+        let scales: Vec<f64> = known
+            .iter()
+            .zip(&own.values)
+            .map(|(parameter, value)| if parameter.is_factor() { *value } else { 1.0 })
+            .collect();
+        let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
+        let measures = measures(experiment, &at, filter, device)?;
+        Ok(Self { basics, measures, start, start_sd, density })
+    }
+
+    /// What is known at the first sample.
+    pub fn known(&self) -> Known {
+        let own = self.start.iter().copied().zip(self.start_sd.iter().copied());
+        let parameters = self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
+        Known::apart(own.chain(parameters))
+    }
+
+    /// The models that it runs on: one, but for a bank, whose models have its parameters off by their deviations.
+    pub fn models(&self, own: &OwnDevice) -> Result<Vec<EquationModel>, EquationError> {
+        if self.basics.method != Method::Bank {
+            return Ok(vec![self.model(own, &[])?]);
+        }
+        combinations(&self.basics.tracked).iter().map(|shifts| self.model(own, shifts)).collect()
+    }
+
+    /// A model with its parameters off by so much.
+    fn model(&self, own: &OwnDevice, shifts: &[f64]) -> Result<EquationModel, EquationError> {
+        let mut values = own.values.clone();
+        for (tracked, shift) in self.basics.tracked.iter().zip(shifts) {
+            if let Some(place) = own.device.parameter(tracked.parameter.name) {
+                values[place] += shift;
+            }
+        }
+        let (stated, _) = noises(&own.device, &values, f64::NAN)?;
+        let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
+        let rule = if self.basics.method == Method::EulerEkf { Rule::Euler } else { Rule::RungeKutta };
+        let tracked: &[Tracked] = self.basics.parameters();
+        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.fastest()))
+    }
+}
+
+/// The values of a table, of which each may be left out.
+fn some(
+    experiment: &Experiment,
+    at: &Key,
+    values: &Values,
+    entries: &[crate::config::Entry],
+) -> Result<Vec<Option<f64>>, ConfigError> {
+    if let Some(name) = values.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str())) {
+        let known = entries.iter().map(|entry| entry.name);
+        return Err(experiment.error(at.clone().child(name), Fault::unknown_key(name, known)));
+    }
+    let one = |entry: &crate::config::Entry| {
+        let value: Option<&AnyValue> = values.get(entry.name);
+        let read = |value| experiment.value(at.clone().child(entry.name), value, entry.kind, entry.sign);
+        value.map(read).transpose()
+    };
+    entries.iter().map(one).collect()
+}
+
+/// Standard deviations of all states, where those of lags and delays may be left out: they follow the others as they do when all
+/// has settled. The place of a state whose own is missing, where one is.
+fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec<f64>, usize> {
+    let Some(first) = sd.iter().position(Option::is_none) else {
+        return Ok(sd.into_iter().flatten().collect());
+    };
+    let first_follower = own.device.own_states();
+    if first < first_follower {
+        return Err(first);
+    }
+    let states = start.len();
+    let held: Vec<bool> = sd.iter().map(Option::is_some).collect();
+    let settled = |start: &[f64]| {
+        let motion = own.device.motion(&[]).ok()?;
+        let mut work = motion.work(&own.values);
+        motion.rest(&mut work, start, &held, &vec![0.0; own.device.inputs().len()])
+    };
+    let at = settled(start);
+    let mut all: Vec<f64> = sd.iter().map(|sd| sd.unwrap_or(0.0)).collect();
+    for (known, sd) in sd.iter().enumerate().filter_map(|(state, sd)| sd.map(|sd| (state, sd))) {
+        let mut moved = start.to_vec();
+        moved[known] += sd;
+        let Some((at, moved)) = at.as_ref().zip(settled(&moved)) else { return Err(first) };
+        for state in (0..states).filter(|state| !held[*state]) {
+            all[state] = (all[state] * all[state] + (moved[state] - at[state]).powi(2)).sqrt();
+        }
+    }
+    Ok(all)
+}
+
+/// The measurements that a filter names.
+fn measures(
+    experiment: &Experiment,
+    at: &Key,
+    filter: &Filter,
+    device: &Device,
+) -> Result<Vec<usize>, ConfigError> {
+    let key = || at.clone().child("channels");
+    let mut places = Vec::new();
+    for name in &filter.channels {
+        let place = device.measures().iter().position(|measure| *measure.name == **name);
+        let Some(place) = place else {
+            let known = device.measures().iter().map(|measure| &*measure.name);
+            return Err(experiment.error(key(), Fault::unknown_word(name, known)));
+        };
+        if places.contains(&place) {
+            let why = format!("`{name}` is named twice; a signal counts once");
+            return Err(experiment.error(key(), Fault::Value { why }));
+        }
+        places.push(place);
+    }
+    Ok(places)
+}

@@ -1,0 +1,269 @@
+//! What an operator writes of a device of their own: the table `[device.equations]`.
+
+use super::ordered::Ordered;
+use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
+use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Outside, Place, Points};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, OnceLock};
+
+/// A device as differential equations with units.
+///
+/// The order of states, inputs, parameters and measurements is that of the file.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EquationsTable {
+    /// The states with their units, such as `angle = "rad"`; the first is what the device is for.
+    pub states: Ordered<String>,
+    /// The inputs with their units, such as `V = "V"`: each is a channel of a recording.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub inputs: Ordered<String>,
+    /// The parameters with value and unit, such as `k = "3 N/m"`.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub parameters: Ordered<String>,
+    /// Curves through points, as functions of one argument.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub tables: Ordered<CurveTable>,
+    /// Functions with their arguments, such as `"plate(x, gap)" = "area/(gap - x)"`.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub functions: Ordered<String>,
+    /// Named expressions.
+    #[serde(default, rename = "let", skip_serializing_if = "Ordered::is_empty")]
+    pub lets: Ordered<String>,
+    /// The rate of each state.
+    pub derivative: Ordered<String>,
+    /// States that follow an expression through one pole.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub lag: Ordered<LagTable>,
+    /// Expressions a while ago.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub delay: Ordered<DelayTable>,
+    /// What is measured, each with its unit: `signal = "gain*x in V"`. Each is a channel of a recording.
+    pub measure: Ordered<String>,
+    /// The variance of a sample of each measurement, and the power density of the noise of a state's rate.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub noise: Ordered<String>,
+    /// Expressions that are zero where something happens.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub events: Ordered<String>,
+    /// The period of a state that comes round, such as `phase = "2*pi"`.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub cyclic: Ordered<String>,
+    /// The energy of the device, by which `kalmems inspect` checks the equations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy: Option<String>,
+    #[serde(skip)]
+    read: OnceLock<Arc<Device>>,
+}
+
+/// A state that follows an expression through one pole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LagTable {
+    /// What it follows, with its unit: `gain*C in V`.
+    pub of: String,
+    /// Its time constant.
+    pub time: String,
+}
+
+/// An expression a while ago.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DelayTable {
+    /// What it is late behind, with its unit.
+    pub of: String,
+    /// How late it is.
+    pub time: String,
+    /// The order of Padé's approximation, 1 or 2; 2 if left out.
+    #[serde(default = "second")]
+    #[schemars(range(min = 1, max = 2))]
+    pub order: u8,
+}
+
+fn second() -> u8 {
+    2
+}
+
+/// A curve through points: a twice differentiable spline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CurveTable {
+    /// Where the points are, rising, in `x_unit`.
+    pub x: Vec<f64>,
+    /// The value at each, in `y_unit`.
+    pub y: Vec<f64>,
+    /// The unit of the argument.
+    pub x_unit: String,
+    /// The unit of the value.
+    pub y_unit: String,
+    /// What it does beyond the points; an estimate stops there if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<OutsideRule>,
+}
+
+/// What a curve does beyond its points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OutsideRule {
+    /// It has no value.
+    Error,
+    /// It keeps the value of the end.
+    Clamp,
+    /// It goes on along the tangent of the end.
+    Linear,
+}
+
+impl DeviceDescription for EquationsTable {
+    const NAME: &'static str = "equations";
+    const SUMMARY: &'static str = "A device of one's own, as differential equations with units.";
+
+    fn check(&self) -> Result<(), (Key, String)> {
+        self.device().map(|_| ()).map_err(|error| (key_of(&error), message(&error)))
+    }
+}
+
+impl EquationsTable {
+    /// The device, its equations checked.
+    pub fn device(&self) -> Result<Arc<Device>, EquationError> {
+        if let Some(device) = self.read.get() {
+            return Ok(Arc::clone(device));
+        }
+        let device = Arc::new(Device::of(&self.description()?)?);
+        Ok(Arc::clone(self.read.get_or_init(|| device)))
+    }
+
+    /// What the equations are read from.
+    fn description(&self) -> Result<Description, EquationError> {
+        let entries = |table: &str, texts: &Ordered<String>| -> Vec<Entry> {
+            texts.iter().map(|(name, text)| Entry::new(table, name, text)).collect()
+        };
+        let part = |table: &str, name: &str, key: &str, text: &str| Entry {
+            name: name.to_owned(),
+            ..Entry::new(&format!("{table}.{name}"), key, text)
+        };
+        let follower = |table: &str, name: &str, [of, time]: [&str; 2], order| Follower {
+            name: name.to_owned(),
+            of: part(table, name, "of", of),
+            time: part(table, name, "time", time),
+            order,
+        };
+        Ok(Description {
+            states: entries("states", &self.states),
+            inputs: entries("inputs", &self.inputs),
+            parameters: entries("parameters", &self.parameters),
+            lets: entries("let", &self.lets),
+            functions: entries("functions", &self.functions),
+            derivative: entries("derivative", &self.derivative),
+            measure: entries("measure", &self.measure),
+            noise: entries("noise", &self.noise),
+            tables: self.tables.iter().map(|(name, table)| table.points(name)).collect::<Result<_, _>>()?,
+            events: entries("events", &self.events),
+            cyclic: entries("cyclic", &self.cyclic),
+            lag: self.lag.iter().map(|(name, lag)| follower("lag", name, [&lag.of, &lag.time], 1)).collect(),
+            delay: self
+                .delay
+                .iter()
+                .map(|(name, delay)| follower("delay", name, [&delay.of, &delay.time], delay.order))
+                .collect(),
+            energy: self.energy.as_deref().map(|text| Entry {
+                name: "energy".to_owned(),
+                text: text.to_owned(),
+                place: Place { key: "energy".to_owned(), offset: None },
+            }),
+        })
+    }
+}
+
+impl CurveTable {
+    fn points(&self, name: &str) -> Result<Points, EquationError> {
+        let points = Points {
+            name: name.to_owned(),
+            place: Place { key: format!("tables.{name}"), offset: None },
+            file: None,
+            x: self.x.clone(),
+            y: self.y.clone(),
+            x_unit: self.x_unit.clone(),
+            y_unit: self.y_unit.clone(),
+            outside: match self.outside {
+                None | Some(OutsideRule::Error) => Outside::Error,
+                Some(OutsideRule::Clamp) => Outside::Clamp,
+                Some(OutsideRule::Linear) => Outside::Linear,
+            },
+        };
+        points.in_si()
+    }
+}
+
+/// Where in the device's table an error is: a function's name may have dots and commas of its own.
+fn key_of(error: &EquationError) -> Key {
+    let place = &error.place().key;
+    let at = Key::from("device").child(EquationsTable::NAME);
+    match place.split_once('.') {
+        Some(("functions", name)) => at.child("functions").child(name),
+        _ => place.split('.').fold(at, Key::child),
+    }
+}
+
+/// What is wrong, without the place, which the error of the file has itself.
+fn message(error: &EquationError) -> String {
+    let whole = error.to_string();
+    whole.strip_prefix(&format!("{}: ", error.place())).map_or_else(|| whole.clone(), str::to_owned)
+}
+
+/// An error of the equations as one of the file.
+pub fn refused(experiment: &Experiment, error: &EquationError) -> ConfigError {
+    experiment.error(key_of(error), Fault::Value { why: message(error) })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Experiment;
+    use crate::published;
+    use std::path::Path;
+
+    fn loaded(text: &str) -> Result<Experiment, String> {
+        published().parse(text, Path::new("own.toml")).map_err(|error| error.to_string())
+    }
+
+    const DEVICE: &str = r#"
+name = "own"
+[device.equations.states]
+x = "m"
+a = "m/s"
+[device.equations.parameters]
+w = "2e4 rad/s"
+gain = "2 V/um"
+[device.equations.derivative]
+x = "a"
+a = "-w^2*x"
+[device.equations.measure]
+signal = "gain*x in V"
+[simulate]
+duration = "1 ms"
+sampling_rate = "100 kHz"
+integration_rate = "1 MHz"
+start = { x = "1 um", a = "0 m/s" }
+[simulate.drive.constant]
+voltage = "0 V"
+"#;
+
+    #[test]
+    fn the_order_of_the_file_is_kept_and_comes_back() {
+        let experiment = loaded(DEVICE).unwrap();
+        let order = |experiment: &Experiment| -> Vec<String> {
+            let table = experiment.device::<super::EquationsTable>().unwrap();
+            table.states.iter().map(|(name, _)| name.to_owned()).collect()
+        };
+        assert_eq!(order(&experiment), ["x", "a"]);
+        let written = experiment.to_toml().unwrap();
+        assert_eq!(order(&loaded(&written).unwrap()), ["x", "a"], "{written}");
+    }
+
+    #[test]
+    fn a_mistake_is_told_with_its_line_and_a_mark() {
+        let wrong = DEVICE.replace("\"-w^2*x\"", "\"-w^2*y\"");
+        insta::assert_snapshot!(loaded(&wrong).unwrap_err());
+        let wrong = DEVICE.replace("gain*x in V", "gain*a in V");
+        insta::assert_snapshot!(loaded(&wrong).unwrap_err());
+    }
+}
