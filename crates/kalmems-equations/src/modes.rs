@@ -160,8 +160,12 @@ fn balance(a: &mut [Vec<f64>]) {
             }
             if by != 1.0 {
                 settled = false;
-                a[i].iter_mut().for_each(|entry| *entry /= by);
-                a.iter_mut().for_each(|row| row[i] *= by);
+                for entry in &mut a[i] {
+                    *entry /= by;
+                }
+                for row in a.iter_mut() {
+                    row[i] *= by;
+                }
             }
         }
         if settled {
@@ -176,7 +180,9 @@ fn reduce(a: &mut [Vec<f64>]) {
     for m in 1..n.saturating_sub(1) {
         let pivot = (m..n).max_by(|i, j| a[*i][m - 1].abs().total_cmp(&a[*j][m - 1].abs())).unwrap_or(m);
         a.swap(pivot, m);
-        a.iter_mut().for_each(|row| row.swap(pivot, m));
+        for row in a.iter_mut() {
+            row.swap(pivot, m);
+        }
         let x = a[m][m - 1];
         if x == 0.0 {
             continue;

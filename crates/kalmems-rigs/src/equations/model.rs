@@ -97,7 +97,7 @@ impl EquationModel {
             // A published filter by Euler's method takes one step for a sample, however short that is.
             Rule::Euler => 1,
         };
-        Interval { interval_s, steps, held, covariance, root }
+        Interval { length_s: interval_s, steps, held, covariance, root }
     }
 
     fn write_noise<const M: usize>(
@@ -164,7 +164,7 @@ impl EquationModel {
 
 /// What is made once for an interval.
 pub struct Interval {
-    interval_s: f64,
+    length_s: f64,
     /// The steps in which the equations are followed over it.
     steps: usize,
     held: Held,
@@ -200,15 +200,15 @@ impl UnderInputs<'_> {
     }
 
     fn by_runge_kutta(&self, work: &mut Work, at: &mut [f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
-        let (motion, Interval { interval_s, steps, .. }) = (&self.model.motion, self.interval);
+        let (motion, Interval { length_s, steps, .. }) = (&self.model.motion, self.interval);
         if *steps == 1 {
             return if jacobian.is_empty() {
-                motion.step(work, at, &self.inputs, *interval_s, to)
+                motion.step(work, at, &self.inputs, *length_s, to)
             } else {
-                motion.linearized_step(work, at, &self.inputs, *interval_s, to, jacobian)
+                motion.linearized_step(work, at, &self.inputs, *length_s, to, jacobian)
             };
         }
-        let (size, step_s) = (at.len(), interval_s / *steps as f64);
+        let (size, step_s) = (at.len(), length_s / *steps as f64);
         let mut finite = true;
         let mut first = true;
         let mut one = [0.0; MOST_STATES * MOST_STATES];
@@ -256,7 +256,7 @@ impl UnderInputs<'_> {
     }
 
     fn by_euler(&self, work: &mut Work, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
-        let (motion, interval_s) = (&self.model.motion, self.interval.interval_s);
+        let (motion, interval_s) = (&self.model.motion, self.interval.length_s);
         let finite = if jacobian.is_empty() {
             motion.rates(work, at, self.inputs.start, to)
         } else {
