@@ -4,6 +4,7 @@ use crate::args::IdentifyArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
+use kalmems::diagnose::likeliest;
 use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
 use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
@@ -16,9 +17,10 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
     let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
     let bar = Bar::default();
-    let found = rig
-        .identify(&experiment, &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    let names_numbers = experiment.identify.as_ref().is_some_and(|identify| !identify.parameters.is_empty());
+    let found =
+        if names_numbers { likeliest(workbench, &experiment, &bar) } else { rig.identify(&experiment, &bar) };
+    let found = found.map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
     let stop = &crate::interrupt::requested;

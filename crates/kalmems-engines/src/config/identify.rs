@@ -8,6 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Identify {
+    /// The numbers of the device's table under which the recordings are the likeliest, by their keys below that table, such as
+    /// `resonator.stiffness`; of a device of one's own the names of parameters. At most eight. What the rig identifies if left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 8), example = likeliest())]
+    pub parameters: Vec<String>,
     /// Of the recording with the role `ring_down`, such as
     /// `{ bias = "23.76 V", feedback_resistance = "17.86 kohm" }`.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
@@ -22,6 +27,10 @@ pub struct Identify {
     /// What of each electrode is taken from the device table where no vibrometer says how far the stage moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trusted: Option<Trusted>,
+}
+
+fn likeliest() -> serde_json::Value {
+    serde_json::json!(["resonator.stiffness", "resonator.damping"])
 }
 
 /// How feedthrough is told from motion.

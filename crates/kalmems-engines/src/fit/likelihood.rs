@@ -58,6 +58,8 @@ pub struct MostLikely<const P: usize> {
     pub at: [f64; P],
     /// Their standard errors by the information that the innovations hold; infinite of what they do not determine.
     pub sd: [f64; P],
+    /// The correlations of their errors; zero beside what the innovations do not determine.
+    pub correlation: [[f64; P]; P],
     /// Σ ln p of the innovations there.
     pub log_likelihood: f64,
 }
@@ -87,12 +89,12 @@ pub fn most_likely<const P: usize>(
 ) -> Option<MostLikely<P>> {
     let (mut at, mut own) = (start, filter(&start)?);
     let mut likelihood = own.log_likelihood();
-    let (mut damping, mut sd) = (0.0, [f64::INFINITY; P]);
+    let (mut damping, mut sd, mut correlation) = (0.0, [f64::INFINITY; P], [[0.0; P]; P]);
     for _ in 0..ITERATIONS {
         let slopes = slopes(&at, &own, &steps, filter);
         let triangle = triangle(&own, &slopes);
         let norms = triangle.column_norms();
-        sd = standard_errors(&triangle);
+        (sd, correlation) = errors(&triangle);
         for (step, norm) in steps.iter_mut().zip(norms) {
             *step = if norm > 0.0 { step.min(0.3 / norm) } else { *step };
         }
@@ -101,7 +103,7 @@ pub fn most_likely<const P: usize>(
             let by = damped(&triangle, &norms, damping).solve();
             let predicted: f64 = -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
             if predicted < NEAR {
-                return Some(MostLikely { at, sd, log_likelihood: likelihood });
+                return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood });
             }
             let mut next = at;
             next.iter_mut().zip(by).for_each(|(x, d)| *x += d);
@@ -119,7 +121,7 @@ pub fn most_likely<const P: usize>(
             break;
         }
     }
-    Some(MostLikely { at, sd, log_likelihood: likelihood })
+    Some(MostLikely { at, sd, correlation, log_likelihood: likelihood })
 }
 
 /// ν' and S' by each parameter; nothing of one by which the filter cannot be run.
@@ -174,18 +176,21 @@ fn damped<const P: usize>(triangle: &Triangle<P>, norms: &[f64; P], damping: f64
     damped
 }
 
-/// Roots of the diagonal of (RᵀR)⁻¹.
-fn standard_errors<const P: usize>(triangle: &Triangle<P>) -> [f64; P] {
+/// Roots of the diagonal of (RᵀR)⁻¹, and what is left of it when rows and columns are divided by them.
+fn errors<const P: usize>(triangle: &Triangle<P>) -> ([f64; P], [[f64; P]; P]) {
     let determined = (0..P).all(|i| triangle.r[i][i] != 0.0);
-    std::array::from_fn(|i| {
+    if !determined {
+        return ([f64::INFINITY; P], [[0.0; P]; P]);
+    }
+    let columns: [[f64; P]; P] = std::array::from_fn(|i| {
         let mut unit = [0.0; P];
         unit[i] = 1.0;
-        if determined {
-            triangle.solve_transposed(&unit).iter().map(|w| w * w).sum::<f64>().sqrt()
-        } else {
-            f64::INFINITY
-        }
-    })
+        triangle.solve_transposed(&unit)
+    });
+    let product =
+        |i: usize, j: usize| -> f64 { columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum() };
+    let sd: [f64; P] = std::array::from_fn(|i| product(i, i).sqrt());
+    (sd, std::array::from_fn(|i| std::array::from_fn(|j| product(i, j) / (sd[i] * sd[j]))))
 }
 
 #[cfg(test)]
@@ -223,6 +228,8 @@ mod tests {
         for (found, expected) in found.sd.iter().zip(expected_sd) {
             assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
         }
+        // Mean and variance of a Gaussian are estimated independently of one another.
+        assert!(found.correlation[0][1].abs() < 0.02 && (found.correlation[1][1] - 1.0).abs() < 1e-12);
     }
 
     /// y = a + noise of variance v: the slope of Σ ln p by a is Σ (y − a)/v, and the information n/v.

@@ -15,6 +15,7 @@ pub use table::EquationsTable;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{EstimateError, Parameter, Past, SegmentEstimate};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
@@ -134,6 +135,15 @@ impl Rig for EquationsRig {
         let (inputs, measured) = columns(experiment, index)?;
         let past = Past::default();
         Ok(Box::new(EquationEstimator { experiment, settings, models, inputs, measured, past, progress }))
+    }
+
+    /// Its parameters are identified by likelihood, whichever the experiment names.
+    fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
+        let table = experiment.device::<EquationsTable>()?;
+        let names: Vec<String> = table.parameters.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        let remedy =
+            format!("name the parameters that are sought, such as `parameters = [{}]`", names.join(", "));
+        Err(experiment.error("identify.parameters", Fault::MissingKey { remedy }).into())
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

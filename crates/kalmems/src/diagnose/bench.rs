@@ -4,7 +4,8 @@ use super::DiagnoseError;
 use super::change::Change;
 use super::stop::Stop;
 use super::trial::Trial;
-use crate::config::{Experiment, Fault, Key, Method};
+use crate::config::{Experiment, Fault, Key, Method, Role};
+use crate::identify::Material;
 use crate::progress::{Progress, Reader};
 use crate::recording::{Around, Recording, Stretches};
 use crate::rigs::Workbench;
@@ -146,6 +147,28 @@ impl<'a> Bench<'a> {
         trial.ended()
     }
 
+    /// The recordings, as an identification names them.
+    pub(super) fn materials(&self) -> Vec<Material> {
+        let one = |(index, recording): &(usize, Recording)| {
+            let described = self.experiment.recordings.get(*index);
+            let name = described.and_then(|described| described.name.as_ref());
+            let segment = recording.segments().first();
+            Material {
+                name: name.map_or_else(|| recording.source().file.clone(), ToString::to_string),
+                role: described.map_or(Role::Test, |described| described.role),
+                time_s: segment.map(|segment| segment.time.to_vec()).unwrap_or_default(),
+                interval_s: segment.and_then(|segment| segment.time.interval_s()).unwrap_or(f64::NAN),
+                signal: Vec::new(),
+                angle: Vec::new(),
+                sources: vec![recording.source().clone()],
+                diagnosis: recording.diagnosis().to_vec(),
+            }
+        };
+        let mut materials: Vec<Material> = self.recordings.iter().map(one).collect();
+        materials.dedup_by(|a, b| a.name == b.name);
+        materials
+    }
+
     /// The rows that are looked at, and how long they take, in s.
     pub(super) fn extent(&self) -> (usize, f64) {
         let segments = self.recordings.iter().flat_map(|(_, recording)| recording.segments());
@@ -157,7 +180,7 @@ impl<'a> Bench<'a> {
 }
 
 /// Whether the innovations of a method are white when it is right, and depend on what it is told.
-fn is_judged(method: Method) -> bool {
+pub(super) fn is_judged(method: Method) -> bool {
     method.claims()
         && !matches!(
             method,

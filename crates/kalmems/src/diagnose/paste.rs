@@ -11,7 +11,8 @@ pub fn pasted(experiment: &Experiment, cause: &CauseReport) -> Option<String> {
     cause.edits.iter().try_fold(experiment.text().to_owned(), |text, edit| changed(&text, edit))
 }
 
-fn changed(text: &str, edit: &Edit) -> Option<String> {
+/// The text with one key changed.
+pub(super) fn changed(text: &str, edit: &Edit) -> Option<String> {
     let key = Key::parse(&edit.key)?;
     let document = DeTable::parse(text).ok()?;
     let steps = key.steps();

@@ -245,7 +245,7 @@ fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Opti
 }
 
 /// A quantity with as many digits as its standard error leaves sense in.
-fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Value {
+pub(super) fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Value {
     let text = match value {
         toml::Value::String(text) => text,
         toml::Value::Float(number) => return toml::Value::Float(digits(*number, count_of(relative_sd))),

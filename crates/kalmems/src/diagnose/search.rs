@@ -255,20 +255,19 @@ impl Search<'_> {
 
     /// Sizes and their standard errors by some of the blocks.
     pub(super) fn fit(&self, cause: &Cause, blocks: Blocks) -> Option<(Vec<f64>, Vec<f64>)> {
+        if let Cause::Outliers(_) = cause {
+            return Some((Vec::new(), Vec::new()));
+        }
+        self.most_likely(cause, blocks).map(|found| (found.at, found.sd))
+    }
+
+    /// The same with the correlations of their errors.
+    pub(super) fn most_likely(&self, cause: &Cause, blocks: Blocks) -> Option<MostLikelySizes> {
         let steps: Vec<f64> = match cause {
             Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
-            Cause::Line { .. } => vec![0.1 * self.base.innovation_sd(); 2],
-            Cause::Outliers(_) => return Some((Vec::new(), Vec::new())),
+            Cause::Line { .. } | Cause::Outliers(_) => vec![0.1 * self.base.innovation_sd(); 2],
         };
-        let listed = |found: &MostLikely<1>| (found.at.to_vec(), found.sd.to_vec());
-        match (cause.sizes().as_slice(), steps.as_slice()) {
-            (&[size], &[step]) => {
-                most_likely([size], [step], &mut |at| self.innovations(cause, at, blocks)).map(|m| listed(&m))
-            }
-            (&[a, b], &[c, d]) => most_likely([a, b], [c, d], &mut |at| self.innovations(cause, at, blocks))
-                .map(|found| (found.at.to_vec(), found.sd.to_vec())),
-            _ => None,
-        }
+        most_likely_sizes(&cause.sizes(), &steps, &mut |at| self.innovations(cause, at, blocks))
     }
 
     fn innovations(&self, cause: &Cause, sizes: &[f64], blocks: Blocks) -> Option<Innovations> {
@@ -290,6 +289,47 @@ impl Search<'_> {
         let sizes = self.suspects.get(place).map_or(&[][..], |suspect| &suspect.sizes);
         0.5 * sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
     }
+}
+
+/// Sizes that make innovations the likeliest, with their standard errors and the correlations of these.
+#[derive(Clone, Debug)]
+pub(super) struct MostLikelySizes {
+    pub(super) at: Vec<f64>,
+    pub(super) sd: Vec<f64>,
+    pub(super) correlation: Vec<Vec<f64>>,
+    pub(super) log_likelihood: f64,
+}
+
+/// The most sizes that are fitted together.
+pub(super) const MOST_SIZES: usize = 8;
+
+/// As [`most_likely`], of as many sizes as there are, which are not more than [`MOST_SIZES`].
+pub(super) fn most_likely_sizes(
+    start: &[f64],
+    steps: &[f64],
+    filter: &mut dyn FnMut(&[f64]) -> Option<Innovations>,
+) -> Option<MostLikelySizes> {
+    macro_rules! by_count {
+        ($($count:literal)+) => {
+            match start.len() {
+                $($count => {
+                    let found: MostLikely<$count> = most_likely(
+                        start.try_into().ok()?,
+                        steps.try_into().ok()?,
+                        &mut |at: &[f64; $count]| filter(at),
+                    )?;
+                    Some(MostLikelySizes {
+                        at: found.at.to_vec(),
+                        sd: found.sd.to_vec(),
+                        correlation: found.correlation.iter().map(|row| row.to_vec()).collect(),
+                        log_likelihood: found.log_likelihood,
+                    })
+                })+
+                _ => None,
+            }
+        };
+    }
+    by_count!(1 2 3 4 5 6 7 8)
 }
 
 /// Innovations of the first signal that are far larger than the others, with whether their block is fitted.

@@ -41,7 +41,8 @@ pub(super) struct Number {
 }
 
 impl Number {
-    fn times(&self, factor: f64) -> Value {
+    /// What is to stand there for so many times the number.
+    pub(super) fn times(&self, factor: f64) -> Value {
         written(self.written * factor, &self.unit)
     }
 }

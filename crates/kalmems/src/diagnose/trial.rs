@@ -49,6 +49,8 @@ pub(super) struct Trial {
     pub(super) drive: Option<Sine>,
     /// The states of the motion after the settling time: name, unit and value.
     pub(super) start: Vec<(&'static str, String, f64)>,
+    /// The parameters that are states, where the filter ends: deviations from what the device's table says.
+    pub(super) at_end: Vec<(&'static str, f64)>,
     /// What the tests find.
     pub(super) tests: Vec<TestResult>,
     /// Whether the filter lost the motion.
@@ -102,6 +104,9 @@ impl Trial {
             self.start = of_motion.collect();
         }
         self.take_answer((rig, experiment), trajectory, scored);
+        self.at_end = (trajectory.parameters.iter())
+            .filter_map(|prior| Some((prior.name, *trajectory.state(prior.name)?.mean.last()?)))
+            .collect();
         let mut judge = SegmentJudge::default();
         judge.take(estimate);
         let judgement = judge.of(&trajectory.key).unwrap_or_default();
