@@ -12,7 +12,7 @@ pub mod threshold_scanner;
 pub mod workflow;
 
 pub use kalmems_engines::rig::{
-    DrivenDevice, DrivenModel, DrivenRig, Estimator, Form, LeftOut, Rig, Workbench,
+    Channels, DrivenDevice, DrivenModel, DrivenRig, Estimator, Form, LeftOut, Rig, Workbench,
 };
 
 use kalmems_engines::{

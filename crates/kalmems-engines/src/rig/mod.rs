@@ -90,6 +90,20 @@ pub trait Rig: Send + Sync {
         Ok(None)
     }
 
+    /// Which channels of its recordings are inputs and which are signals, by their meanings: what may be wrong of each.
+    fn channels(&self, experiment: &Experiment) -> Channels {
+        let named = experiment.recordings.first().into_iter().flat_map(|recording| recording.channels.iter());
+        let (mut inputs, mut signals) = (Vec::new(), Vec::new());
+        for (meaning, _) in named {
+            if meaning == "drive" {
+                inputs.push(meaning.to_owned());
+            } else if meaning.starts_with("signal") {
+                signals.push(meaning.to_owned());
+            }
+        }
+        Channels { inputs, signals }
+    }
+
     /// Numbers that the device table may leave out, or have as zero, and that may be what is wrong.
     fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
         let _ = experiment;
@@ -194,6 +208,15 @@ pub trait Rig: Send + Sync {
         };
         export::export((experiment, request), (&filter, name), &columns, first_recording)
     }
+}
+
+/// Channels of a recording by their meanings.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Channels {
+    /// What drives the device.
+    pub inputs: Vec<String>,
+    /// What is measured of it; the first is that of a filter's first innovations.
+    pub signals: Vec<String>,
 }
 
 /// A length of the device table by which all lengths that its signal tells scale.

@@ -9,6 +9,7 @@ mod segment;
 mod settings;
 mod simulation;
 mod table;
+mod visibility;
 
 pub use table::EquationsTable;
 
@@ -20,7 +21,8 @@ use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::simulate::{SimulateError, Simulation};
-use crate::{Estimator, Rig};
+use crate::{Channels, Estimator, Rig};
+use kalmems_equations::Named;
 use segment::EquationEstimator;
 use settings::{OwnDevice, Settings};
 use simulation::EquationSimulation;
@@ -28,6 +30,12 @@ use table::refused;
 
 /// The rig of any device that is described by equations.
 pub struct EquationsRig;
+
+/// A number in SI with three digits, with a power of ten where it is very small or large.
+fn short(value: f64) -> String {
+    let is_plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());
+    if is_plain { kalmems_figures::significant(value) } else { format!("{value:.2e}") }
+}
 
 /// What equations of a motion and of its measurements do not tell.
 static NO_METHODS: [(Method, &str); 3] = [
@@ -84,6 +92,24 @@ impl Rig for EquationsRig {
 
     fn uses(&self, _: &Experiment) -> Uses {
         Uses { several_signals: true, no_methods: &NO_METHODS, ..Uses::default() }
+    }
+
+    fn channels(&self, experiment: &Experiment) -> Channels {
+        let Ok(device) = experiment.device::<EquationsTable>().map(|table| table.device()) else {
+            return Channels::default();
+        };
+        let there = |named: &Named| {
+            let column =
+                experiment.recordings.first().and_then(|recording| recording.channels.column(&named.name));
+            column.map(|_| named.name.to_string())
+        };
+        device.map_or_else(
+            |_| Channels::default(),
+            |device| Channels {
+                inputs: device.inputs().iter().filter_map(there).collect(),
+                signals: device.measures().iter().filter_map(there).collect(),
+            },
+        )
     }
 
     fn input(&self) -> &'static str {
@@ -147,7 +173,9 @@ impl Rig for EquationsRig {
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
-        Ok(outlook::outlook(experiment)?)
+        let mut outlook = outlook::outlook(experiment)?;
+        outlook.topics.extend(visibility::visibility(experiment)?);
+        Ok(outlook)
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {

@@ -2,11 +2,11 @@
 
 use super::names;
 use super::settings::OwnDevice;
+use super::short;
 use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, Experiment, Start};
 use crate::outlook::{Fact, Outlook, Topic};
 use kalmems_equations::{Mode, Named};
-use kalmems_figures::significant;
 use std::f64::consts::TAU;
 
 /// The outlook of an experiment.
@@ -34,7 +34,7 @@ fn fact(name: &'static str, values: Vec<f64>, text: String) -> Fact {
 /// A value with its SI unit.
 fn in_si(value: f64, named: &Named) -> String {
     let dimension = named.unit.dimension().to_string();
-    if dimension == "1" { significant(value) } else { format!("{} {dimension}", significant(value)) }
+    if dimension == "1" { short(value) } else { format!("{} {dimension}", short(value)) }
 }
 
 fn equations(own: &OwnDevice) -> Topic {
@@ -110,15 +110,15 @@ fn free_motion(own: &OwnDevice) -> Topic {
             let text = if grows(mode) {
                 format!(
                     "A small motion at {} Hz grows by itself: the rest is not stable (damping ratio {}).",
-                    significant(hz),
-                    significant(ratio)
+                    short(hz),
+                    short(ratio)
                 )
             } else {
                 format!(
                     "A small motion oscillates at {} Hz with a damping ratio of {} (quality factor {}).",
-                    significant(hz),
-                    significant(ratio),
-                    significant(0.5 / ratio)
+                    short(hz),
+                    short(ratio),
+                    short(0.5 / ratio)
                 )
             };
             fact("mode_hz_and_damping_ratio", vec![hz, ratio], text)
@@ -128,7 +128,7 @@ fn free_motion(own: &OwnDevice) -> Topic {
         } else {
             let time_s = mode.growth.abs().recip();
             let what = if grows(mode) { "grows" } else { "decays" };
-            let text = format!("A small deviation {what} with a time constant of {} s.", significant(time_s));
+            let text = format!("A small deviation {what} with a time constant of {} s.", short(time_s));
             fact("mode_per_s", vec![mode.growth], text)
         });
     }
@@ -152,7 +152,7 @@ fn measurements(experiment: &Experiment, own: &OwnDevice) -> Result<Topic, Confi
             .zip(&slopes)
             .filter(|(_, slope)| **slope != 0.0)
             .map(|(state, slope)| {
-                format!("{} per {} of {}", significant(*slope), state.unit.dimension(), state.name)
+                format!("{} per {} of {}", short(*slope), state.unit.dimension(), state.name)
             })
             .collect();
         let depends = if seen.is_empty() {

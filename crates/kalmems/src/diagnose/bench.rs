@@ -22,6 +22,8 @@ pub(super) struct Bench<'a> {
     pub(super) filter: usize,
     /// Its name.
     pub(super) filter_name: String,
+    /// The channel that its first innovations are of, by its meaning.
+    pub(super) signal: String,
     /// Recordings with their places in the experiment.
     recordings: Vec<(usize, Recording)>,
     /// Heard by each run.
@@ -68,8 +70,18 @@ impl<'a> Bench<'a> {
         let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
         let told = workbench.parse(&text, experiment.path())?;
         let filter_name = chosen.name.to_string();
+        let signal = workbench.rig(&told)?.channels(&told).signals.into_iter().next().unwrap_or_default();
         let (recordings, stop) = (Vec::new(), Stop::default());
-        Ok(Self { workbench, experiment: told, document, filter: place, filter_name, recordings, stop })
+        Ok(Self {
+            workbench,
+            experiment: told,
+            document,
+            filter: place,
+            filter_name,
+            signal,
+            recordings,
+            stop,
+        })
     }
 
     /// The same with the beginning of each recording that the rig wants, as much as has so many rows after the settling time, in all.

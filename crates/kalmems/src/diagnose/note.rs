@@ -48,7 +48,7 @@ pub(super) fn notes(
 ) -> Option<Vec<ScaleNote>> {
     let numbers: Vec<&Suspect> = suspects
         .iter()
-        .filter(|suspect| matches!(suspect.what, What::Factor(_) | What::DriveScale))
+        .filter(|suspect| matches!(suspect.what, What::Factor(_) | What::InputScale { .. }))
         .collect();
     let work = (progress, "computing what the signal cannot tell");
     let found = map_on_threads(work, threads(), (numbers.len(), 1), |place, heard| {

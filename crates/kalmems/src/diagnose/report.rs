@@ -7,7 +7,7 @@ use super::change::{Altered, Change};
 use super::distinguish::Proposal;
 use super::explain::{Explained, Found};
 use super::note::ScaleNote;
-use super::suspect::{DRIVE, Suspect, What};
+use super::suspect::{Suspect, What};
 use super::trial::Trial;
 use crate::config::{Experiment, Key};
 use crate::evaluate::TestResult;
@@ -136,7 +136,7 @@ fn report((bench, suspects): (&Bench, &[Suspect]), found: &Found) -> CauseReport
         name: name(&found.cause, suspects),
         numbers: match &found.cause {
             Cause::Numbers(numbers) => numbers.len(),
-            Cause::Line { .. } | Cause::Outliers(_) => 0,
+            Cause::Line { .. } | Cause::Outliers { .. } => 0,
         },
         gain: found.gain,
         passes: found.trial.passes(),
@@ -155,10 +155,12 @@ fn name(cause: &Cause, suspects: &[Suspect]) -> String {
                 numbers.iter().filter_map(|(place, _)| suspects.get(*place)).map(Suspect::name).collect();
             names.join(" and ")
         }
-        Cause::Line { frequency_hz, amplitude: [a, b] } => {
+        Cause::Line { frequency_hz, amplitude: [a, b], .. } => {
             format!("a line of {} in the signal, {:.3e} in SI", hertz(*frequency_hz), a.hypot(*b))
         }
-        Cause::Outliers(times) => format!("{} samples of the signal that are none of its noise", times.len()),
+        Cause::Outliers { times, .. } => {
+            format!("{} samples of the signal that are none of its noise", times.len())
+        }
     }
 }
 
@@ -276,8 +278,8 @@ fn digits(number: f64, count: usize) -> f64 {
 /// What the experiment cannot say.
 fn remedy(changes: &[Change]) -> Option<String> {
     changes.iter().find_map(|change| match change {
-        Change::Channel { meaning, how: Altered::Later(samples) } if meaning == DRIVE => Some(format!(
-            "the drive's column shows the drive {:.3} samples too {}: correct its time in the file, or how it is recorded",
+        Change::Channel { meaning, how: Altered::Later(samples) } => Some(format!(
+            "the {meaning}'s column shows the {meaning} {:.3} samples too {}: correct its time in the file, or how it is recorded",
             samples.abs(),
             if *samples > 0.0 { "late" } else { "early" }
         )),

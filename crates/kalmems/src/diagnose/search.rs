@@ -62,7 +62,7 @@ impl Search<'_> {
         // A filter that takes fewer samples in has more likely ones for that reason alone.
         let fewer = self.base.updates().saturating_sub(trial.updates());
         let allowed = match cause {
-            Cause::Outliers(times) => times.len(),
+            Cause::Outliers { times, .. } => times.len(),
             _ => self.base.updates() / 1000,
         };
         (fewer <= allowed).then_some(trial)
@@ -160,7 +160,7 @@ impl Search<'_> {
     /// frequency.
     fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<Tried> {
         let fitted = |frequency_hz: f64| {
-            let cause = Cause::Line { frequency_hz, amplitude: [0.0; 2] };
+            let cause = Cause::Line { signal: self.bench.signal.clone(), frequency_hz, amplitude: [0.0; 2] };
             let cause = cause.resized(&self.fit(&cause, Blocks::Fitted)?.0);
             let trial = self.run(&cause)?;
             Some((trial.log_likelihood(Blocks::Fitted), frequency_hz, cause))
@@ -215,7 +215,7 @@ impl Search<'_> {
         let mut lost = 0.0;
         for _ in 0..ROUNDS {
             let trial =
-                if times.is_empty() { self.base.clone() } else { self.run(&Cause::Outliers(times.clone()))? };
+                if times.is_empty() { self.base.clone() } else { self.run(&self.outliers_at(&times))? };
             let found = outlying(&trial);
             if found.is_empty() {
                 break;
@@ -230,11 +230,15 @@ impl Search<'_> {
         if times.is_empty() || share > MOST_OUTLIERS {
             return None;
         }
-        let cause = Cause::Outliers(times);
+        let cause = self.outliers_at(&times);
         let trial = self.run(&cause)?;
         let held_out =
             trial.log_likelihood(Blocks::HeldOut) + lost - self.base.log_likelihood(Blocks::HeldOut);
         Some(Tried { cause, held_out })
+    }
+
+    fn outliers_at(&self, times: &[f64]) -> Cause {
+        Cause::Outliers { signal: self.bench.signal.clone(), times: times.to_vec() }
     }
 
     /// ln p of a sample that may be anywhere among the innovations.
@@ -255,7 +259,7 @@ impl Search<'_> {
 
     /// Sizes and their standard errors by some of the blocks.
     pub(super) fn fit(&self, cause: &Cause, blocks: Blocks) -> Option<(Vec<f64>, Vec<f64>)> {
-        if let Cause::Outliers(_) = cause {
+        if let Cause::Outliers { .. } = cause {
             return Some((Vec::new(), Vec::new()));
         }
         self.most_likely(cause, blocks).map(|found| (found.at, found.sd))
@@ -265,7 +269,7 @@ impl Search<'_> {
     pub(super) fn most_likely(&self, cause: &Cause, blocks: Blocks) -> Option<MostLikelySizes> {
         let steps: Vec<f64> = match cause {
             Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
-            Cause::Line { .. } | Cause::Outliers(_) => vec![0.1 * self.base.innovation_sd(); 2],
+            Cause::Line { .. } | Cause::Outliers { .. } => vec![0.1 * self.base.innovation_sd(); 2],
         };
         most_likely_sizes(&cause.sizes(), &steps, &mut |at| self.innovations(cause, at, blocks))
     }

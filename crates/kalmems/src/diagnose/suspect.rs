@@ -2,7 +2,7 @@
 
 use super::change::{Altered, Change};
 use crate::config::{Experiment, Key, Step, written};
-use crate::rigs::{LeftOut, Rig};
+use crate::rigs::{Channels, LeftOut, Rig};
 use crate::units::Value as Quantity;
 use kalmems_core::Scalar;
 use toml::{Table, Value};
@@ -22,10 +22,10 @@ pub(super) enum What {
     Factor(Vec<Number>),
     /// A number that the device table leaves out, or has as zero: the size, in steps.
     LeftOut { key: Key, left_out: LeftOut },
-    /// The drive's column is wrong by a factor, e to the size.
-    DriveScale,
-    /// The drive's column is early, by the size in samples.
-    DriveEarly,
+    /// The column of an input is wrong by a factor, e to the size.
+    InputScale { meaning: String },
+    /// The column of an input is early, by the size in samples.
+    InputEarly { meaning: String },
     /// What the signal's column shows without motion is wrong, by the size in standard deviations of its noise.
     Offset { meaning: String, sd: f64 },
 }
@@ -86,7 +86,7 @@ impl Suspect {
             let sizes = if is_noise { sides(&NOISE_FACTORS, true) } else { sides(&FACTORS, true) };
             Self { what: What::Factor(numbers), sizes }
         }));
-        suspects.extend(of_channels(experiment, noise_sd, has_offset));
+        suspects.extend(of_channels(&rig.channels(experiment), noise_sd, has_offset));
         suspects
     }
 
@@ -110,8 +110,8 @@ impl Suspect {
                 }
                 changes
             }
-            What::DriveScale => channel(DRIVE, Altered::Scaled(Scalar::exp(size))),
-            What::DriveEarly => channel(DRIVE, Altered::Later(size)),
+            What::InputScale { meaning } => channel(meaning, Altered::Scaled(Scalar::exp(size))),
+            What::InputEarly { meaning } => channel(meaning, Altered::Later(size)),
             What::Offset { meaning, sd } => channel(meaning, Altered::Raised(size * sd)),
         })
     }
@@ -124,8 +124,8 @@ impl Suspect {
                 all => format!("{} of all {}", all[0].key.last(), all.len()),
             },
             What::LeftOut { key, .. } => below_device(key),
-            What::DriveScale => "the scale of the drive's column".to_owned(),
-            What::DriveEarly => "the time of the drive's column".to_owned(),
+            What::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
+            What::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
             What::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
         }
     }
@@ -142,22 +142,20 @@ fn below_device(key: &Key) -> String {
         .to_string()
 }
 
-/// The channel of the drive, by its meaning.
-pub(super) const DRIVE: &str = "drive";
-
-fn of_channels(experiment: &Experiment, noise_sd: f64, has_offset: bool) -> Vec<Suspect> {
-    let Some(recording) = experiment.recordings.first() else { return Vec::new() };
-    let mut suspects = Vec::new();
-    for (meaning, _) in recording.channels.iter() {
-        if meaning == DRIVE {
-            suspects.push(Suspect { what: What::DriveScale, sizes: sides(&FACTORS, true) });
-            suspects.push(Suspect { what: What::DriveEarly, sizes: sides(&SAMPLES, true) });
-        } else if meaning.starts_with("signal") && !has_offset {
-            let what = What::Offset { meaning: meaning.to_owned(), sd: 0.1 * noise_sd };
-            suspects.push(Suspect { what, sizes: sides(&STEPS, true) });
-        }
-    }
-    suspects
+fn of_channels(Channels { inputs, signals }: &Channels, noise_sd: f64, has_offset: bool) -> Vec<Suspect> {
+    let of_input = |meaning: &String| {
+        let meaning = || meaning.clone();
+        [
+            Suspect { what: What::InputScale { meaning: meaning() }, sizes: sides(&FACTORS, true) },
+            Suspect { what: What::InputEarly { meaning: meaning() }, sizes: sides(&SAMPLES, true) },
+        ]
+    };
+    let of_signal = |meaning: &String| {
+        let what = What::Offset { meaning: meaning.clone(), sd: 0.1 * noise_sd };
+        Suspect { what, sizes: sides(&STEPS, true) }
+    };
+    let offsets = signals.iter().filter(|_| !has_offset).map(of_signal);
+    inputs.iter().flat_map(of_input).chain(offsets).collect()
 }
 
 /// Sizes on one side or on both.
