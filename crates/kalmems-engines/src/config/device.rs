@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::any::Any;
 use std::borrow::Cow;
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// What a rig reads from the table `[device.NAME]` that is for it.
@@ -90,6 +91,15 @@ impl DeviceTable {
         self.claimed.get().map_or(&self.written, |claimed| &claimed.written)
     }
 
+    /// The same as it is written out, with every file that it names put elsewhere: what stands behind a key `file`.
+    pub(super) fn move_files(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
+        move_files(&mut self.written, place);
+        if let Some(mut claimed) = self.claimed.take() {
+            move_files(&mut claimed.written, place);
+            self.claimed = claimed.into();
+        }
+    }
+
     /// The description, read once and checked.
     fn description<T: DeviceDescription>(&self, source: &Source) -> Result<Arc<T>, ConfigError> {
         let key = || Key::from("device").child(T::NAME);
@@ -108,6 +118,23 @@ impl DeviceTable {
                 .map_err(|e| source.error_at(key(), Fault::Value { why: e.to_string() }))?;
             read_below(&Source::of(&text, &source.path)?, &key()).map(Arc::new)
         })
+    }
+}
+
+fn move_files(written: &mut serde_json::Value, place: &dyn Fn(&Path) -> PathBuf) {
+    match written {
+        serde_json::Value::Object(table) => {
+            for (name, value) in table {
+                match value {
+                    serde_json::Value::String(text) if name == "file" => {
+                        *text = place(Path::new(text)).to_string_lossy().into_owned();
+                    }
+                    value => move_files(value, place),
+                }
+            }
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(|value| move_files(value, place)),
+        _ => {}
     }
 }
 

@@ -162,6 +162,7 @@ impl Experiment {
         if let Some(Simulate { drive: DriveSource::Recorded(recorded), .. }) = &mut moved.simulate {
             recorded.file = place(&recorded.file);
         }
+        moved.device.move_files(place);
         moved
     }
 

@@ -1,6 +1,7 @@
 //! A device of one's own: differential equations with units in the table `[device.equations]`, and everything works from them.
 
 mod course;
+mod curve;
 mod model;
 mod names;
 mod ordered;
@@ -55,8 +56,7 @@ const NO_INVERSE: &str =
 type Columns<'a> = (Vec<&'a str>, Vec<(usize, &'a str)>);
 
 fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigError> {
-    let device = experiment.device::<EquationsTable>()?.device();
-    let device = device.map_err(|error| refused(experiment, &error))?;
+    let (_, device) = EquationsTable::of(experiment)?;
     let key = Key::from("recording").index(index).child("channels");
     let channels = &experiment.recording(index)?.channels;
     let measures = device.measures().iter().enumerate();
@@ -87,7 +87,7 @@ impl Rig for EquationsRig {
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
-        experiment.device::<EquationsTable>().map(|_| true)
+        EquationsTable::of(experiment).map(|_| true)
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
@@ -95,17 +95,14 @@ impl Rig for EquationsRig {
     }
 
     fn channels(&self, experiment: &Experiment) -> Channels {
-        let Ok(device) = experiment.device::<EquationsTable>().map(|table| table.device()) else {
-            return Channels::default();
-        };
         let there = |named: &Named| {
             let column =
                 experiment.recordings.first().and_then(|recording| recording.channels.column(&named.name));
             column.map(|_| named.name.to_string())
         };
-        device.map_or_else(
+        EquationsTable::of(experiment).map_or_else(
             |_| Channels::default(),
-            |device| Channels {
+            |(_, device)| Channels {
                 inputs: device.inputs().iter().filter_map(there).collect(),
                 signals: device.measures().iter().filter_map(there).collect(),
             },
@@ -139,14 +136,11 @@ impl Rig for EquationsRig {
     }
 
     fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
-        let table = experiment.device::<EquationsTable>().ok();
-        let device = table.as_ref().and_then(|table| table.device().ok());
-        table.zip(device).map_or(&[], |(table, device)| names::values(&table, &device))
+        EquationsTable::of(experiment).map_or(&[], |(table, device)| names::values(&table, &device))
     }
 
     fn parameters(&self, experiment: &Experiment) -> &'static [Parameter] {
-        let device = experiment.device::<EquationsTable>().ok().and_then(|table| table.device().ok());
-        device.map_or(&[], |device| settings::parameters(experiment, &device))
+        EquationsTable::of(experiment).map_or(&[], |(_, device)| settings::parameters(experiment, &device))
     }
 
     fn estimator<'a>(

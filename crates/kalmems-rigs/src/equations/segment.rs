@@ -15,7 +15,6 @@ use crate::estimate::{
 use crate::progress::Progress;
 use kalmems_core::Nodes;
 use kalmems_equations::EquationError;
-use kalmems_figures::number;
 
 /// Rows before the new ones that inputs are interpolated through.
 const INTERPOLATED: usize = 4;
@@ -94,7 +93,7 @@ impl Estimator for EquationEstimator<'_> {
             let why = format!(
                 "it has a motion that is far faster than the samples, which come every {} s: put what follows at once in the place of \
                  a state, or sample faster; `kalmems inspect` lists its time constants",
-                number(segment.interval_s)
+                super::short(segment.interval_s)
             );
             return Err(self.experiment.error("device.equations", Fault::Value { why }).into());
         }

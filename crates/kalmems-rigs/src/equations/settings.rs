@@ -30,8 +30,7 @@ pub struct OwnDevice {
 impl OwnDevice {
     /// Of an experiment.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let table = experiment.device::<EquationsTable>()?;
-        let device = table.device().map_err(|error| refused(experiment, &error))?;
+        let (_, device) = EquationsTable::of(experiment)?;
         let values = device.values();
         Self::with(device, values).map_err(|error| refused(experiment, &error))
     }

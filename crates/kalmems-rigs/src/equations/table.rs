@@ -1,8 +1,9 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
+use super::curve::CurveTable;
 use super::ordered::Ordered;
 use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
-use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Outside, Place, Points};
+use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Place, Points};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
@@ -84,56 +85,51 @@ fn second() -> u8 {
     2
 }
 
-/// A curve through points: a twice differentiable spline.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CurveTable {
-    /// Where the points are, rising, in `x_unit`.
-    pub x: Vec<f64>,
-    /// The value at each, in `y_unit`.
-    pub y: Vec<f64>,
-    /// The unit of the argument.
-    pub x_unit: String,
-    /// The unit of the value.
-    pub y_unit: String,
-    /// What it does beyond the points; an estimate stops there if left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub outside: Option<OutsideRule>,
-}
-
-/// What a curve does beyond its points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OutsideRule {
-    /// It has no value.
-    Error,
-    /// It keeps the value of the end.
-    Clamp,
-    /// It goes on along the tangent of the end.
-    Linear,
-}
-
 impl DeviceDescription for EquationsTable {
     const NAME: &'static str = "equations";
     const SUMMARY: &'static str = "A device of one's own, as differential equations with units.";
 
     fn check(&self) -> Result<(), (Key, String)> {
-        self.device().map(|_| ()).map_err(|error| (key_of(&error), message(&error)))
+        // With files the points are read where the experiment's folder is known.
+        if self.tables.iter().any(|(_, table)| table.file.is_some()) {
+            return Ok(());
+        }
+        let device = self.device_in(&mut |table| table.points_here());
+        device.map(|_| ()).map_err(|error| (key_of(&error), message(&error)))
     }
 }
 
 impl EquationsTable {
-    /// The device, its equations checked.
-    pub fn device(&self) -> Result<Arc<Device>, EquationError> {
+    /// The table of an experiment, and the device, its equations checked.
+    pub fn of(experiment: &Experiment) -> Result<(Arc<Self>, Arc<Device>), ConfigError> {
+        let table = experiment.device::<Self>()?;
+        let mut unread = None;
+        let device = table.device_in(&mut |curve| {
+            curve.points_of(experiment).unwrap_or_else(|error| {
+                unread.get_or_insert(error);
+                curve.points_here()
+            })
+        });
+        if let Some(error) = unread {
+            return Err(error);
+        }
+        let device = device.map_err(|error| refused(experiment, &error))?;
+        Ok((table, device))
+    }
+
+    fn device_in(&self, points: &mut dyn FnMut(&CurveTable) -> Points) -> Result<Arc<Device>, EquationError> {
         if let Some(device) = self.read.get() {
             return Ok(Arc::clone(device));
         }
-        let device = Arc::new(Device::of(&self.description()?)?);
+        let device = Arc::new(Device::of(&self.description(points)?)?);
         Ok(Arc::clone(self.read.get_or_init(|| device)))
     }
 
     /// What the equations are read from.
-    fn description(&self) -> Result<Description, EquationError> {
+    fn description(
+        &self,
+        points: &mut dyn FnMut(&CurveTable) -> Points,
+    ) -> Result<Description, EquationError> {
         let entries = |table: &str, texts: &Ordered<String>| -> Vec<Entry> {
             texts.iter().map(|(name, text)| Entry::new(table, name, text)).collect()
         };
@@ -147,6 +143,11 @@ impl EquationsTable {
             time: part(table, name, "time", time),
             order,
         };
+        let mut curves = Vec::new();
+        for (name, table) in self.tables.iter() {
+            let place = Place { key: format!("tables.{name}"), offset: None };
+            curves.push(Points { name: name.to_owned(), place, ..points(table) }.in_si()?);
+        }
         Ok(Description {
             states: entries("states", &self.states),
             inputs: entries("inputs", &self.inputs),
@@ -156,7 +157,7 @@ impl EquationsTable {
             derivative: entries("derivative", &self.derivative),
             measure: entries("measure", &self.measure),
             noise: entries("noise", &self.noise),
-            tables: self.tables.iter().map(|(name, table)| table.points(name)).collect::<Result<_, _>>()?,
+            tables: curves,
             events: entries("events", &self.events),
             cyclic: entries("cyclic", &self.cyclic),
             lag: self.lag.iter().map(|(name, lag)| follower("lag", name, [&lag.of, &lag.time], 1)).collect(),
@@ -171,26 +172,6 @@ impl EquationsTable {
                 place: Place { key: "energy".to_owned(), offset: None },
             }),
         })
-    }
-}
-
-impl CurveTable {
-    fn points(&self, name: &str) -> Result<Points, EquationError> {
-        let points = Points {
-            name: name.to_owned(),
-            place: Place { key: format!("tables.{name}"), offset: None },
-            file: None,
-            x: self.x.clone(),
-            y: self.y.clone(),
-            x_unit: self.x_unit.clone(),
-            y_unit: self.y_unit.clone(),
-            outside: match self.outside {
-                None | Some(OutsideRule::Error) => Outside::Error,
-                Some(OutsideRule::Clamp) => Outside::Clamp,
-                Some(OutsideRule::Linear) => Outside::Linear,
-            },
-        };
-        points.in_si()
     }
 }
 

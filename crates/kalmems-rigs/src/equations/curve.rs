@@ -1,0 +1,165 @@
+//! Curves through points, written out or in a file.
+
+use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::recording::{Clock, Hints, Layout, Recording};
+use kalmems_equations::{Outside, Points};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
+use std::fmt;
+use std::path::PathBuf;
+
+/// A curve through points: a twice differentiable spline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CurveTable {
+    /// The file that the points are in, relative to the folder of the experiment; `x` and `y` name columns of it then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Where the points are, rising: numbers in `x_unit`, or a column of the file.
+    pub x: Coordinates,
+    /// The value at each: numbers in `y_unit`, or a column of the file.
+    pub y: Coordinates,
+    /// The unit of the argument; in a file the name of the column says it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub x_unit: String,
+    /// The unit of the value, likewise.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub y_unit: String,
+    /// What it does beyond the points; an estimate stops there if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<OutsideRule>,
+}
+
+/// What a curve does beyond its points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OutsideRule {
+    /// It has no value.
+    Error,
+    /// It keeps the value of the end.
+    Clamp,
+    /// It goes on along the tangent of the end.
+    Linear,
+}
+
+/// Numbers that are written out, or the column that has them.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Coordinates {
+    /// The numbers.
+    Numbers(Vec<f64>),
+    /// The column of the file, by its name.
+    Column(String),
+}
+
+impl CurveTable {
+    /// Points without a name yet, as they are written out; none of those in a file.
+    pub fn points_here(&self) -> Points {
+        let numbers = |of: &Coordinates| match of {
+            Coordinates::Numbers(numbers) => numbers.clone(),
+            Coordinates::Column(_) => Vec::new(),
+        };
+        Points {
+            name: String::new(),
+            place: kalmems_equations::Place::default(),
+            file: self.file.as_ref().map(|file| file.display().to_string()),
+            x: numbers(&self.x),
+            y: numbers(&self.y),
+            x_unit: self.x_unit.clone(),
+            y_unit: self.y_unit.clone(),
+            outside: match self.outside {
+                None | Some(OutsideRule::Error) => Outside::Error,
+                Some(OutsideRule::Clamp) => Outside::Clamp,
+                Some(OutsideRule::Linear) => Outside::Linear,
+            },
+        }
+    }
+
+    /// The same with the points of the file, where there is one.
+    pub fn points_of(&self, experiment: &Experiment) -> Result<Points, ConfigError> {
+        let Some(file) = &self.file else { return Ok(self.points_here()) };
+        let refuse =
+            |why: String| experiment.error(Key::from("device.equations.tables"), Fault::Value { why });
+        let (Coordinates::Column(x), Coordinates::Column(y)) = (&self.x, &self.y) else {
+            let why = format!(
+                "the points of a curve are in the file `{}`; name its columns, such as `x = \"angle_rad\", y = \"C_pF\"`",
+                file.display()
+            );
+            return Err(refuse(why));
+        };
+        let layout = Layout {
+            // A curve has no time; its rows are counted.
+            clock: Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
+            segment_column: None,
+            columns: Some(vec![x.clone(), y.clone()]),
+            declared: Vec::new(),
+            hints: Hints::default(),
+            nominal_rate_hz: None,
+            origin: None,
+            restarts: None,
+        };
+        let recording =
+            Recording::read(&experiment.resolve(file), &layout).map_err(|why| refuse(why.to_string()))?;
+        let read = |name: &str| -> Result<(Vec<f64>, String), ConfigError> {
+            let column = recording.column(name).map_err(|why| refuse(why.to_string()))?;
+            let unit = column.header.unit.unwrap_or(crate::units::Unit::ONE);
+            let values = recording.segments().first().map(|segment| column.of(segment).to_vec());
+            Ok((values.unwrap_or_default(), unit.dimension().to_string()))
+        };
+        let ((x, x_unit), (y, y_unit)) = (read(x)?, read(y)?);
+        Ok(Points { file: None, x, y, x_unit, y_unit, ..self.points_here() })
+    }
+}
+
+impl Serialize for Coordinates {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Numbers(numbers) => numbers.serialize(serializer),
+            Self::Column(name) => serializer.serialize_str(name),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Coordinates {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Coordinates;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list of numbers, or a column of a file as text in quotes")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Coordinates, E> {
+                Ok(Coordinates::Column(text.to_owned()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Coordinates, A::Error> {
+                let mut numbers = Vec::new();
+                while let Some(number) = list.next_element()? {
+                    numbers.push(number);
+                }
+                Ok(Coordinates::Numbers(numbers))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl JsonSchema for Coordinates {
+    fn schema_name() -> Cow<'static, str> {
+        "Coordinates".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "oneOf": [{ "type": "array", "items": { "type": "number" } }, { "type": "string" }],
+            "title": "numbers, or a column of the file",
+        })
+    }
+}
