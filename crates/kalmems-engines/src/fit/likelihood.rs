@@ -92,9 +92,10 @@ pub fn most_likely<const P: usize>(
     let (mut damping, mut sd, mut correlation) = (0.0, [f64::INFINITY; P], [[0.0; P]; P]);
     for _ in 0..ITERATIONS {
         let slopes = slopes(&at, &own, &steps, filter);
-        let triangle = triangle(&own, &slopes);
+        let mut triangle = triangle(&own, &slopes);
         let norms = triangle.column_norms();
-        (sd, correlation) = errors(&triangle);
+        hold_what_has_no_effect(&mut triangle, &norms);
+        (sd, correlation) = errors(&triangle, &norms);
         for (step, norm) in steps.iter_mut().zip(norms) {
             *step = if norm > 0.0 { step.min(0.3 / norm) } else { *step };
         }
@@ -176,8 +177,18 @@ fn damped<const P: usize>(triangle: &Triangle<P>, norms: &[f64; P], damping: f64
     damped
 }
 
-/// Roots of the diagonal of (RᵀR)⁻¹, and what is left of it when rows and columns are divided by them.
-fn errors<const P: usize>(triangle: &Triangle<P>) -> ([f64; P], [[f64; P]; P]) {
+/// Holds each parameter that changes no innovation where it is, so that the others are found all the same.
+fn hold_what_has_no_effect<const P: usize>(triangle: &mut Triangle<P>, norms: &[f64; P]) {
+    for (i, _) in norms.iter().enumerate().filter(|(_, norm)| **norm == 0.0) {
+        let mut row = [0.0; P];
+        row[i] = 1.0;
+        triangle.push(row, 0.0);
+    }
+}
+
+/// Roots of the diagonal of (RᵀR)⁻¹, and what is left of it when rows and columns are divided by them; infinite and uncorrelated
+/// of what has no effect.
+fn errors<const P: usize>(triangle: &Triangle<P>, norms: &[f64; P]) -> ([f64; P], [[f64; P]; P]) {
     let determined = (0..P).all(|i| triangle.r[i][i] != 0.0);
     if !determined {
         return ([f64::INFINITY; P], [[0.0; P]; P]);
@@ -189,7 +200,8 @@ fn errors<const P: usize>(triangle: &Triangle<P>) -> ([f64; P], [[f64; P]; P]) {
     });
     let product =
         |i: usize, j: usize| -> f64 { columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum() };
-    let sd: [f64; P] = std::array::from_fn(|i| product(i, i).sqrt());
+    let sd: [f64; P] =
+        std::array::from_fn(|i| if norms[i] == 0.0 { f64::INFINITY } else { product(i, i).sqrt() });
     (sd, std::array::from_fn(|i| std::array::from_fn(|j| product(i, j) / (sd[i] * sd[j]))))
 }
 
@@ -260,5 +272,17 @@ mod tests {
         let found = most_likely([0.0, 0.0], [0.1, 0.1], &mut filter).unwrap();
         assert!(found.sd.iter().all(|sd| *sd > 1e3), "{found:?}");
         assert!(most_likely([0.0], [0.1], &mut |_| None).is_none());
+    }
+
+    #[test]
+    fn what_has_no_effect_does_not_keep_the_others_from_being_found() {
+        let mut filter = |at: &[f64; 2]| {
+            let value = (0..100).map(|k| f64::from(k % 7) - at[0]).collect();
+            Some(Innovations { value, variance: vec![1.0; 100] })
+        };
+        let found = most_likely([0.0, 5.0], [0.1, 0.1], &mut filter).unwrap();
+        let mean = (0..100).map(|k| f64::from(k % 7)).sum::<f64>() / 100.0;
+        assert!((found.at[0] - mean).abs() < 0.02 && (found.sd[0] - 0.1).abs() < 1e-9, "{found:?}");
+        assert_eq!((found.at[1], found.sd[1]), (5.0, f64::INFINITY));
     }
 }

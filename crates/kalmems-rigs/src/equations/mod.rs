@@ -4,6 +4,7 @@ mod course;
 mod curve;
 mod model;
 mod names;
+mod number;
 mod ordered;
 mod outlook;
 mod segment;

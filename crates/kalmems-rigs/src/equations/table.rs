@@ -1,6 +1,7 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
 use super::curve::CurveTable;
+use super::number::NumberText;
 use super::ordered::Ordered;
 use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
 use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Place, Points};
@@ -21,7 +22,7 @@ pub struct EquationsTable {
     pub inputs: Ordered<String>,
     /// The parameters with value and unit, such as `k = "3 N/m"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
-    pub parameters: Ordered<String>,
+    pub parameters: Ordered<NumberText>,
     /// Curves through points, as functions of one argument.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub tables: Ordered<CurveTable>,
@@ -151,7 +152,9 @@ impl EquationsTable {
         Ok(Description {
             states: entries("states", &self.states),
             inputs: entries("inputs", &self.inputs),
-            parameters: entries("parameters", &self.parameters),
+            parameters: (self.parameters.iter())
+                .map(|(name, number)| Entry::new("parameters", name, number.text()))
+                .collect(),
             lets: entries("let", &self.lets),
             functions: entries("functions", &self.functions),
             derivative: entries("derivative", &self.derivative),

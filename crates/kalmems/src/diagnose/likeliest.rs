@@ -30,6 +30,13 @@ const CONNECTED: f64 = 0.9;
 /// The standard deviation, relative to a number, with which a filter has it as a state to find where a search begins.
 const AS_STATE: &str = "10 %";
 
+/// The logarithm of a factor by which a number may be off, a third of how far a search may go.
+const FARTHEST: f64 = 3.0;
+
+/// Searches of a dozen iterations each, and a gain of ln p below which there is no further one.
+const SEARCHES: usize = 8;
+const NO_GAIN: f64 = 0.01;
+
 /// 95 % of a Gaussian lie within so many standard deviations.
 const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
@@ -41,7 +48,7 @@ const TWO_SIDED: f64 = 1.959_963_984_540_054;
 /// ([`fit::most_likely`](crate::fit::most_likely)), from the stated numbers or from those at which a filter arrives that has them as
 /// states, whichever are likelier. Standard errors and correlations are those of the information at the maximum; 95 % intervals are
 /// e^{±1.96 sd} of a number. What is not determined to 30 % is not put into the experiment, and neither is what hangs on it (correlation
-/// above 0.9).
+/// above 0.9). A number that is not determined with its stated sign is tried with the other one.
 ///
 /// # Errors
 ///
@@ -57,16 +64,16 @@ pub fn likeliest(
     let progress = &bench.stop.watching(progress);
     let (base, all) = begin(workbench, &bench).map_err(refused)?;
     let suspects = chosen(experiment, &bench, all)?;
-    let search = Search { bench: &bench, suspects: &suspects, base: &base };
-    let interrupted = |_| IdentifyError::Interrupted;
     progress.begin("likelihood", 0);
-    let found = most_likely(&search, workbench, &base).ok_or_else(|| IdentifyError::Unfit {
+    let found = with_signs(&bench, &base, suspects, workbench);
+    if progress.reached(0).is_break() {
+        return Err(IdentifyError::Interrupted);
+    }
+    let (suspects, found) = found.ok_or_else(|| IdentifyError::Unfit {
         recording: bench.filter_name.clone(),
         why: NOWHERE.to_owned(),
     })?;
-    if progress.reached(0).is_break() {
-        return Err(interrupted(()));
-    }
+    let search = Search { bench: &bench, suspects: &suspects, base: &base };
     let cause = Cause::Numbers(found.at.iter().copied().enumerate().collect());
     let trial = search.run(&cause);
     let outcome = Outcome { bench: &bench, suspects: &suspects, base: &base, found, trial };
@@ -163,9 +170,42 @@ fn chosen(experiment: &Experiment, bench: &Bench, all: Vec<Suspect>) -> Result<V
             let why = format!("`{name}` is named twice; a number is sought once");
             return Err(experiment.error(at(), Fault::Value { why }));
         }
-        suspects.push(found.clone());
+        // Here a number may be wrong by more than is tried in a diagnosis: a noise is often known by its power of ten alone.
+        let sizes = found.sizes.iter().copied().chain([FARTHEST, -FARTHEST]).collect();
+        suspects.push(Suspect { sizes, ..found.clone() });
     }
     Ok(suspects)
+}
+
+/// What a sign has to gain in ln p to be another than the stated one.
+const OTHER_SIGN: f64 = 5.0;
+
+/// The sizes that make all innovations the likeliest, and the numbers with the signs under which they do: a number that the recordings
+/// do not determine with its stated sign is tried with the other.
+fn with_signs(
+    bench: &Bench,
+    base: &Trial,
+    suspects: Vec<Suspect>,
+    workbench: &Workbench,
+) -> Option<(Vec<Suspect>, MostLikelySizes)> {
+    let of = |suspects: &[Suspect]| most_likely(&Search { bench, suspects, base }, workbench, base);
+    let (mut suspects, mut best) = (suspects.clone(), of(&suspects)?);
+    for place in 0..suspects.len() {
+        let is_determined = best.sd.get(place).is_some_and(|sd| *sd < DETERMINED);
+        if is_determined {
+            continue;
+        }
+        let mut other = suspects.clone();
+        if let Some(What::Factor(numbers)) = other.get_mut(place).map(|suspect| &mut suspect.what) {
+            numbers.iter_mut().for_each(|number| number.written = -number.written);
+        }
+        if let Some(found) = of(&other)
+            && found.log_likelihood > best.log_likelihood + OTHER_SIGN
+        {
+            (suspects, best) = (other, found);
+        }
+    }
+    Some((suspects, best))
 }
 
 /// The sizes that make all innovations the likeliest, from the better of two starts.
@@ -179,8 +219,20 @@ fn most_likely(search: &Search, workbench: &Workbench, base: &Trial) -> Option<M
     let as_states =
         as_states(search, workbench).filter(|sizes| likelihood(sizes) > base.log_likelihood(Blocks::All));
     let start = as_states.unwrap_or(zeros);
-    let cause = Cause::Numbers(start.into_iter().enumerate().collect());
-    search.most_likely(&cause, Blocks::All)
+    let from = |sizes: &[f64]| {
+        let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
+        search.most_likely(&cause, Blocks::All)
+    };
+    let mut best = from(&start)?;
+    for _ in 1..SEARCHES {
+        let Some(next) = from(&best.at) else { break };
+        let gained = next.log_likelihood - best.log_likelihood;
+        best = next;
+        if gained < NO_GAIN {
+            break;
+        }
+    }
+    Some(best)
 }
 
 /// The numbers at which the filter arrives that has them as states, as logarithms of factors; `None` where one of them cannot be a
