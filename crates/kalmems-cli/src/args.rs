@@ -26,6 +26,8 @@ pub enum Command {
     Diagnose(DiagnoseArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
+    /// Write an experiment with its device as differential equations, to be changed.
+    Expand(ExpandArguments),
     /// Write a filter of an experiment as source code for a microcontroller.
     Export(ExportArguments),
     /// Identify a device's parameters from its recordings, and say what they do not tell.
@@ -121,6 +123,18 @@ pub struct EstimateArguments {
     /// Do not write the trajectories, which take several times the room of a long recording.
     #[arg(long)]
     pub no_trajectories: bool,
+}
+
+#[derive(Args)]
+pub struct ExpandArguments {
+    /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
+    pub experiment: PathBuf,
+    /// Write it to this file, in the same folder, and not to the console.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Args)]

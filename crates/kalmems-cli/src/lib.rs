@@ -50,6 +50,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
+        Command::Expand(arguments) => commands::expand::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
         Command::Export(arguments) => commands::export::run(workbench, arguments),
         Command::Image(arguments) => commands::image::run(arguments),

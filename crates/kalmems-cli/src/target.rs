@@ -1,9 +1,10 @@
-//! The folder of a result, from before the work begins until the result is there.
+//! Where a result is put: its folder, from before the work begins until it is there, and a file beside an experiment.
 
 use crate::Ending;
 use crate::tell::tell;
-use kalmems::results::{Committed, Output, Work};
-use std::path::PathBuf;
+use kalmems::results::{Committed, Output, Work, create_file};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// Prepares the folder that was asked for, or else the one with these steps below `out`. What may not be replaced is
 /// refused here, before any time is spent.
@@ -21,4 +22,43 @@ pub fn finish(output: Output) -> Result<PathBuf, Ending> {
         tell!("the earlier result, which differs from this one, is kept in {}", earlier.display());
     }
     Ok(out)
+}
+
+/// A file in the folder of an experiment, from which the experiment's paths count.
+pub struct BesideExperiment<'a> {
+    path: &'a Path,
+    force: bool,
+}
+
+impl<'a> BesideExperiment<'a> {
+    /// Where the experiment is to be written, if it is. What stands there is refused before any time is spent.
+    pub fn of(path: Option<&'a Path>, experiment: &Path, force: bool) -> Result<Option<Self>, Ending> {
+        let Some(path) = path else { return Ok(None) };
+        if path.parent().unwrap_or(path) != experiment.parent().unwrap_or(path) {
+            let why = "`--write` expects a file in the folder of the experiment, from which its paths count"
+                .to_owned();
+            return Err(Ending::Wrong(why));
+        }
+        if path.exists() && !force {
+            let why = format!(
+                "`{}` is there already; give another path, or --force to keep it beside",
+                path.display()
+            );
+            return Err(Ending::Wrong(why));
+        }
+        Ok(Some(Self { path, force }))
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        self.path
+    }
+
+    /// Writes it whole.
+    pub fn write(&self, text: &str) -> Result<(), Ending> {
+        let mut file =
+            create_file(self.path, |_| false, self.force).map_err(|e| Ending::Wrong(e.to_string()))?;
+        let failed = |e: std::io::Error| Ending::Wrong(format!("cannot write {}: {e}", self.path.display()));
+        file.write_all(text.as_bytes()).map_err(failed)
+    }
 }

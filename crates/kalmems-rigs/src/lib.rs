@@ -12,7 +12,7 @@ pub mod threshold_scanner;
 pub mod workflow;
 
 pub use kalmems_engines::rig::{
-    Channels, DrivenDevice, DrivenModel, DrivenRig, Estimator, Form, LeftOut, Rig, Workbench,
+    Channels, DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, Form, LeftOut, Rig, Workbench,
 };
 
 use kalmems_engines::{

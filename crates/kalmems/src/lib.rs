@@ -29,6 +29,7 @@
 //! ```
 
 pub mod diagnose;
+pub mod expand;
 mod patch;
 pub mod results;
 pub mod stream;

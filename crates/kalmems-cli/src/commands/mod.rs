@@ -3,6 +3,7 @@
 pub mod calibrate;
 pub mod diagnose;
 pub mod estimate;
+pub mod expand;
 pub mod export;
 pub mod identify;
 pub mod image;

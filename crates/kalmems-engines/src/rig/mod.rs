@@ -4,10 +4,12 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
 mod driven;
+mod expansion;
 mod left_out;
 mod workbench;
 
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
+pub use expansion::Expansion;
 pub use left_out::{Form, LeftOut};
 pub use workbench::Workbench;
 
@@ -108,6 +110,12 @@ pub trait Rig: Send + Sync {
     fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
         let _ = experiment;
         Vec::new()
+    }
+
+    /// Its device as differential equations, for a reader to change.
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        let why = format!("`{}` is not written as equations", self.name());
+        Err(experiment.error(Key::from("device").child(self.device().name), Fault::Value { why }))
     }
 
     /// What estimates one of them, part by part.

@@ -9,6 +9,7 @@ mod course;
 mod data;
 pub mod device;
 mod dither;
+mod expanded;
 mod feedback;
 mod filters;
 mod identification;
@@ -24,6 +25,7 @@ mod uncertainty;
 mod varied;
 
 use super::{Estimator, Form, LeftOut, Rig};
+use crate::Expansion;
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
@@ -124,6 +126,10 @@ impl Rig for AccelerometerRig {
 
     fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        expanded::expanded(experiment)
     }
 
     fn estimator<'a>(

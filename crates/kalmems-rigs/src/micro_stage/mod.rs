@@ -7,6 +7,7 @@
 mod course;
 pub mod device;
 mod drive_sine;
+mod expanded;
 mod feedthrough;
 mod filters;
 mod hardware;
@@ -20,6 +21,7 @@ mod settings;
 mod simulation;
 
 use super::{Estimator, Rig};
+use crate::Expansion;
 use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{
     Around, Axis, EstimateError, Motion, Parameter, Part, Past, SegmentEstimate, SignalSegment,
@@ -122,6 +124,10 @@ impl Rig for MicroStageRig {
 
     fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        expanded::expanded(experiment)
     }
 
     fn estimator<'a>(

@@ -9,6 +9,7 @@ mod course;
 mod data;
 pub mod device;
 mod driven;
+mod expanded;
 mod mechanics;
 mod metamodel;
 mod observability;
@@ -25,6 +26,7 @@ mod start;
 mod trigger;
 
 use super::{Estimator, Rig};
+use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role};
 use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
@@ -112,6 +114,10 @@ impl Rig for PistonMirrorRig {
 
     fn values(&self, _: &Experiment) -> &'static [ValueState] {
         &VALUES
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        expanded::expanded(experiment)
     }
 
     fn estimator<'a>(

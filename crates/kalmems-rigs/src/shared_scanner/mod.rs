@@ -7,6 +7,7 @@
 mod beside;
 mod circuit;
 pub mod device;
+mod expanded;
 mod export;
 mod filters;
 pub mod identification;
@@ -22,6 +23,7 @@ mod simulation;
 pub mod two_axes;
 
 use super::{Estimator, Form, LeftOut, Rig};
+use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
@@ -104,6 +106,10 @@ impl Rig for SharedScannerRig {
 
     fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
         Hardware::of(experiment).map_or_else(|_| Vec::new(), |hardware| left_out(hardware.natural_hz()))
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        expanded::expanded(experiment)
     }
 
     fn estimator<'a>(

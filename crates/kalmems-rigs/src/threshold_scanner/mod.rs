@@ -7,6 +7,7 @@
 mod course;
 mod crossings;
 pub mod device;
+mod expanded;
 mod export;
 mod filters;
 mod hardware;
@@ -22,6 +23,7 @@ mod simulation;
 mod verdict;
 
 use super::{Estimator, Form, LeftOut, Rig};
+use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
@@ -110,6 +112,10 @@ impl Rig for ThresholdScannerRig {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
         let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
         experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        expanded::expanded(experiment)
     }
 
     fn estimator<'a>(

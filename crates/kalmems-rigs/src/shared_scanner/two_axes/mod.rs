@@ -7,7 +7,7 @@
 
 mod band_plan;
 mod filters;
-mod hardware;
+pub(super) mod hardware;
 mod outlook;
 mod plant;
 mod rig;

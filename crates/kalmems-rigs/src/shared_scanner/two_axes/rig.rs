@@ -15,7 +15,7 @@ use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crate::{Estimator, Rig};
+use crate::{Estimator, Expansion, Rig};
 
 /// The rig.
 pub struct TwoAxesRig;
@@ -62,6 +62,10 @@ impl Rig for TwoAxesRig {
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
         &ANGLES
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        super::super::expanded::expanded_two_axes(experiment)
     }
 
     fn estimator<'a>(

@@ -1,0 +1,50 @@
+//! A device of a rig, written out as differential equations.
+
+use std::fmt::Write as _;
+
+/// The table `[device.equations]` that says what a rig's device table says, for a reader to change.
+///
+/// States, inputs and measurements keep the names that they have in the experiment, where nothing else is said.
+#[derive(Clone, Debug, Default)]
+pub struct Expansion {
+    /// Its tables as TOML, each with its header.
+    pub text: String,
+    /// Keys of a process noise, and the states whose rates it is the noise of.
+    pub noise: Vec<(&'static str, &'static str)>,
+    /// Channels of a recording, and what they are called in the equations, where that is something else.
+    pub channels: Vec<(String, String)>,
+    /// Parameters that filters may have as states, and what they are called in the equations, where that is something else.
+    pub parameters: Vec<(&'static str, &'static str)>,
+    /// What the rig has and the equations have not, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Expansion {
+    /// Adds a table with texts by their names.
+    pub fn table(&mut self, name: &str, entries: &[(&str, &str)]) {
+        self.begin(name);
+        for (name, text) in entries {
+            // Writing to a string cannot fail.
+            let _ = writeln!(self.text, "{} = {}", quoted(name), toml::Value::from(*text));
+        }
+    }
+
+    /// Adds a table with numbers by their names, each in SI with its unit.
+    pub fn numbers(&mut self, name: &str, entries: &[(&str, f64, &str)]) {
+        self.begin(name);
+        for (name, value, unit) in entries {
+            let text = format!("{value:?} {unit}");
+            let _ = writeln!(self.text, "{} = {}", quoted(name), toml::Value::from(text.trim_end()));
+        }
+    }
+
+    fn begin(&mut self, name: &str) {
+        let _ = writeln!(self.text, "\n[device.equations.{name}]");
+    }
+}
+
+/// A key as TOML has it: in quotes, where it is no word.
+fn quoted(name: &str) -> String {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if name.chars().all(is_word) { name.to_owned() } else { format!("\"{name}\"") }
+}

@@ -1,0 +1,73 @@
+//! The accelerometer as differential equations, with the acceleration as a process of stated size and bandwidth.
+
+use super::settings::Hardware;
+use crate::Expansion;
+use crate::config::{ConfigError, Experiment};
+
+/// The device of an experiment.
+pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
+    let hardware = Hardware::of(experiment)?;
+    let (instrument, prior) = (hardware.sensed.device, hardware.sensed.prior);
+    let mut all = Expansion::default();
+    let states = [("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2"), ("jerk", "m/s^3")];
+    all.table("states", &states);
+    if hardware.has_feedback {
+        all.table("inputs", &[("feedback", "V")]);
+    }
+    let mut numbers = vec![
+        ("mass", instrument.mass.mass, "kg"),
+        ("spring", instrument.mass.spring, "N/m"),
+        ("damping", instrument.mass.damping, "N s/m"),
+        ("squeezed", instrument.mass.squeezed, ""),
+        ("area", instrument.plates.area, "m^2"),
+        ("gap", instrument.plates.gap, "m"),
+        ("permittivity", instrument.plates.permittivity, "F/m"),
+        ("carrier_square", instrument.carrier_mean_square, "V^2"),
+        ("bias", instrument.bias, "V"),
+        ("carrier_amplitude", hardware.readout.carrier_amplitude, "V"),
+        ("feedback_capacitance", hardware.readout.feedback_capacitance, "F"),
+        ("force_density", hardware.force_density, "N^2/Hz"),
+        ("noise_variance", hardware.noise_variance, "V^2"),
+        ("rms", prior.rms, "m/s^2"),
+        ("bandwidth", prior.rate, "1/s"),
+        ("prior_damping", prior.damping_ratio, ""),
+    ];
+    if !hardware.has_feedback {
+        numbers.push(("feedback", 0.0, "V"));
+    }
+    all.numbers("parameters", &numbers);
+    all.table(
+        "let",
+        &[
+            ("near_square", "(bias - feedback)^2 + carrier_square"),
+            ("far_square", "(bias + feedback)^2 + carrier_square"),
+            ("force", "differential_force(displacement, area, gap, permittivity, near_square, far_square)"),
+            ("film", "squeeze_film(displacement/gap, damping, squeezed)*velocity"),
+        ],
+    );
+    all.table(
+        "derivative",
+        &[
+            ("displacement", "velocity"),
+            ("velocity", "acceleration + (force - film - spring*displacement)/mass"),
+            ("acceleration", "jerk"),
+            ("jerk", "-bandwidth^2*acceleration - 2*prior_damping*bandwidth*jerk"),
+        ],
+    );
+    all.table(
+        "measure",
+        &[(
+            "signal",
+            "charge_amplifier(differential_plates(displacement, area, gap, permittivity), carrier_amplitude, feedback_capacitance) in V",
+        )],
+    );
+    all.table(
+        "noise",
+        &[
+            ("velocity", "force_density/mass^2"),
+            ("jerk", "4*prior_damping*bandwidth^3*rms^2"),
+            ("signal", "noise_variance"),
+        ],
+    );
+    Ok(all)
+}

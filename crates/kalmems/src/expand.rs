@@ -1,0 +1,154 @@
+//! An experiment with its device written out as equations, to be changed by the reader.
+
+use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::rigs::{Expansion, Workbench};
+use toml::{Table, Value};
+
+/// An experiment whose device is `[device.equations]`.
+#[derive(Clone, Debug)]
+pub struct Expanded {
+    /// The file, with comments on what is not as it was.
+    pub text: String,
+    /// What the experiment had and the equations have not, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// Keys of an estimate that are about a device's own ways.
+const OF_ESTIMATE: [&str; 4] = ["first_peak", "first_peak_y", "crossings", "parts"];
+/// Those of a filter.
+const OF_FILTER: [&str; 6] =
+    ["demodulator", "threshold", "variant", "signal_variance", "noise_memory", "known_acceleration"];
+/// Tables that go with a device's own identification, streams or simulation.
+const OF_DEVICE: [&str; 2] = ["identify", "stream"];
+
+/// Writes an experiment with its rig's device as equations: its recordings and filters go with it as far as equations have what they
+/// ask for.
+///
+/// # Errors
+///
+/// A device that is not written as equations, and an experiment that is none any more with them.
+pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded, ConfigError> {
+    let expansion = workbench.rig(experiment)?.expanded(experiment)?;
+    let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+    let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
+    let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
+    let mut notes = expansion.notes.clone();
+    document.remove("device");
+    for name in OF_DEVICE {
+        if document.remove(name).is_some() {
+            notes.push(format!(
+                "The table `[{name}]` was left out: it is about the device's own channels and parameters."
+            ));
+        }
+    }
+    rename_channels(&mut document, &expansion);
+    estimate(&mut document, &expansion, &mut notes);
+    keep_filters_that_run(workbench, experiment, &document, &expansion).map(|(document, left_out)| {
+        notes.extend(left_out);
+        Expanded { text: written(&document, &expansion, &notes), notes }
+    })
+}
+
+/// The file: what is said first, the device as its rig wrote it, and the rest.
+fn written(document: &Table, expansion: &Expansion, notes: &[String]) -> String {
+    let says: String = notes.iter().map(|note| format!("# {note}\n")).collect();
+    let (mut head, mut rest) = (document.clone(), document.clone());
+    head.retain(|_, value| !matches!(value, Value::Table(_) | Value::Array(_)));
+    rest.retain(|_, value| matches!(value, Value::Table(_) | Value::Array(_)));
+    // Tables of texts, numbers and lists can be written.
+    let of = |table: &Table| toml::to_string(table).unwrap_or_default();
+    format!("{says}{}{}\n{}", of(&head), expansion.text, of(&rest))
+}
+
+fn rename_channels(document: &mut Table, expansion: &Expansion) {
+    let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
+    for channels in recordings.iter_mut().filter_map(|recording| recording.get_mut("channels")) {
+        let Value::Table(channels) = channels else { continue };
+        for (old, new) in &expansion.channels {
+            if let Some(column) = channels.remove(old) {
+                channels.insert(new.clone(), column);
+            }
+        }
+    }
+}
+
+fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
+    let Some(Value::Table(estimate)) = document.get_mut("estimate") else { return };
+    let mut removed: Vec<&str> =
+        OF_ESTIMATE.into_iter().filter(|key| estimate.remove(*key).is_some()).collect();
+    rename_noise(estimate, expansion);
+    if let Some(Value::Array(filters)) = estimate.get_mut("filter") {
+        for filter in filters.iter_mut().filter_map(Value::as_table_mut) {
+            removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
+            rename_noise(filter, expansion);
+            if filter.get("start").is_some_and(Value::is_str) {
+                filter.remove("start");
+                removed.push("start");
+            }
+            if let Some(Value::Table(states)) = filter.get_mut("states") {
+                for (old, new) in &expansion.parameters {
+                    if let Some(state) = states.remove(*old) {
+                        states.insert((*new).to_owned(), state);
+                    }
+                }
+            }
+        }
+    }
+    removed.sort_unstable();
+    removed.dedup();
+    if !removed.is_empty() {
+        let keys: Vec<String> = removed.iter().map(|key| format!("`{key}`")).collect();
+        notes.push(format!("Equations know nothing of {}: left out.", keys.join(", ")));
+    }
+}
+
+fn rename_noise(table: &mut Table, expansion: &Expansion) {
+    let Some(Value::Table(noise)) = table.get_mut("process_noise") else { return };
+    for (old, new) in &expansion.noise {
+        if let Some(density) = noise.remove(*old) {
+            noise.insert((*new).to_owned(), density);
+        }
+    }
+}
+
+/// The document without the filters that equations refuse, and why they were left out.
+fn keep_filters_that_run(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    document: &Table,
+    expansion: &Expansion,
+) -> Result<(Table, Vec<String>), ConfigError> {
+    let filters =
+        || document.get("estimate").and_then(|estimate| estimate.get("filter")).and_then(Value::as_array);
+    let Some(filters) = filters().cloned() else { return Ok((document.clone(), Vec::new())) };
+    let with = |filters: Vec<Value>| {
+        let mut document = document.clone();
+        if let Some(Value::Table(estimate)) = document.get_mut("estimate") {
+            estimate.insert("filter".to_owned(), Value::Array(filters));
+        }
+        document
+    };
+    let (mut kept, mut left_out, mut last) = (Vec::new(), Vec::new(), None);
+    for filter in filters {
+        let name = filter.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+        let text = written(&with(vec![filter.clone()]), expansion, &[]);
+        let runs = workbench.parse(&text, experiment.path()).and_then(|parsed| {
+            let rig = workbench.rig(&parsed)?;
+            if parsed.recordings.is_empty() { Ok(()) } else { rig.wanted(&parsed).map(|_| ()) }
+        });
+        match runs {
+            Ok(()) => kept.push(filter),
+            Err(error) => {
+                left_out.push(format!(
+                    "The filter `{name}` was left out: {}.",
+                    error.fault.to_string().replace('\n', " ")
+                ));
+                last = Some(error);
+            }
+        }
+    }
+    match last {
+        Some(error) if kept.is_empty() => Err(error),
+        _ => Ok((with(kept), left_out)),
+    }
+}
