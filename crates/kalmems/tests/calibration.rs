@@ -4,7 +4,7 @@ mod folders;
 
 use folders::{files, table};
 use kalmems::progress::{Progress, Silent};
-use kalmems::results::{Metrics, Output};
+use kalmems::results::{Metrics, Output, Verdict};
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems::study::{CalibrationSummary, Finding, Options, Plan, StudyError, Summary};
@@ -221,6 +221,81 @@ fn what_cannot_be_calibrated_is_refused_with_what_to_write() {
     let folder = Folder::with(&threshold.replace("feedthrough_capacitance = \"0.2 pF\"\n", ""));
     let refused = folder.refused("experiment.toml");
     assert!(refused.contains("feedthrough"), "{refused}");
+}
+
+/// The verdict on each run's filter with the signs as the experiment states them: the drawn truth put together by hand, simulated and
+/// estimated without a calibration.
+fn verdicts_as_written(
+    text: &str,
+    rows: &[BTreeMap<String, String>],
+    drawn: &[(&str, &str, f64)],
+) -> Vec<Verdict> {
+    let path = Path::new("experiment.toml");
+    let told = published().parse(text, path).unwrap();
+    let verdict = |row: &BTreeMap<String, String>| {
+        let mut truth = text.replace("seed = 1", &format!("seed = {}", row["seed"]));
+        for (column, written, nominal) in drawn {
+            let deviation: f64 = row[*column].parse().unwrap();
+            assert!(truth.contains(written), "{written}");
+            truth = truth.replace(written, &format!("stiffness = \"{:?} N m\"", nominal * (1.0 + deviation)));
+        }
+        let truth = published().parse(&truth, path).unwrap();
+        let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
+        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let told = described(&told, &*simulation);
+        let metrics = Metrics::of(&estimate_unwritten(published(), &told, &simulated, &Silent).unwrap());
+        metrics.estimators().find(|estimator| estimator.key == row["estimator"]).unwrap().verdict
+    };
+    rows.iter().map(verdict).collect()
+}
+
+/// Devices whose stiffness is drawn so widely that the motion turns against its drive by up to half a turn and more: the sign of the
+/// first turning point is that of each device, and no filter fails by the sign that the experiment states for one of them.
+fn signs_are_those_of_each_device(text: &str, drawn: &[(&str, &str, f64)]) {
+    let folder = Folder::with(text);
+    let plan = folder.plan("experiment.toml", 16).unwrap();
+    let journal = folder.run(&plan, "out", ("1/1", 2), &Silent).unwrap();
+    let (summary, results) = folder.written("out", &[journal]);
+    assert_eq!(summary.failed(), 0, "{:?}", summary.failures);
+    let rows = table(&results, "results.csv");
+    assert_eq!(rows.len(), 16);
+    let as_written = verdicts_as_written(text, &rows, drawn);
+    let wrong = as_written.iter().filter(|verdict| **verdict == Verdict::WrongSign).count();
+    let calibrated: Vec<&str> = rows.iter().map(|row| row["verdict"].as_str()).collect();
+    println!("{wrong} of 16 have the wrong sign as written: {as_written:?}, calibrated {calibrated:?}");
+    assert!(wrong >= 3, "{as_written:?}");
+    assert!(calibrated.iter().all(|verdict| *verdict != "wrong_sign"), "{calibrated:?}");
+}
+
+#[test]
+fn signs_of_a_scanner_are_those_of_each_device_that_is_drawn() {
+    let text = experiment().replace("start_sd = \"0.2 %\"", "start_sd = \"2 %\"");
+    // The filter with the stiffness as a state alone.
+    let parts: Vec<&str> = text.split("[[estimate.filter]]").collect();
+    let text = format!("{}[[estimate.filter]]{}", parts[0], parts[2]);
+    signs_are_those_of_each_device(&text, &[("drawn.stiffness", "stiffness = \"1.10e-4 N m\"", 1.10e-4)]);
+}
+
+#[test]
+fn signs_of_two_axes_are_those_of_each_device_that_is_drawn() {
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/two_axes.toml");
+    let mut text = fs::read_to_string(example).unwrap();
+    for (long, short) in [
+        ("duration = \"24 ms\"", "duration = \"6 ms\""),
+        ("integration_rate = \"10 MHz\"", "integration_rate = \"1 MHz\""),
+        ("skip = \"10 ms\"", "skip = \"3 ms\""),
+    ] {
+        assert!(text.contains(long), "{long}");
+        text = text.replace(long, short);
+    }
+    let filter = text.find("[[estimate.filter]]\nname = \"UKF\"").unwrap();
+    text.truncate(filter);
+    text += "states = { stiffness_x = { start_sd = \"1 %\" }, stiffness_y = { start_sd = \"2 %\" } }\n";
+    let drawn = [
+        ("drawn.stiffness_x", "stiffness = \"1.10e-4 N m\"", 1.10e-4),
+        ("drawn.stiffness_y", "stiffness = \"1.00e-4 N m\"", 1.00e-4),
+    ];
+    signs_are_those_of_each_device(&text, &drawn);
 }
 
 /// Filters that share what they hold as uncertain are told of the same recordings, at each point of the grid.

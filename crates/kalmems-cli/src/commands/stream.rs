@@ -246,6 +246,11 @@ fn text(summary: &StreamSummary) -> String {
         (summary.not_estimated, "samples could not be estimated"),
         (summary.noise_only, "times the signal was noise only"),
         (summary.withheld, "zero phases or crossings of noise were not told"),
+        (
+            summary.crossings_by_fallback,
+            "crossings were told by the steepest slope of the signal, which has no zero there or one that may be noise",
+        ),
+        (summary.crossings_refused, "crossings were not told, as the noise hides when they were"),
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");

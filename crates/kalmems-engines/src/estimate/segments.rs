@@ -32,6 +32,8 @@ pub struct SegmentEstimate {
     /// When an angle was passed, as the signal itself shows it of these samples or some before them, in the order in which that
     /// became known; none of a device without a threshold.
     pub crossings: Vec<Crossing>,
+    /// Crossings of which the signal tells hardly more than that there may be one, and which are not among those.
+    pub crossings_refused: usize,
     /// Whether the signal is the same for the mirrored motion, so that the experiment states its sign.
     pub sign_is_hidden: bool,
     /// What a reader of the figures has to know and cannot see from them, in sentences.
@@ -49,6 +51,8 @@ pub struct Crossing {
     pub time_s: f64,
     /// The standard deviation of that, in s.
     pub sd_s: f64,
+    /// Whether the signal shows it by its steepest slope and not by passing its offset.
+    pub is_fallback: bool,
 }
 
 /// One axis of several.
@@ -173,6 +177,7 @@ impl SignalSegment<'_> {
             skip_s: self.skip_s,
             parts: 1,
             crossings: Vec::new(),
+            crossings_refused: 0,
             sign_is_hidden: false,
             remarks: Vec::new(),
             trajectories,

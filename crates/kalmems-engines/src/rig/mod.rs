@@ -177,6 +177,23 @@ pub trait Rig: Send + Sync {
         Ok((estimates, judge.finish()?))
     }
 
+    /// For each angle of [`angles`](Self::angles), the time in s, on the recording's clock, from which on the first turning point in
+    /// the first segment has the sign that the experiment states (`estimate.first_peak`, `estimate.first_peak_y`).
+    ///
+    /// Empty for a device whose signal tells the sign of its motion.
+    ///
+    /// # Errors
+    /// Those of an estimate of the recording.
+    fn signs_from_s(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+    ) -> Result<Vec<f64>, EstimateError> {
+        let _ = (experiment, index, recording);
+        Ok(Vec::new())
+    }
+
     /// What can be said of the device and its drive before anything is recorded.
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError>;
 

@@ -217,7 +217,7 @@ pub fn crossings(settings: &Settings, decay: &Decay, signal: &[f64]) -> Option<V
         noise_variance: device.noise_variance,
         offset: device.readout.offset,
         comb: device.readout.comb,
-        passes_hz: 2.0 * device.natural_hz(),
+        resonator: device.mirror.resonator,
     };
     find_crossings(rows, sought, settings.crossings.as_ref()?).ok()
 }

@@ -57,6 +57,7 @@ fn moved(crossing: &Crossing, sample: usize) -> Crossing {
         sample: moved(crossing.sample),
         parabola: moved(crossing.parabola),
         zero: crossing.zero.map(moved),
+        fallback: crossing.fallback.map(moved),
         index: sample,
         known_at: crossing.known_at - crossing.index + sample,
     }

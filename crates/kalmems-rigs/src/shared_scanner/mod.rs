@@ -34,7 +34,7 @@ use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::Layout;
+use crate::recording::{Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -134,6 +134,20 @@ impl Rig for SharedScannerRig {
         let columns = columns(experiment, index)?;
         let beside = beside::of(experiment, &settings)?;
         Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+    }
+
+    fn signs_from_s(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+    ) -> Result<Vec<f64>, EstimateError> {
+        let skip_s = Settings::of(experiment)?.skip_s;
+        let Some(first) = recording.segments().first() else { return Ok(Vec::new()) };
+        let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
+        let part = Part::whole(recording, first);
+        let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), skip_s, &mut past)?;
+        Ok(vec![DrivenSegment::of(&segment, drive, &mut past)?.first_drive_peak(skip_s)])
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

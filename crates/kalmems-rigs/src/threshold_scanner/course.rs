@@ -159,7 +159,7 @@ fn told(
     // A time that rounding puts behind a sample is that sample's.
     let sample_at = |time_s: f64| data.time_s.partition_point(|t| *t < time_s - 1e-6 * data.interval_s);
     let taken = crossing.at(threshold.map_or(Timing::default(), |threshold| threshold.timing))?;
-    let judged = crossing.at(Timing::default()).unwrap_or(taken);
+    let judged = crossing.at(Timing::default()).or(crossing.fallback).unwrap_or(taken);
     let sample = match threshold.map(|threshold| (threshold.applied, threshold.lag_s)) {
         None | Some((Applied::Late, None)) => crossing.known_at.checked_sub(first)?,
         Some((Applied::Late, Some(lag_s))) => sample_at(taken.time_s + lag_s),

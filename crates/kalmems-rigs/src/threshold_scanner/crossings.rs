@@ -14,6 +14,9 @@ pub struct Crossing {
     pub parabola: Instant,
     /// At the zero of the smoothed signal, where it has one there.
     pub zero: Option<Instant>,
+    /// The mean of its time given what was recorded, with all of its variance, where there is no zero, or noise has slopes as steep as
+    /// that beside it.
+    pub fallback: Option<Instant>,
     /// The sample of the steepest slope, counted from the first of the segment.
     pub index: usize,
     /// The sample at which a detector that runs with the signal knows of it, likewise.
@@ -43,14 +46,14 @@ impl Crossing {
         }
     }
 
-    /// When it was, as well as is known.
+    /// When it was, as well as is known, whatever the signal is like around it.
     pub fn best(&self) -> Instant {
-        self.zero.unwrap_or(self.parabola)
+        self.fallback.or(self.zero).unwrap_or(self.parabola)
     }
 }
 
 /// The numbers of a crossing.
-pub const NUMBERS: usize = 14;
+pub const NUMBERS: usize = 18;
 
 impl Crossing {
     /// It in numbers, for another run.
@@ -58,7 +61,8 @@ impl Crossing {
         let nowhere = Instant { time_s: f64::NAN, ..self.sample };
         let mut numbers = [self.index as f64; NUMBERS];
         numbers[1] = self.known_at as f64;
-        let instants = [self.sample, self.parabola, self.zero.unwrap_or(nowhere)];
+        let [zero, fallback] = [self.zero, self.fallback].map(|instant| instant.unwrap_or(nowhere));
+        let instants = [self.sample, self.parabola, zero, fallback];
         for (place, instant) in numbers[2..].chunks_exact_mut(4).zip(instants) {
             let Instant { time_s, sd_s, angle_variance, volts_per_s } = instant;
             place.copy_from_slice(&[time_s, sd_s, angle_variance, volts_per_s]);
@@ -76,8 +80,9 @@ impl Crossing {
             angle_variance: numbers[from + 2],
             volts_per_s: numbers[from + 3],
         };
-        let zero = Some(instant(10)).filter(|zero| zero.time_s.is_finite());
-        Self { sample: instant(2), parabola: instant(6), zero, index, known_at }
+        let [zero, fallback] =
+            [10, 14].map(|from| Some(instant(from)).filter(|instant| instant.time_s.is_finite()));
+        Self { sample: instant(2), parabola: instant(6), zero, fallback, index, known_at }
     }
 }
 

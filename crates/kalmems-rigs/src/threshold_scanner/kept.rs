@@ -82,7 +82,7 @@ impl Kept {
             noise_variance: hardware.noise_variance,
             offset: hardware.readout.offset,
             comb: hardware.readout.comb,
-            passes_hz: 2.0 * hardware.natural_hz(),
+            resonator: hardware.mirror.resonator,
         };
         let search = settings.detector().map(|detector| Search::new(sought, &detector)).transpose()?;
         Ok(Self { search, crossings: Vec::new(), rows: 0, interval_s })

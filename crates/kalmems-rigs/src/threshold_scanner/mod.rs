@@ -9,11 +9,13 @@ mod crossings;
 pub mod device;
 mod expanded;
 mod export;
+mod fallback;
 mod filters;
 mod hardware;
 pub mod identification;
 mod kept;
 mod kernel;
+mod line;
 mod lock_in;
 mod plant;
 mod search;
@@ -219,7 +221,9 @@ impl Estimator for ThresholdEstimator<'_> {
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
         let new = found.map_or(0, |(count, _)| count);
-        estimate.crossings = told(&crossings[crossings.len().saturating_sub(new)..], settings.judged_angle());
+        let new = &crossings[crossings.len().saturating_sub(new)..];
+        (estimate.crossings, estimate.crossings_refused) =
+            told(new, settings.judged_angle(), 2.0 * settings.hardware.natural_hz());
         if is_whole {
             estimate.parts = settings.parts;
         } else if settings.parts > 1 {
@@ -237,14 +241,22 @@ impl Estimator for ThresholdEstimator<'_> {
     }
 }
 
-/// Crossings as they are told beside what the filters say.
-fn told(crossings: &[Crossing], angle: f64) -> Vec<estimate::Crossing> {
+/// Crossings as they are told beside what the filters say, and how many are not told, as their time is hardly better known than
+/// that of any crossing.
+fn told(crossings: &[Crossing], angle: f64, passes_hz: f64) -> (Vec<estimate::Crossing>, usize) {
+    let largest_s = LARGEST_SHARE * 0.5 / passes_hz / 3.0_f64.sqrt();
     let told = |crossing: &Crossing| {
         let Instant { time_s, sd_s, .. } = crossing.best();
-        estimate::Crossing { angle, time_s, sd_s }
+        estimate::Crossing { angle, time_s, sd_s, is_fallback: crossing.fallback.is_some() }
     };
-    crossings.iter().map(told).collect()
+    let (told, refused): (Vec<_>, Vec<_>) =
+        crossings.iter().map(told).partition(|crossing| !crossing.is_fallback || crossing.sd_s <= largest_s);
+    (told, refused.len())
 }
+
+/// The largest standard deviation of a crossing that is told without a zero, as a part of that of a time of which nothing is known
+/// but that it is the nearest crossing: half of the time between two, over √3.
+const LARGEST_SHARE: f64 = 0.5;
 
 /// Cycles of the motion that have to follow the settling time.
 const CYCLES: f64 = 10.0;

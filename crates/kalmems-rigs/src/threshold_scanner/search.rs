@@ -1,11 +1,14 @@
 //! The search for crossings while the rows of a segment come.
 
 use super::crossings::{Crossing, Instant};
+use super::fallback::{Fallback, Place};
 use super::kernel::{Kernel, Window, kernel};
+use super::line::Line;
 use super::settings::{Acceptance, DetectorSettings};
 use crate::signal::GAP;
 use kalmems_core::detect::{DetectError, Hold, Peak, Threshold, angle_variance, peaks};
 use kalmems_models::capacitance::CombCurve;
+use kalmems_models::dynamics::MirrorResonator;
 
 /// What is known of a signal in which crossings are looked for.
 #[derive(Clone, Copy, Debug)]
@@ -18,8 +21,14 @@ pub struct Sought {
     pub offset: f64,
     /// The comb that makes it.
     pub comb: CombCurve<f64>,
-    /// How often the threshold is passed while the device moves, per s.
-    pub passes_hz: f64,
+    /// The free motion of the mirror.
+    pub resonator: MirrorResonator<f64>,
+}
+
+impl Sought {
+    fn line(&self) -> Line {
+        Line { resonator: self.resonator, comb: self.comb, interval_s: self.interval_s }
+    }
 }
 
 /// Rows of a signal.
@@ -66,6 +75,7 @@ pub struct Search {
     sought: Sought,
     kernel: Box<dyn Kernel + Send>,
     window: Window,
+    fallback: Fallback,
     threshold: Threshold<f64>,
     /// The standard deviation of the response to noise.
     deviation: f64,
@@ -115,7 +125,7 @@ impl Search {
             Acceptance::Deviations(deviations) => Threshold::fixed(deviations * deviation),
             Acceptance::FalseAlarms { per_s, keep } => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
-                let samples = (2.0 / (sought.passes_hz * sought.interval_s)) as u32;
+                let samples = (2.0 / (sought.line().passes_hz() * sought.interval_s)) as u32;
                 let hold = keep.map(|deviations| Hold { deviations, samples });
                 kernel.threshold(noise, per_s * sought.interval_s, window.reach, hold)?
             }
@@ -123,10 +133,12 @@ impl Search {
         if sought.comb.steepest() < 0.0 {
             kernel.falling();
         }
+        let fallback = Fallback::new(sought.line(), (window, width), (sought.noise_variance, deviation));
         Ok(Self {
             sought,
             kernel,
             window,
+            fallback,
             threshold,
             deviation,
             rows: 0,
@@ -249,26 +261,22 @@ impl Search {
     /// The crossing at a maximum.
     fn crossing(&mut self, peak: &Peak<f64>, rows: &Rows) -> Crossing {
         let Sought { interval_s, noise_variance, comb, .. } = self.sought;
-        let steepest = comb.steepest();
+        let (line, sign) = (self.sought.line(), comb.steepest().signum());
         #[allow(clippy::cast_possible_truncation)] // an index of the signal
         let index = peak.index as usize;
         let offset = self.offset.at(rows, self.decided, index);
         let here_s = rows.time_s.get(index - rows.first).copied().unwrap_or(f64::NAN);
-        let instant = |after: f64, slope: f64, variance: f64| {
-            // y′ = h′·ω² where h is 0.
-            let rate = (slope / interval_s / steepest).abs().sqrt();
-            Instant {
-                time_s: here_s + after * interval_s,
-                sd_s: variance.sqrt() * interval_s,
-                angle_variance: angle_variance(variance, rate, interval_s),
-                volts_per_s: slope * steepest.signum() / interval_s,
-            }
+        let instant = |after: f64, slope: f64, variance: f64| Instant {
+            time_s: here_s + after * interval_s,
+            sd_s: variance.sqrt() * interval_s,
+            angle_variance: angle_variance(variance, line.rate(slope), interval_s),
+            volts_per_s: slope * sign / interval_s,
         };
         let jitter = self.kernel.timing_variance(noise_variance, peak.curvature);
         let known_at = index + self.window.look_ahead();
-        let from = index.saturating_sub(2 * self.window.fit).max(rows.first);
         // As far as the samples follow each other.
-        let (mut from, mut until) = (from, known_at + 1);
+        let reach = self.window.look_ahead().max(2 * self.window.fit);
+        let (mut from, mut until) = (index.saturating_sub(reach).max(rows.first), known_at + 1);
         for behind in rows.behind_gaps(from, until, interval_s) {
             if behind <= index {
                 from = behind;
@@ -277,10 +285,17 @@ impl Search {
             }
         }
         let near = rows.volts(from, until);
-        let zero = self.kernel.crossing(near, index - from, offset, noise_variance);
+        let fitted_from = from.max(index.saturating_sub(2 * self.window.fit));
+        let fitted = rows.volts(fitted_from, until);
+        let zero = self.kernel.crossing(fitted, index - fitted_from, offset, noise_variance);
+        let kernel = &*self.kernel;
+        let is_told = zero.is_some() && self.fallback.is_clear(kernel, peak.height);
+        let fallback = (!is_told).then(|| self.fallback.place(kernel, peak, near, index - from));
         Crossing {
             sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
             parabola: instant(peak.fraction, peak.height, jitter),
+            fallback: fallback
+                .map(|Place { displacement, variance, slope }| instant(displacement, slope, variance)),
             zero: zero.map(|zero| instant(zero.displacement, zero.slope, zero.timing_variance)),
             index,
             known_at,
@@ -344,6 +359,7 @@ mod tests {
 
     const RATE: f64 = 3924.5;
     const NOISE: f64 = 0.0435;
+    const DECAY: f64 = 26.0;
 
     fn sought() -> Sought {
         let comb = CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
@@ -352,7 +368,7 @@ mod tests {
             noise_variance: NOISE * NOISE,
             offset: 0.0,
             comb,
-            passes_hz: RATE / std::f64::consts::PI,
+            resonator: MirrorResonator { natural_rate: RATE, damping_ratio: DECAY / RATE },
         }
     }
 
@@ -363,7 +379,7 @@ mod tests {
         let time_s: Vec<f64> = (0..40_000).map(|k| f64::from(k) * interval_s).collect();
         let volts = |t: &f64| {
             let (sine, cosine) = (RATE * t).sin_cos();
-            let amplitude = 0.15 * (-26.0 * t).exp();
+            let amplitude = 0.15 * (-DECAY * t).exp();
             comb.sensitivity(amplitude * sine) * amplitude * RATE * cosine + 0.01 + NOISE * white.sample()
         };
         let mut volts: Vec<f64> = time_s.iter().map(volts).collect();
@@ -382,7 +398,7 @@ mod tests {
     fn a_detector_in_constant_memory_finds_the_same_at_the_same_sample() {
         type Stream = Detector<f64, 60, 150, 400>;
         let (time_s, volts) = decay();
-        let Sought { interval_s, noise_variance, passes_hz, .. } = sought();
+        let Sought { interval_s, noise_variance, .. } = sought();
         for acceptance in ACCEPTANCES {
             let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
             let rows = Rows { time_s: &time_s, volts: &volts, first: 0 };
@@ -392,7 +408,7 @@ mod tests {
                 Acceptance::Deviations(sds) => Threshold::fixed(sds * kernel.noise_deviation(NOISE)),
                 Acceptance::FalseAlarms { per_s, keep } => {
                     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some hundreds
-                    let samples = (2.0 / (passes_hz * interval_s)) as u32;
+                    let samples = (2.0 / (sought().line().passes_hz() * interval_s)) as u32;
                     let hold = keep.map(|deviations| Hold { deviations, samples });
                     Threshold::for_false_alarms(&kernel, NOISE, per_s * interval_s, 150, hold).unwrap()
                 }

@@ -1,11 +1,9 @@
 //! Whether a signal is that of the comb.
 
+use super::fallback::LOUD;
 use super::search::Tally;
 use crate::estimate::{EstimateError, SignalSegment};
 use crate::recording::{Finding, FindingKind};
-
-/// A response, in standard deviations of that to noise, that noise does not reach in a year.
-const LOUD: f64 = 8.0;
 
 /// How many times as steep as its rises a signal must fall to be taken for reversed.
 const SIGN_RATIO: f64 = 1.5;

@@ -29,6 +29,9 @@ pub enum Event {
         time_s: f64,
         /// The standard deviation of that, in s.
         sd_s: f64,
+        /// Whether the signal shows it by its steepest slope and not by passing its offset; left out where it is not so.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        fallback: bool,
     },
     /// An angle will pass zero.
     ZeroPhaseAhead {
@@ -80,8 +83,8 @@ impl Event {
 
 impl From<&Crossing> for Event {
     fn from(crossing: &Crossing) -> Self {
-        let Crossing { angle, time_s, sd_s } = *crossing;
-        Self::Crossing { threshold_rad: angle, time_s, sd_s }
+        let Crossing { angle, time_s, sd_s, is_fallback } = *crossing;
+        Self::Crossing { threshold_rad: angle, time_s, sd_s, fallback: is_fallback }
     }
 }
 

@@ -120,6 +120,8 @@ impl<'a> Live<'a> {
             events: 0,
             noise_only: 0,
             withheld: 0,
+            crossings_by_fallback: 0,
+            crossings_refused: 0,
             ahead: None,
             broken: None,
             interrupted: false,
@@ -405,6 +407,10 @@ impl<'a> Live<'a> {
         }
         let mut crossings: Vec<Event> = estimate.crossings.iter().map(Event::from).collect();
         self.withhold(&mut crossings, is_noise);
+        let by_fallback =
+            crossings.iter().filter(|event| matches!(event, Event::Crossing { fallback: true, .. }));
+        self.summary.crossings_by_fallback += by_fallback.count() as u64;
+        self.summary.crossings_refused += estimate.crossings_refused as u64;
         self.summary.events += crossings.len() as u64;
         self.writer.events(None, &crossings)?;
         let (over, angles) = (self.settings.over, self.settings.rig.angles());

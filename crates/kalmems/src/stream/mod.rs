@@ -117,6 +117,12 @@ pub struct StreamSummary {
     pub noise_only: u64,
     /// Zero phases and crossings that were not told while it was.
     pub withheld: u64,
+    /// Crossings of a threshold that were told by the steepest slope of the signal, as it has no zero there, or one that may be noise.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings_by_fallback: u64,
+    /// Crossings that were not told, because their times are hardly known.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub crossings_refused: u64,
     /// How zero phases were told before they happened, where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ahead: Option<AheadSummary>,
@@ -127,6 +133,12 @@ pub struct StreamSummary {
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
     pub latency: Histogram,
+}
+
+/// Whether a count is left out.
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde's own form
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// How zero phases were told before they happened.

@@ -1,6 +1,6 @@
 //! Runs what is not finished yet, on several threads, and keeps each run as it comes.
 
-use super::calibration::{Drawn, Judged, judged};
+use super::calibration::{Drawn, Judged, judged, state_signs};
 use super::error::RunError;
 use super::journal::{Finished, Header, Journal, Runs};
 use super::plan::Ready;
@@ -150,10 +150,13 @@ impl Plan {
     fn outcome(&self, index: u64, progress: &dyn Progress) -> Result<(Vec<Row>, Vec<Judged>), RunError> {
         let (ready, drawn) = self.ready(&self.run(index))?;
         let outcome = match ready {
-            Ready::Simulated(simulation, told) => {
+            Ready::Simulated(simulation, mut told) => {
                 let simulated = Unwritten::of(&*simulation, progress)?;
                 // From here on there is nothing of the device but what a file of it would hold.
                 drop(simulation);
+                if self.calibration.is_some() {
+                    state_signs(&self.workbench, &mut told, &simulated)?;
+                }
                 workflow::estimate_unwritten(&self.workbench, &told, &simulated, progress)?
             }
             Ready::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,

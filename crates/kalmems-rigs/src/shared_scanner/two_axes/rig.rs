@@ -10,7 +10,7 @@ use crate::estimate::{Around, Axis, EstimateError, Parameter, Part, Past, Segmen
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::Layout;
+use crate::recording::{Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
@@ -77,6 +77,22 @@ impl Rig for TwoAxesRig {
         let settings = Settings::of(experiment)?;
         let columns = columns(experiment, index)?;
         Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), progress }))
+    }
+
+    fn signs_from_s(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &Recording,
+    ) -> Result<Vec<f64>, EstimateError> {
+        let settings = Settings::of(experiment)?;
+        let Some(first) = recording.segments().first() else { return Ok(Vec::new()) };
+        let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
+        let part = Part::whole(recording, first);
+        let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), settings.skip_s, &mut past)?;
+        let data = DrivenSegment::of(&segment, drive, &mut past)?;
+        let tones = first_tones(&settings, &data, &mut past, &segment.place)?.tones;
+        Ok(tones.map(|tone| tone.peak_after(data.scored_from(settings.skip_s))).to_vec())
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
