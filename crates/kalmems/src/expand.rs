@@ -1,6 +1,6 @@
 //! An experiment with its device written out as equations, to be changed by the reader.
 
-use crate::config::{ConfigError, Experiment, Fault, Key};
+use crate::config::{ConfigError, Experiment, Fault, Key, Role};
 use crate::rigs::{Expansion, Workbench};
 use toml::{Table, Value};
 
@@ -28,7 +28,10 @@ const OF_DEVICE: [&str; 2] = ["identify", "stream"];
 ///
 /// A device that is not written as equations, and an experiment that is none any more with them.
 pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded, ConfigError> {
-    let expansion = workbench.rig(experiment)?.expanded(experiment)?;
+    let rig = workbench.rig(experiment)?;
+    let expansion = rig.expanded(experiment)?;
+    // What its rig estimates is to be estimated here; of an experiment without filters that is nothing.
+    let wanted = rig.wanted(experiment).unwrap_or_default();
     let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
     let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
     let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
@@ -41,7 +44,7 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
             ));
         }
     }
-    rename_channels(&mut document, &expansion);
+    recordings(&mut document, &wanted);
     estimate(&mut document, &expansion, &mut notes);
     keep_filters_that_run(workbench, experiment, &document, &expansion).map(|(document, left_out)| {
         notes.extend(left_out);
@@ -60,15 +63,13 @@ fn written(document: &Table, expansion: &Expansion, notes: &[String]) -> String 
     format!("{says}{}{}\n{}", of(&head), expansion.text, of(&rest))
 }
 
-fn rename_channels(document: &mut Table, expansion: &Expansion) {
+/// Leaves the recordings that are estimated, whatever the rig took them for.
+fn recordings(document: &mut Table, wanted: &[usize]) {
     let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
-    for channels in recordings.iter_mut().filter_map(|recording| recording.get_mut("channels")) {
-        let Value::Table(channels) = channels else { continue };
-        for (old, new) in &expansion.channels {
-            if let Some(column) = channels.remove(old) {
-                channels.insert(new.clone(), column);
-            }
-        }
+    let mut place = 0..;
+    recordings.retain(|_| place.next().is_some_and(|place| wanted.contains(&place)));
+    for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
+        recording.insert("role".to_owned(), Value::String(Role::Test.key().to_owned()));
     }
 }
 
@@ -81,17 +82,6 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
         for filter in filters.iter_mut().filter_map(Value::as_table_mut) {
             removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
             rename_noise(filter, expansion);
-            if filter.get("start").is_some_and(Value::is_str) {
-                filter.remove("start");
-                removed.push("start");
-            }
-            if let Some(Value::Table(states)) = filter.get_mut("states") {
-                for (old, new) in &expansion.parameters {
-                    if let Some(state) = states.remove(*old) {
-                        states.insert((*new).to_owned(), state);
-                    }
-                }
-            }
         }
     }
     removed.sort_unstable();
@@ -128,7 +118,7 @@ fn keep_filters_that_run(
         }
         document
     };
-    let (mut kept, mut left_out, mut last) = (Vec::new(), Vec::new(), None);
+    let (mut kept, mut left_out) = (Vec::new(), Vec::new());
     for filter in filters {
         let name = filter.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
         let text = written(&with(vec![filter.clone()]), expansion, &[]);
@@ -139,16 +129,18 @@ fn keep_filters_that_run(
         match runs {
             Ok(()) => kept.push(filter),
             Err(error) => {
-                left_out.push(format!(
-                    "The filter `{name}` was left out: {}.",
-                    error.fault.to_string().replace('\n', " ")
-                ));
-                last = Some(error);
+                let why = error.fault.to_string().replace('\n', " ");
+                left_out
+                    .push(format!("The filter `{name}` was left out: `{}`: {why}.", error.place.key.last()));
             }
         }
     }
-    match last {
-        Some(error) if kept.is_empty() => Err(error),
-        _ => Ok((with(kept), left_out)),
+    if !kept.is_empty() {
+        return Ok((with(kept), left_out));
     }
+    // An estimate without filters is none; the device is what is asked for.
+    let mut without = document.clone();
+    without.remove("estimate");
+    left_out.push("The table `[estimate]` was left out: none of its filters is left.".to_owned());
+    Ok((without, left_out))
 }

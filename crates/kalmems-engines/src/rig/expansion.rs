@@ -4,17 +4,13 @@ use std::fmt::Write as _;
 
 /// The table `[device.equations]` that says what a rig's device table says, for a reader to change.
 ///
-/// States, inputs and measurements keep the names that they have in the experiment, where nothing else is said.
+/// States, inputs, measurements and the parameters that filters have as states keep the names that they have in the experiment.
 #[derive(Clone, Debug, Default)]
 pub struct Expansion {
     /// Its tables as TOML, each with its header.
     pub text: String,
     /// Keys of a process noise, and the states whose rates it is the noise of.
     pub noise: Vec<(&'static str, &'static str)>,
-    /// Channels of a recording, and what they are called in the equations, where that is something else.
-    pub channels: Vec<(String, String)>,
-    /// Parameters that filters may have as states, and what they are called in the equations, where that is something else.
-    pub parameters: Vec<(&'static str, &'static str)>,
     /// What the rig has and the equations have not, in sentences.
     pub notes: Vec<String>,
 }
