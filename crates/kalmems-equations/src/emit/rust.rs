@@ -15,6 +15,14 @@ use std::fmt::Write as _;
 /// Functions that Rust without `std` does not have.
 const FUNCTIONS: &str = include_str!("functions.rs");
 
+/// A choice between two values.
+const CHOICE: &str = "
+#[inline(always)]
+fn choice(smaller: f32, larger: f32, then: f32, otherwise: f32) -> f32 {
+    if smaller < larger { then } else { otherwise }
+}
+";
+
 /// Numbers of 32 or, where parameters are taken, of 64 bits.
 struct Rust {
     wide: bool,
@@ -56,7 +64,7 @@ impl Syntax for Rust {
     }
 
     fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
-        format!("(if {a} < {b} {{ {c} }} else {{ {d} }})")
+        format!("choice({a}, {b}, {c}, {d})")
     }
 
     fn stage(&self, output: &str, arguments: &[String]) -> String {
@@ -121,6 +129,9 @@ pub(super) fn files(
         text,
         "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n{field}}}\n"
     );
+    if program.routines().iter().any(|routine| routine.counts()[4] > 0) {
+        text += CHOICE;
+    }
     text += &functions(device, &called)?;
     if let Some(stage) = &program.stage {
         let written = stage.written(&Rust { wide: false })?;

@@ -89,8 +89,10 @@ impl<const N: usize> NumericProcess<f64, N> for Process<'_, N> {
     }
 }
 
+/// In standard deviations of its noise, since the library's filter refuses variances such as 1e-34 F².
 struct Sensor<'a> {
     readout: Readout,
+    sd: f64,
     work: RefCell<Work>,
     inputs: &'a [f64],
 }
@@ -103,7 +105,7 @@ impl<const N: usize> NumericMeasurement<f64, N, 1> for Sensor<'_> {
     fn linearized(&self, x: &[f64; N]) -> ([f64; 1], Mat<f64, 1, N>) {
         let mut slopes = [0.0; N];
         let value = self.readout.linearize(&mut self.work.borrow_mut(), x, self.inputs, &mut slopes);
-        ([value], Mat([slopes]))
+        ([value / self.sd], Mat([slopes.map(|slope| slope / self.sd)]))
     }
 }
 
@@ -142,21 +144,23 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
     let variances: Vec<f64> = request.free.iter().map(|free| free.start_sd.powi(2)).collect();
     let start = covariance(&request.start_covariance, count, &variances);
     let mut filter = Ekf::<f64, N>::new(mean.try_into().unwrap(), start);
-    let mut sensors: Vec<(Sensor<'_>, f64)> = request
+    let mut sensors: Vec<Sensor<'_>> = request
         .measures
         .iter()
         .map(|measure| {
             let readout = device.readout(measure.measure, &free).unwrap();
             let work = RefCell::new(readout.work(&request.parameters));
-            (Sensor { readout, work, inputs: &[] }, measure.variance)
+            Sensor { readout, work, inputs: &[], sd: measure.variance.sqrt() }
         })
         .collect();
     let mut states = Vec::with_capacity(samples.len());
     for (k, sample) in samples.iter().enumerate() {
         filter.predict(&process, &k).unwrap();
-        for ((sensor, variance), seen) in sensors.iter_mut().zip(&sample.measured) {
+        for (sensor, seen) in sensors.iter_mut().zip(&sample.measured) {
             sensor.inputs = &sample.inputs[2];
-            filter.update(sensor, &[*seen], &Covariance::from_variances([*variance])).unwrap();
+            let seen = [seen / sensor.sd];
+            let updated = filter.update(sensor, &seen, &Covariance::from_variances([1.0]));
+            updated.unwrap_or_else(|error| panic!("{}, sample {k}: {error}", request.name));
         }
         states.push(filter.mean().to_vec());
     }
