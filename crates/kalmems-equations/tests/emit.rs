@@ -184,3 +184,12 @@ fn build_rust(folder: &Path, cases: &[Case], all: &[(usize, EmitRequest, Vec<Tes
         &[edition, "-Copt-level=1", "--extern", "filters=libfilters.rlib", "program.rs"],
     );
 }
+
+/// Writes the C of one filter into the folder of another test, to look at it.
+#[test]
+fn look() {
+    let case = &cases()[0];
+    let request = case.variant(StepMethod::Euler, false);
+    let emitted = case.device.emit(&request, EmitLanguage::C).unwrap();
+    write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("emit").join(&request.name), &emitted.files);
+}

@@ -15,6 +15,34 @@ use std::fmt::Write as _;
 /// Functions that `math.h` does not have.
 const FUNCTIONS: &str = include_str!("functions.c");
 
+/// What a compiler is told: on a small processor calls and two roundings cost more than they are worth.
+const MACROS: &str = "
+#ifdef __FAST_MATH__
+#error \"gaps and refusals are seen by what is not a number: compile without -ffast-math\"
+#endif
+
+/* a*b + c, rounded once on a processor of Arm that has an instruction for it. */
+#ifdef __ARM_FEATURE_FMA
+#if defined(__clang__)
+#if __has_builtin(__builtin_elementwise_fma)
+#define FUSED(a, b, c) __builtin_elementwise_fma((a), (b), (c))
+#endif
+#elif defined(__GNUC__)
+#define FUSED(a, b, c) __builtin_fmaf((a), (b), (c))
+#endif
+#endif
+#ifndef FUSED
+#define FUSED(a, b, c) ((a) * (b) + (c))
+#endif
+
+/* Within a step nothing is called, so that the state stays in registers. */
+#ifdef __GNUC__
+#define WITHIN static inline __attribute__((always_inline))
+#else
+#define WITHIN static
+#endif
+";
+
 /// Numbers of 32 or, where parameters are taken, of 64 bits.
 struct C {
     wide: bool,
@@ -60,6 +88,10 @@ impl Syntax for C {
 
     fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
         format!("({a} < {b} ? {c} : {d})")
+    }
+
+    fn fused(&self, a: &str, b: &str, c: &str) -> Option<String> {
+        (!self.wide).then(|| format!("FUSED({a}, {b}, {c})"))
     }
 
     fn stage(&self, output: &str, arguments: &[String]) -> String {
@@ -202,7 +234,7 @@ fn source(
     if called.iter().any(|called| *called != Called::FallingExp) {
         text += "#include <math.h>\n";
     }
-    text += "\n#ifdef __FAST_MATH__\n#error \"gaps and refusals are seen by what is not a number: compile without -ffast-math\"\n#endif\n";
+    text += MACROS;
     text += &functions;
     text += &scales(request, program)?;
     if let Some(stage) = &program.stage {
@@ -225,7 +257,7 @@ fn source(
             let more: String =
                 inputs.iter().chain(measured).map(|input| format!(", float {input}")).collect();
             let kind = if written.variance.is_some() { "int" } else { "void" };
-            let _ = write!(text, "\nstatic {kind} {of}({name}_state_t *state{constants}{more})\n{{\n");
+            let _ = write!(text, "\nWITHIN {kind} {of}({name}_state_t *state{constants}{more})\n{{\n");
             for (local, array, place) in interface.loads(routine, program) {
                 let _ = writeln!(
                     text,
@@ -309,7 +341,7 @@ fn finish(
         .collect();
     let _ = write!(
         text,
-        "\n/* Takes over a state where all its numbers are finite. */\nstatic int take({name}_t *filter, const {name}_state_t *state)\n{{\n    \
+        "\n/* Takes over a state where all its numbers are finite. */\nWITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    \
          const float sum = {};\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    filter->state = *state;\n    return 1;\n}}\n",
         arrays.join("\n                      + ")
     );

@@ -1,6 +1,6 @@
 /* --- FALLING_EXP */
 /* e^x for x <= 0: x = n ln 2 + r, a polynomial in r, and n added to the exponent. */
-static float falling_exp(float x)
+WITHIN float falling_exp(float x)
 {
     union { float value; uint32_t bits; } result, count;
     float n, high, low, r, square, tail;
@@ -8,15 +8,15 @@ static float falling_exp(float x)
         /* Below 2e-28, and not a number of what is none. */
         return x <= -64.0F ? 0.0F : x;
     }
-    count.value = 12582912.0F + x * 1.44269504F;
+    count.value = FUSED(x, 1.44269504F, 12582912.0F);
     n = count.value - 12582912.0F;
-    high = x - n * 0.693145752F;
+    high = FUSED(-n, 0.693145752F, x);
     low = n * -1.42860677e-06F;
     r = high + low;
     square = r * r;
-    tail = (0.00138145813F * square + 0.041668389F) * square + 0.49999994F;
-    tail = tail + (0.00836872775F * square + 0.166665211F) * r;
-    result.value = 1.0F + (high + (low + square * tail));
+    tail = FUSED(FUSED(0.00138145813F, square, 0.041668389F), square, 0.49999994F);
+    tail = FUSED(FUSED(0.00836872775F, square, 0.166665211F), r, tail);
+    result.value = 1.0F + (high + FUSED(square, tail, low));
     result.bits += count.bits << 23;
     return result.value;
 }

@@ -388,5 +388,8 @@ pub(super) fn cost(model: &mut Model) -> usize {
     let (mut tape, mut given) = (Tape::default(), Given::new("c", Rarity::Constant));
     let name = |variable: Variable| Operand::Name(format!("{variable:?}"));
     let ids = lower(&mut model.graph, (&mut tape, &mut given), &roots, model.moving, &name);
-    tape.cost(&ids)
+    // A constant derivative that is not one multiplies the covariance from either side.
+    let constants =
+        ids.iter().filter(|id| tape.number(**id).is_some_and(|number| number != 0.0 && number.abs() != 1.0));
+    tape.cost(&ids) + constants.count() * 2 * model.size
 }

@@ -44,6 +44,8 @@ pub(super) trait Syntax {
     fn call(&self, called: Called, at: &str) -> String;
     /// The third where the first is below the second, the fourth elsewhere.
     fn choice(&self, parts: [&str; 4]) -> String;
+    /// a·b + c, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
+    fn fused(&self, a: &str, b: &str, c: &str) -> Option<String>;
     /// A stage's call into an array.
     fn stage(&self, output: &str, arguments: &[String]) -> String;
 }
@@ -177,7 +179,37 @@ impl Writer<'_> {
         Ok(())
     }
 
+    /// The factors of a product that stands in one sum alone and has no name.
+    fn factors(&self, id: Id) -> Option<[String; 2]> {
+        match self.tape.op(id) {
+            Op::Multiply(a, b) if self.texts.get(&id).is_some_and(|(_, binding)| *binding == 2) => {
+                Some([self.text(a, 3), self.text(b, 3)])
+            }
+            _ => None,
+        }
+    }
+
+    /// A sum with a product in it, where the language can round that once.
+    fn fused(&self, op: Op) -> Option<String> {
+        match op {
+            Op::Add(a, b) => match (self.factors(b), self.factors(a)) {
+                (Some([x, y]), _) => self.syntax.fused(&x, &y, &self.text(a, 0)),
+                (None, Some([x, y])) => self.syntax.fused(&x, &y, &self.text(b, 0)),
+                (None, None) => None,
+            },
+            Op::Subtract(a, b) => match (self.factors(b), self.factors(a)) {
+                (Some([x, y]), _) => self.syntax.fused(&format!("-{x}"), &y, &self.text(a, 0)),
+                (None, Some([x, y])) => self.syntax.fused(&x, &y, &format!("-{}", self.text(b, 3))),
+                (None, None) => None,
+            },
+            _ => None,
+        }
+    }
+
     fn expression(&self, id: Id) -> Result<(String, u8), EmitError> {
+        if let Some(fused) = self.fused(self.tape.op(id)) {
+            return Ok((fused, 3));
+        }
         let two = |sign: &str, (a, left): (Id, u8), (b, right): (Id, u8)| {
             format!("{} {sign} {}", self.text(a, left), self.text(b, right))
         };

@@ -67,6 +67,10 @@ impl Syntax for Rust {
         format!("choice({a}, {b}, {c}, {d})")
     }
 
+    fn fused(&self, _: &str, _: &str, _: &str) -> Option<String> {
+        None
+    }
+
     fn stage(&self, output: &str, arguments: &[String]) -> String {
         format!("let {output} = stage({});", arguments.join(", "))
     }

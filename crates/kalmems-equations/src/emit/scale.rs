@@ -55,19 +55,29 @@ impl Units {
         }
         let mut fewest = cost(&mut best.1);
         let mut trials = 0;
-        // A later state follows an earlier one, whose unit is chosen by then.
+        let fits = |units: &Self| {
+            let far = units.scale.iter().zip(&typical.scale).map(|(scale, typical)| scale / typical);
+            far.into_iter().all(|far| (1.0 / FARTHEST..FARTHEST).contains(&far))
+        };
         for state in 0..device.states().len() {
             for scale in natural(&best.1, state, best.0.scale(state)) {
-                let far = (scale / typical.scale(state)).abs();
-                if !(1.0 / FARTHEST..FARTHEST).contains(&far) || trials >= MOST_TRIALS {
-                    continue;
-                }
-                trials += 1;
                 let mut units = best.0.clone();
                 if let Some(slot) = units.scale.get_mut(state) {
                     *slot = scale;
                 }
+                if trials >= MOST_TRIALS || !fits(&units) {
+                    continue;
+                }
                 let mut model = Model::of(device, request, &units)?;
+                // States that are the rate of another one follow it, if that is better still.
+                let followed = followed(&model, &units);
+                if followed != units && fits(&followed) {
+                    let mut other = Model::of(device, request, &followed)?;
+                    if cost(&mut other) < cost(&mut model) {
+                        (units, model) = (followed, other);
+                    }
+                }
+                trials += 1;
                 let found = cost(&mut model);
                 if found < fewest {
                     (fewest, best) = (found, (units, model));
@@ -77,6 +87,28 @@ impl Units {
         let (units, model) = best;
         Ok((units, sums_chosen(model)?))
     }
+}
+
+/// Units in which a state whose rate is another state gains exactly that in each sample.
+fn followed(model: &Model, units: &Units) -> Units {
+    let mut followed = units.clone();
+    for (state, rate) in model.rates.iter().enumerate() {
+        let own = followed.scale(state) / units.scale(state);
+        let (of, coefficient) = match model.graph.node(rate.value) {
+            Node::Sum { constant, terms } if constant.get() == 0.0 && terms.len() == 1 => match terms[..] {
+                [(term, coefficient)] => (term, coefficient.get()),
+                _ => continue,
+            },
+            _ => (rate.value, 1.0),
+        };
+        if let Some(Variable::State(index)) = model.graph.as_variable(of)
+            && let Some(slot) =
+                followed.scale.get_mut(index).filter(|_| index < model.moving && index != state)
+        {
+            *slot = units.scale(index) * own / coefficient.abs();
+        }
+    }
+    followed
 }
 
 /// The units of a state in which a coefficient of it, or of a power of it, becomes one.

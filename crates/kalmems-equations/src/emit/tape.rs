@@ -133,7 +133,24 @@ impl Tape {
         self.number(id) == Some(value)
     }
 
+    /// The opposite of what is a negative number times something.
+    fn without_sign(&mut self, id: Id) -> Option<Id> {
+        match self.op(id) {
+            Op::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
+                let x = self.number(x).unwrap_or_default();
+                let x = self.literal(-x);
+                Some(self.multiply(x, y))
+            }
+            _ => None,
+        }
+    }
+
     pub(super) fn add(&mut self, a: Id, b: Id) -> Id {
+        if self.number(a).is_none_or(|a| a != 0.0)
+            && let Some(b) = self.without_sign(b)
+        {
+            return self.subtract(a, b);
+        }
         match (self.number(a), self.number(b), self.op(a), self.op(b)) {
             (Some(x), Some(y), ..) => self.literal(x + y),
             (Some(0.0), ..) => b,
@@ -149,6 +166,9 @@ impl Tape {
     }
 
     pub(super) fn subtract(&mut self, a: Id, b: Id) -> Id {
+        if let Some(b) = self.without_sign(b) {
+            return self.add(a, b);
+        }
         match (self.number(a), self.number(b), self.op(b)) {
             (Some(x), Some(y), _) => self.literal(x - y),
             (_, Some(0.0), _) => a,
@@ -175,7 +195,7 @@ impl Tape {
                 let x = self.literal(-x);
                 self.push(Op::Multiply(x, b))
             }
-            (_, Some(_), ..) => self.multiply(b, a),
+            (None, Some(_), ..) => self.multiply(b, a),
             (_, _, Op::Negative(x), _) => {
                 let product = self.multiply(x, b);
                 self.negative(product)
@@ -184,6 +204,8 @@ impl Tape {
                 let product = self.multiply(a, y);
                 self.negative(product)
             }
+            // Numbers stand first.
+            (Some(_), ..) => self.push(Op::Multiply(a, b)),
             _ => self.push(Op::Multiply(a.min(b), a.max(b))),
         }
     }
