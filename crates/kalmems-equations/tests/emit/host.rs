@@ -4,8 +4,11 @@ use kalmems_core::{Covariance, Ekf, Filter, Mat, Nodes, NumericMeasurement, Nume
 use kalmems_equations::{Device, EmitRequest, Motion, Readout, StepMethod, TestSample, Work};
 use std::cell::RefCell;
 
-/// The states behind each sample, of which the inputs and measurements are given.
-pub fn states(device: &Device, request: &EmitRequest, samples: &[TestSample]) -> Vec<Vec<f64>> {
+/// Every how many samples the events of a request are said to happen.
+pub const EVENT_EVERY: usize = 400;
+
+/// The states behind each sample, of which the inputs and measurements are given, and their standard deviations.
+pub fn states(device: &Device, request: &EmitRequest, samples: &[TestSample]) -> Vec<[Vec<f64>; 2]> {
     match request.states.len() + request.free.len() {
         2 => run::<2>(device, request, samples),
         3 => run::<3>(device, request, samples),
@@ -123,7 +126,7 @@ fn covariance<const N: usize>(states: &[f64], count: usize, behind: &[f64]) -> C
     Covariance::from_lower(Mat(std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))))
 }
 
-fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSample]) -> Vec<Vec<f64>> {
+fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSample]) -> Vec<[Vec<f64>; 2]> {
     let free: Vec<usize> = request.free.iter().map(|free| free.parameter).collect();
     let count = request.states.len();
     let motion = device.motion(&free).unwrap();
@@ -144,25 +147,36 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
     let variances: Vec<f64> = request.free.iter().map(|free| free.start_sd.powi(2)).collect();
     let start = covariance(&request.start_covariance, count, &variances);
     let mut filter = Ekf::<f64, N>::new(mean.try_into().unwrap(), start);
-    let mut sensors: Vec<Sensor<'_>> = request
-        .measures
-        .iter()
-        .map(|measure| {
-            let readout = device.readout(measure.measure, &free).unwrap();
-            let work = RefCell::new(readout.work(&request.parameters));
-            Sensor { readout, work, inputs: &[], sd: measure.variance.sqrt() }
-        })
-        .collect();
+    let sensor = |readout: Readout, variance: f64| {
+        let work = RefCell::new(readout.work(&request.parameters));
+        Sensor { readout, work, inputs: &[], sd: variance.sqrt() }
+    };
+    let measures = request.measures.iter();
+    let mut sensors: Vec<Sensor<'_>> =
+        measures.map(|m| sensor(device.readout(m.measure, &free).unwrap(), m.variance)).collect();
+    let mut events: Vec<Sensor<'_>> =
+        request.events.iter().map(|e| sensor(device.event(e.event, &free).unwrap(), e.variance)).collect();
     let mut states = Vec::with_capacity(samples.len());
     for (k, sample) in samples.iter().enumerate() {
         filter.predict(&process, &k).unwrap();
         for (sensor, seen) in sensors.iter_mut().zip(&sample.measured) {
             sensor.inputs = &sample.inputs[2];
-            let seen = [seen / sensor.sd];
-            let updated = filter.update(sensor, &seen, &Covariance::from_variances([1.0]));
-            updated.unwrap_or_else(|error| panic!("{}, sample {k}: {error}", request.name));
+            // A sample that is not a number is a gap.
+            if seen.is_finite() {
+                let seen = [seen / sensor.sd];
+                let updated = filter.update(sensor, &seen, &Covariance::from_variances([1.0]));
+                updated.unwrap_or_else(|error| panic!("{}, sample {k}: {error}", request.name));
+            }
         }
-        states.push(filter.mean().to_vec());
+        if (k + 1) % EVENT_EVERY == 0 {
+            for event in &mut events {
+                event.inputs = &sample.inputs[2];
+                filter.update(event, &[0.0], &Covariance::from_variances([1.0])).unwrap();
+            }
+        }
+        let p = filter.covariance();
+        let sd = (0..N).map(|i| p.get(i, i).sqrt()).collect();
+        states.push([filter.mean().to_vec(), sd]);
     }
     states
 }
