@@ -1,6 +1,7 @@
 //! Why no source can be written.
 
 use crate::error::EquationError;
+use std::fmt::Display;
 
 /// Why a filter cannot be written as source.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -43,7 +44,7 @@ pub enum EmitError {
 
 impl EmitError {
     /// A part of the request that is wrong.
-    pub(super) fn request(field: &'static str, found: impl ToString, expected: impl ToString) -> Self {
-        Self::Request { field, found: found.to_string(), expected: expected.to_string() }
+    pub(super) fn request(field: &'static str, found: &dyn Display, expected: impl Into<String>) -> Self {
+        Self::Request { field, found: format!("{found}"), expected: expected.into() }
     }
 }

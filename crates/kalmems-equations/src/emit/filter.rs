@@ -60,7 +60,7 @@ impl Program {
         }
         let configure = context.configure();
         let start = start(request, &units);
-        Ok(Self { units, start, configure, stage, predict, updates, names })
+        Ok(Self { units, names, start, configure, stage, predict, updates })
     }
 }
 

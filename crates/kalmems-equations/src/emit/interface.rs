@@ -88,7 +88,6 @@ impl Interface {
 
     /// Parameters that may change: fields, units, and values in SI.
     pub(super) fn parameters(
-        &self,
         device: &Device,
         request: &EmitRequest,
         program: &Program,
@@ -103,28 +102,46 @@ impl Interface {
     }
 
     /// The parameters of a function in C.
-    pub(super) fn arguments(&self, name: &str, inputs: &[String], measured: &[String]) -> String {
-        let mut text = format!("{name}_t *filter");
-        for argument in inputs.iter().chain(measured) {
-            let _ = write!(text, ", float {argument}");
-        }
-        text
+    pub(super) fn arguments(name: &str, inputs: &[String], measured: &[String]) -> String {
+        format!("{name}_t *filter{}", further(inputs.iter().chain(measured), "float ", ""))
     }
 
     /// The states, a line for each.
     pub(super) fn states(&self, indent: &str) -> String {
-        self.states.iter().map(|line| format!("{indent}{}\n", plain(line))).collect()
+        lines(&self.states, indent)
     }
 
     /// The inputs, a line for each.
     pub(super) fn inputs(&self, indent: &str) -> String {
-        self.inputs.iter().map(|line| format!("{indent}{}\n", plain(line))).collect()
+        lines(&self.inputs, indent)
     }
 
     /// The unit of a measurement of the request.
     pub(super) fn unit_of(&self, place: usize) -> String {
         plain(self.units.get(place).map_or("", String::as_str))
     }
+}
+
+/// Lines behind an indent, none of which ends a comment.
+fn lines(lines: &[String], indent: &str) -> String {
+    let mut text = String::new();
+    for line in lines {
+        let _ = writeln!(text, "{indent}{}", plain(line));
+    }
+    text
+}
+
+/// What stands behind the first argument of a function: each one after a comma, between `before` and `after`.
+pub(super) fn further<'a>(
+    arguments: impl IntoIterator<Item = &'a String>,
+    before: &str,
+    after: &str,
+) -> String {
+    let mut text = String::new();
+    for argument in arguments {
+        let _ = write!(text, ", {before}{argument}{after}");
+    }
+    text
 }
 
 /// A text that cannot end a comment.

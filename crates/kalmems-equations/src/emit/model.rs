@@ -5,6 +5,7 @@ use super::laws::expanded;
 use super::request::EmitRequest;
 use super::rewrite::{copied, distributed, substituted};
 use super::scale::Units;
+use crate::curve::Curve;
 use crate::device::{Device, fault_of};
 use crate::graph::{Graph, Node, NodeId, Variable};
 use crate::motion::whole;
@@ -178,7 +179,7 @@ fn in_units(
                 }
             }
             Node::Curve { curve, order, at } => {
-                let (middle, half, size) = device.curves.get(*curve).map_or((0.0, 1.0, 1.0), |c| c.extent());
+                let (middle, half, size) = device.curves.get(*curve).map_or((0.0, 1.0, 1.0), Curve::extent);
                 let place = graph.sum(-middle / half, &[(part(*at), 1.0 / half)]);
                 let plain = graph.curve(*curve, *order, place);
                 graph.scaled(size / half.powi((*order).into()), plain)

@@ -27,9 +27,9 @@ impl Atom {
 }
 
 /// The most pairs that are chosen.
-const MOST_PAIRS: usize = 500;
+const MOST_PAIRS: usize = 200;
 /// The most products in which pairs are looked for, and the most factors of one.
-const MOST_PRODUCTS: usize = 500;
+const MOST_PRODUCTS: usize = 300;
 const MOST_FACTORS: usize = 32;
 
 /// Products by what they were, and the pairs in them.

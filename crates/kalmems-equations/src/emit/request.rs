@@ -4,6 +4,14 @@ use super::error::EmitError;
 use crate::device::Device;
 use crate::motion::MOST_STATES;
 
+/// Words that cannot be the name of a module or of its file.
+const RESERVED: [&str; 43] = [
+    "as", "async", "await", "break", "const", "continue", "crate", "dyn", "else", "enum", "extern", "false",
+    "fn", "for", "gen", "if", "impl", "in", "let", "loop", "main", "match", "mod", "move", "mut", "pub",
+    "ref", "return", "self", "static", "struct", "super", "trait", "true", "try", "type", "unsafe", "use",
+    "where", "while", "yield", "abstract", "std",
+];
+
 /// The language of the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EmitLanguage {
@@ -154,13 +162,20 @@ impl EmitRequest {
 
     /// Refuses what does not fit the device.
     pub(super) fn check(&self, device: &Device) -> Result<(), EmitError> {
+        if RESERVED.contains(&self.name.as_str()) {
+            return Err(EmitError::request(
+                "name",
+                &format!("`{}`", self.name),
+                "a name that no language has",
+            ));
+        }
         let named = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if !(self.name.starts_with(|c: char| c.is_ascii_lowercase()) && self.name.chars().all(named)) {
             let expected = "a lower-case letter, and behind it lower-case letters, digits and `_`";
-            return Err(EmitError::request("name", format!("`{}`", self.name), expected));
+            return Err(EmitError::request("name", &format!("`{}`", self.name), expected));
         }
         if !(self.interval_s > 0.0 && self.interval_s.is_finite()) {
-            return Err(EmitError::request("interval_s", self.interval_s, "a positive finite number"));
+            return Err(EmitError::request("interval_s", &self.interval_s, "a positive finite number"));
         }
         let states = device.states().len();
         count("states", self.states.len(), states)?;
@@ -168,7 +183,7 @@ impl EmitRequest {
         count("start_covariance", self.start_covariance.len(), states * states)?;
         count("process_noise", self.process_noise.len(), states * states)?;
         if self.size() > MOST_STATES {
-            return Err(EmitError::request("free", self.size(), format!("at most {MOST_STATES} states")));
+            return Err(EmitError::request("free", &self.size(), format!("at most {MOST_STATES} states")));
         }
         self.check_places(device)?;
         let starts = self.states.iter().flat_map(|s| [s.mean, s.origin, s.typical.unwrap_or(1.0)]);
@@ -181,7 +196,7 @@ impl EmitRequest {
             positive("free", free.scale)?;
             for variance in [free.start_sd, free.walk] {
                 if variance < 0.0 {
-                    return Err(EmitError::request("free", variance, "no negative number"));
+                    return Err(EmitError::request("free", &variance, "no negative number"));
                 }
             }
         }
@@ -200,21 +215,21 @@ impl EmitRequest {
         for place in free.chain(self.adjustable.iter().copied()) {
             match known.get_mut(place) {
                 Some(known) if !*known => *known = true,
-                Some(_) => return Err(EmitError::request("free", place, "each parameter once")),
+                Some(_) => return Err(EmitError::request("free", &place, "each parameter once")),
                 None => {
                     let expected = format!("a place below {parameters}");
-                    return Err(EmitError::request("free", place, expected));
+                    return Err(EmitError::request("free", &place, expected));
                 }
             }
         }
         if self.measures.is_empty() {
-            return Err(EmitError::request("measures", "none", "at least one measurement"));
+            return Err(EmitError::request("measures", &"none", "at least one measurement"));
         }
         let measures = self.measures.iter().map(|m| ("measures", m.measure, device.measures().len()));
         let events = self.events.iter().map(|e| ("events", e.event, device.events().len()));
         for (field, place, limit) in measures.chain(events) {
             if place >= limit {
-                return Err(EmitError::request(field, place, format!("a place below {limit}")));
+                return Err(EmitError::request(field, &place, format!("a place below {limit}")));
             }
         }
         Ok(())
@@ -228,7 +243,7 @@ impl EmitRequest {
                 finite("gain", gain.iter().copied())?;
             }
             if !self.events.is_empty() {
-                return Err(EmitError::request("events", "a settled gain", "a gain from the covariance"));
+                return Err(EmitError::request("events", &"a settled gain", "a gain from the covariance"));
             }
         }
         Ok(())
@@ -238,7 +253,7 @@ impl EmitRequest {
         let Some(vectors) = &self.vectors else { return Ok(()) };
         positive("vectors", vectors.tolerance)?;
         if vectors.samples.is_empty() {
-            return Err(EmitError::request("vectors", "no samples", "at least one sample"));
+            return Err(EmitError::request("vectors", &"no samples", "at least one sample"));
         }
         for sample in &vectors.samples {
             for inputs in &sample.inputs {
@@ -257,12 +272,12 @@ fn count(field: &'static str, found: usize, expected: usize) -> Result<(), EmitE
     if found == expected {
         return Ok(());
     }
-    Err(EmitError::request(field, format!("{found} numbers"), format!("{expected} numbers")))
+    Err(EmitError::request(field, &format!("{found} numbers"), format!("{expected} numbers")))
 }
 
 fn finite(field: &'static str, values: impl IntoIterator<Item = f64>) -> Result<(), EmitError> {
     match values.into_iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(EmitError::request(field, value, "finite numbers")),
+        Some(value) => Err(EmitError::request(field, &value, "finite numbers")),
         None => Ok(()),
     }
 }
@@ -271,7 +286,7 @@ fn positive(field: &'static str, value: f64) -> Result<(), EmitError> {
     if value > 0.0 && value.is_finite() {
         return Ok(());
     }
-    Err(EmitError::request(field, value, "a positive finite number"))
+    Err(EmitError::request(field, &value, "a positive finite number"))
 }
 
 /// Finite, symmetric to rounding, and without a negative variance.
@@ -280,12 +295,12 @@ fn symmetric(field: &'static str, matrix: &[f64], size: usize) -> Result<(), Emi
     let at = |i: usize, j: usize| matrix.get(i * size + j).copied().unwrap_or_default();
     for i in 0..size {
         if at(i, i) < 0.0 {
-            return Err(EmitError::request(field, at(i, i), "no negative variance"));
+            return Err(EmitError::request(field, &at(i, i), "no negative variance"));
         }
         for j in 0..i {
             if (at(i, j) - at(j, i)).abs() > 1e-9 * at(i, j).abs().max(at(j, i).abs()) {
                 let found = format!("{} and {}", at(i, j), at(j, i));
-                return Err(EmitError::request(field, found, "a symmetric matrix"));
+                return Err(EmitError::request(field, &found, "a symmetric matrix"));
             }
         }
     }

@@ -63,7 +63,8 @@ pub(super) fn copied(
     })
 }
 
-/// Laws as they are.
+/// Laws as they are. A `Result` as others have it.
+#[allow(clippy::unnecessary_wraps)]
 pub(super) fn same_law(
     graph: &mut Graph,
     law: LawId,

@@ -8,7 +8,7 @@ use super::lower::{Given, Operand, lower};
 use super::model::{Rarity, rarities};
 use super::routine::{Array, Routine, StageCall};
 use super::scale::Units;
-use super::tape::Id;
+use super::tape::{Id, Tape};
 use crate::graph::{Graph, Node, NodeId, Variable};
 
 /// The points of the inputs, how far a stage goes along the one before it, and its weight.
@@ -90,21 +90,7 @@ pub(super) fn predict(
         let rows: Vec<&[_]> = values.chunks(size + 1).collect();
         let k: Vec<_> = rows.iter().filter_map(|row| row.first().copied()).collect();
         let a: Matrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
-        // K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
-        let mut columns = a.clone();
-        if let Some((_, before)) = &last {
-            for (row, of_row) in columns.iter_mut().zip(&a) {
-                for (j, entry) in row.iter_mut().enumerate() {
-                    let mut product = zero;
-                    for (factor, before) in of_row.iter().take(moving).zip(before) {
-                        let term = tape.multiply(*factor, before.get(j).copied().unwrap_or(zero));
-                        product = tape.add(product, term);
-                    }
-                    let product = tape.multiply(step, product);
-                    *entry = tape.add(*entry, product);
-                }
-            }
-        }
+        let columns = onwards_along(tape, &a, last.as_ref().map(|(_, before)| before), step);
         let weight = tape.literal(weight);
         for (sum, k) in sums.0.iter_mut().zip(&k) {
             let term = tape.multiply(weight, *k);
@@ -116,22 +102,46 @@ pub(super) fn predict(
         }
         last = Some((k, columns));
     }
-    let tape = &mut routine.tape;
+    let (next, jacobian) = finished(&mut routine.tape, &x, sums);
+    context.finish_prediction(&mut routine, (&next, jacobian), units, periods);
+    (routine, (!of_stage.is_empty()).then_some(stage))
+}
+
+/// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
+fn onwards_along(tape: &mut Tape, a: &Matrix, before: Option<&Matrix>, step: Id) -> Matrix {
+    let zero = tape.literal(0.0);
+    let mut columns = a.clone();
+    let Some(before) = before else { return columns };
+    for (row, of_row) in columns.iter_mut().zip(a) {
+        for (j, entry) in row.iter_mut().enumerate() {
+            let mut product = zero;
+            for (factor, before) in of_row.iter().zip(before) {
+                let term = tape.multiply(*factor, before.get(j).copied().unwrap_or(zero));
+                product = tape.add(product, term);
+            }
+            let product = tape.multiply(step, product);
+            *entry = tape.add(*entry, product);
+        }
+    }
+    columns
+}
+
+/// x + Σ/6 and 1 + Σ/6.
+fn finished(tape: &mut Tape, x: &[Id], (rates, columns): (Vec<Id>, Matrix)) -> (Vec<Id>, Matrix) {
     let (sixth, one) = (tape.literal(1.0 / 6.0), tape.literal(1.0));
-    let mut next = Vec::with_capacity(moving);
-    for (x, sum) in x.iter().zip(&sums.0) {
+    let mut next = Vec::with_capacity(x.len());
+    for (x, sum) in x.iter().zip(&rates) {
         let step = tape.multiply(sixth, *sum);
         next.push(tape.add(*x, step));
     }
-    let mut jacobian = sums.1;
+    let mut jacobian = columns;
     for (i, row) in jacobian.iter_mut().enumerate() {
         for (j, entry) in row.iter_mut().enumerate() {
             let step = tape.multiply(sixth, *entry);
             *entry = if i == j { tape.add(one, step) } else { step };
         }
     }
-    context.finish_prediction(&mut routine, (&next, jacobian), units, periods);
-    (routine, (!of_stage.is_empty()).then_some(stage))
+    (next, jacobian)
 }
 
 /// Whether an expression is a number or a sum of states with numbers, which needs no function.

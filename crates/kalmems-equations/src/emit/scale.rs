@@ -13,7 +13,7 @@ const FARTHEST: f64 = 1e4;
 /// How many units or factors are tried.
 const MOST_TRIALS: usize = 200;
 /// How large a model may be for trials.
-const LARGEST: usize = 4000;
+const LARGEST: usize = 1500;
 
 /// What a state of the filter is: x = origin + scale·z.
 #[derive(Clone, Debug, PartialEq)]

@@ -185,10 +185,8 @@ impl Tape {
     pub(super) fn multiply(&mut self, a: Id, b: Id) -> Id {
         match (self.number(a), self.number(b), self.op(a), self.op(b)) {
             (Some(x), Some(y), ..) => self.literal(x * y),
-            (Some(0.0), ..) => a,
-            (_, Some(0.0), ..) => b,
-            (Some(1.0), ..) => b,
-            (_, Some(1.0), ..) => a,
+            (Some(0.0), ..) | (_, Some(1.0), ..) => a,
+            (_, Some(0.0), ..) | (Some(1.0), ..) => b,
             (Some(-1.0), ..) => self.negative(b),
             (_, Some(-1.0), ..) => self.negative(a),
             (Some(x), _, _, Op::Negative(b)) => {

@@ -69,7 +69,7 @@ pub(super) fn files(
         let sizes = sizes(vectors, request.size());
         match language {
             EmitLanguage::C => {
-                files.extend(self_test_in_c(request, &interface, (&given, &expected, &sizes), vectors)?)
+                files.extend(self_test_in_c(request, &interface, (&given, &expected, &sizes), vectors)?);
             }
             EmitLanguage::Rust => {
                 files.push(self_test_in_rust(request, &interface, (&given, &expected, &sizes), vectors)?);

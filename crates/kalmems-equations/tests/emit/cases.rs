@@ -105,9 +105,12 @@ pub struct Case {
 /// A device, how long an interval is, and of each state: truth and mean at the start, standard deviation, origin, typical size.
 type Plan<'a> = (&'a str, Device, f64, &'a [[f64; 5]]);
 
+/// Places with a density or a variance each.
+type Sizes<'a> = &'a [(usize, f64)];
+
 fn case(
     (name, device, interval_s, states): Plan<'_>,
-    (accelerations, measures): (&[(usize, f64)], &[(usize, f64)]),
+    (accelerations, measures): (Sizes<'_>, Sizes<'_>),
     free: &[(&str, f64, f64)],
     drive: fn(f64) -> f64,
 ) -> Case {
@@ -155,6 +158,7 @@ fn case(
 }
 
 /// All devices, with parameters as states.
+#[allow(clippy::too_many_lines)] // a table
 pub fn cases() -> Vec<Case> {
     let example = common::example;
     vec![
@@ -364,6 +368,7 @@ impl Case {
 }
 
 /// As a number of 32 bits.
+#[allow(clippy::cast_possible_truncation)] // what is wanted
 fn rounded(value: f64) -> f64 {
     f64::from(value as f32)
 }

@@ -1,6 +1,6 @@
 // --- EXP
 /// e^x: x = n ln 2 + r, a polynomial in r, and n added to the exponent.
-fn exp(x: f32) -> f32 {
+pub(super) fn exp(x: f32) -> f32 {
     if !(x > -86.0) {
         // Near the smallest number, and not a number of what is none.
         return if x <= -86.0 { 0.0 } else { x };
@@ -24,7 +24,7 @@ fn exp(x: f32) -> f32 {
 // --- FALLING_EXP
 /// e^x for x <= 0: x = n ln 2 + r, a polynomial in r, and n added to the exponent.
 #[inline(always)]
-fn falling_exp(x: f32) -> f32 {
+pub(super) fn falling_exp(x: f32) -> f32 {
     if !(x > -64.0) {
         // Below 2e-28, and not a number of what is none.
         return if x <= -64.0 { 0.0 } else { x };
@@ -42,7 +42,7 @@ fn falling_exp(x: f32) -> f32 {
 }
 // --- LN
 /// ln x: x = m 2^n with m between sqrt(1/2) and sqrt(2), and a series in (m - 1)/(m + 1).
-fn ln(x: f32) -> f32 {
+pub(super) fn ln(x: f32) -> f32 {
     if !(x > 0.0) || x == f32::INFINITY {
         return if x == 0.0 {
             f32::NEG_INFINITY
@@ -64,7 +64,7 @@ fn ln(x: f32) -> f32 {
 }
 // --- SIN_COS
 /// sin r and cos r for |r| <= pi/4, and which quarter of a turn x = quarter pi/2 + r is in.
-fn reduced(x: f32) -> (f32, f32, u32) {
+pub(super) fn reduced(x: f32) -> (f32, f32, u32) {
     let count = 12_582_912.0 + x * core::f32::consts::FRAC_2_PI;
     let n = count - 12_582_912.0;
     let r = ((x - n * 1.570_312_5) - n * 4.837_512_97e-4) - n * 7.549_789_95e-8;
@@ -74,20 +74,20 @@ fn reduced(x: f32) -> (f32, f32, u32) {
     (r + r * square * sine, 1.0 - 0.5 * square + square * square * cosine, count.to_bits() & 3)
 }
 // --- SIN
-fn sin(x: f32) -> f32 {
+pub(super) fn sin(x: f32) -> f32 {
     let (sine, cosine, quarter) = reduced(x);
     let value = if quarter & 1 == 0 { sine } else { cosine };
     if quarter & 2 == 0 { value } else { -value }
 }
 // --- COS
-fn cos(x: f32) -> f32 {
+pub(super) fn cos(x: f32) -> f32 {
     let (sine, cosine, quarter) = reduced(x);
     let value = if quarter & 1 == 0 { cosine } else { sine };
     if quarter == 1 || quarter == 2 { -value } else { value }
 }
 // --- TANH
 /// tanh x: Lambert's continued fraction near 0, and by e^x elsewhere.
-fn tanh(x: f32) -> f32 {
+pub(super) fn tanh(x: f32) -> f32 {
     let square = x * x;
     if square < 0.4 {
         let above = (square + 378.0) * square + 17_325.0;
@@ -100,7 +100,7 @@ fn tanh(x: f32) -> f32 {
 }
 // --- ATANH
 /// atanh x: a series near 0, and by a logarithm elsewhere.
-fn atanh(x: f32) -> f32 {
+pub(super) fn atanh(x: f32) -> f32 {
     let square = x * x;
     if square < 0.09 {
         let series = ((0.076_923_08 * square + 0.090_909_09) * square + 0.111_111_11) * square + 0.142_857_14;
@@ -110,7 +110,7 @@ fn atanh(x: f32) -> f32 {
 }
 // --- SQRT
 /// sqrt x: Heron's method from half the exponent.
-fn sqrt(x: f32) -> f32 {
+pub(super) fn sqrt(x: f32) -> f32 {
     if !(x > 0.0) || x == f32::INFINITY {
         return if x < 0.0 { f32::NAN } else { x };
     }
@@ -123,7 +123,7 @@ fn sqrt(x: f32) -> f32 {
 }
 // --- LN_COSH
 /// ln cosh x
-fn ln_cosh(x: f32) -> f32 {
+pub(super) fn ln_cosh(x: f32) -> f32 {
     let square = x * x;
     if square < 0.25 {
         let series = ((2.186_948_8e-3 * square - 6.746_031_7e-3) * square + 0.022_222_222) * square - 0.083_333_333;
@@ -134,7 +134,7 @@ fn ln_cosh(x: f32) -> f32 {
 }
 // --- ATANHC
 /// atanh(z)/z and its first two derivatives.
-fn atanhc(z: f32, order: u32) -> f32 {
+pub(super) fn atanhc(z: f32, order: u32) -> f32 {
     let square = z * z;
     if square < 0.25 {
         // 1 + z^2/3 + z^4/5 + ..., differentiated term by term.
