@@ -170,3 +170,46 @@ pub(super) fn plain(node: &Node) -> Option<(LawId, u8, NodeId)> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::{LAWS, MOST_ARGUMENTS, partial};
+    use crate::program::{Counts, Program};
+
+    /// Every law and its derivatives by each argument, taken apart, against the law of `kalmems-models` at points of its domain.
+    #[test]
+    fn laws_taken_apart_are_the_laws() {
+        let points: [(LawId, &[f64]); 7] = [
+            (LawId::GaussianComb, &[0.11, 5.7, 0.2, 9.8]),
+            (LawId::LogisticComb, &[0.05, 0.0037, 2.8e-3, 76.0]),
+            (LawId::LogisticCombChange, &[0.05, 0.0037, 2.8e-3, 76.0, 1e3]),
+            (LawId::TiltingPlate, &[0.011, 0.99e-3, 1.39e-3, 0.4e-3, 19.2e-6, 8.85e-12]),
+            (LawId::Carrier, &[1.3, 2.0, 0.7, 0.4, 0.9, 0.3, 1.7]),
+            (LawId::Disks, &[0.9e-3, 1.1e-3]),
+            (LawId::Atanhc, &[0.6]),
+        ];
+        assert_eq!(points.len(), LAWS.len());
+        for (law, values) in points {
+            let mut graph = Graph::new();
+            let count = values.len();
+            let arguments: Vec<NodeId> = (0..count).map(|k| graph.variable(Variable::Parameter(k))).collect();
+            let mut native = [0.0; MOST_ARGUMENTS];
+            native[..count].copy_from_slice(values);
+            let all = 0..u8::try_from(count).unwrap();
+            let orders =
+                [vec![]].into_iter().chain(all.clone().map(|i| vec![i])).chain(all.map(|i| vec![0, i]));
+            for by in orders {
+                let node = expanded(&mut graph, law, &by, &arguments).unwrap();
+                let counts = Counts { inputs: 0, parameters: count };
+                let program = Program::of(&graph, &[node], counts, &[], &Vec::new().into()).unwrap();
+                let found = program.work(values).get(program.outputs()[0]);
+                // The node of one number stands for C/(ε₀·a), which the interpreter computes with ε₀.
+                let unit = if law == LawId::Disks { VACUUM_PERMITTIVITY } else { 1.0 };
+                let expected = unit * partial(law, &by, &native);
+                let error = (found - expected).abs() / expected.abs().max(1e-300);
+                assert!(error < 1e-9 || found == expected, "{law:?} by {by:?}: {found:e}, {expected:e}");
+            }
+        }
+    }
+}

@@ -26,8 +26,8 @@ static float ln_cosh(float x)
 {
     const float square = x * x, size = fabsf(x);
     if (square < 0.25F) {
-        const float series =
-            ((2.1869488e-3F * square - 6.7460317e-3F) * square + 0.022222222F) * square - 0.083333333F;
+        const float high = (2.5657945e-4F * square - 7.3860296e-4F) * square + 2.1869488e-3F;
+        const float series = ((high * square - 6.7460317e-3F) * square + 0.022222222F) * square - 0.083333333F;
         return square * (series * square + 0.5F);
     }
     return (size - 0.693147181F) + logf(1.0F + expf(-2.0F * size));

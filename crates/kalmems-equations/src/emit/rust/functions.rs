@@ -126,7 +126,8 @@ pub(super) fn sqrt(x: f32) -> f32 {
 pub(super) fn ln_cosh(x: f32) -> f32 {
     let square = x * x;
     if square < 0.25 {
-        let series = ((2.186_948_8e-3 * square - 6.746_031_7e-3) * square + 0.022_222_222) * square - 0.083_333_333;
+        let series = (2.565_794_5e-4 * square - 7.386_029_6e-4) * square + 2.186_948_8e-3;
+        let series = ((series * square - 6.746_031_7e-3) * square + 0.022_222_222) * square - 0.083_333_333;
         return square * (series * square + 0.5);
     }
     let size = if x < 0.0 { -x } else { x };
