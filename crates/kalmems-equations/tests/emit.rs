@@ -34,15 +34,14 @@ const OWN_SAMPLES: usize = 100;
 /// rounding on the way is the cause. What of it was found by keeping the mean or the covariance alone in 32 bits.
 fn limit(name: &str, state: usize) -> [f64; 2] {
     let devices: [(&str, &[usize], [f64; 2]); 7] = [
-        // Noise of 1e-17 F is 1e-5 of the capacitance: its prediction has two digits more than the noise, and the error of an innovation
-        // is 1 % of its standard deviation.
+        // The mean alone in 32 bits gives a tenth of this difference and the covariance alone less: most of it is rounding within a
+        // step. The second signal has noise of 1e-17 F, 1e-5 of the capacitance, so that predictions of it have few digits to spare.
         ("threshold_scanner", &[0, 1, 2, 3], [2e-4, 0.15]),
-        // A step adds to the jerk's integral less than a thousand times its last digit: the mean in 32 bits.
+        // The mean alone in 32 bits gives all of it: what the jerk adds to the acceleration in a step has few digits there.
         ("accelerometer", &[2, 3], [4e-4, OF_SD]),
-        // The drift of the amplitude is 1e-4 of what it could be told from in a sample: mean and covariance in 32 bits.
+        // Mean or covariance alone in 32 bits give a tenth and a fifth of it: most is rounding within a step.
         ("piston_mirror", &[4, 5], [2e-3, OF_SD]),
-        // The process noise of a step is less than the last digits of the covariance, which therefore settles at another
-        // value: the covariance in 32 bits, as in the next three.
+        // The covariance alone in 32 bits gives most of it, in these four.
         ("tuning_fork_euler_free", &[0, 1, 2, 3, 4], [3e-3, 0.4]),
         ("tuning_fork", &[0, 1, 2, 3, 4], [6e-4, 0.1]),
         ("comb_resonator_euler_free", &[0, 1, 2, 3], [1e-4, 0.15]),
