@@ -41,7 +41,7 @@ fn limit(name: &str, state: usize) -> [f64; 2] {
         ("accelerometer", &[2, 3], [4e-4, OF_SD]),
         // Mean or covariance alone in 32 bits give a tenth and a fifth of it: most is rounding within a step.
         ("piston_mirror", &[4, 5], [2e-3, OF_SD]),
-        // The covariance alone in 32 bits gives most of it, in these four.
+        // The covariance alone in 32 bits gives a third to all of it, in these four.
         ("tuning_fork_euler_free", &[0, 1, 2, 3, 4], [3e-3, 0.4]),
         ("tuning_fork", &[0, 1, 2, 3, 4], [6e-4, 0.1]),
         ("comb_resonator_euler_free", &[0, 1, 2, 3], [1e-4, 0.15]),
