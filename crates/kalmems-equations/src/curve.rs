@@ -72,6 +72,30 @@ impl Curve {
         }
     }
 
+    /// The middle of its places, half their span, and its largest size; 1 where one of the last two is 0.
+    pub(crate) fn extent(&self) -> (f64, f64, f64) {
+        let (first, last) = (self.x.first().copied(), self.x.last().copied());
+        let (first, last) = (first.unwrap_or(-1.0), last.unwrap_or(1.0));
+        let size = self.y.iter().fold(0.0_f64, |size, y| size.max(y.abs()));
+        (0.5 * (first + last), 0.5 * (last - first), if size > 0.0 { size } else { 1.0 })
+    }
+
+    /// Its places, and of each piece the coefficients of the powers 0 to 3 of the distance from the piece's first place.
+    pub(crate) fn pieces(&self) -> (&[f64], Vec<[f64; 4]>) {
+        let piece = |k: usize| {
+            let h = self.x[k + 1] - self.x[k];
+            let (p, q) = (self.bend[k], self.bend[k + 1]);
+            let slope = (self.y[k + 1] - self.y[k]) / h - h / 6.0 * (2.0 * p + q);
+            [self.y[k], slope, 0.5 * p, (q - p) / (6.0 * h)]
+        };
+        (&self.x, (0..self.x.len() - 1).map(piece).collect())
+    }
+
+    /// What it does beyond its ends.
+    pub(crate) fn outside(&self) -> Outside {
+        self.outside
+    }
+
     fn inside(&self, x: f64) -> [f64; 3] {
         let right = self.x.partition_point(|point| *point <= x).clamp(1, self.x.len() - 1);
         let left = right - 1;

@@ -44,6 +44,7 @@
 mod curve;
 mod description;
 mod device;
+mod emit;
 mod energy;
 mod error;
 mod file;
@@ -62,6 +63,10 @@ mod typeset;
 
 pub use description::{Description, Entry, Follower, Outside, Place, Points};
 pub use device::{Device, Named, NoiseKind, Parameter};
+pub use emit::{
+    EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter, FreeParameter,
+    StateStart, StepMethod, TestSample, TestVectors,
+};
 pub use energy::{EnergyCheck, Power};
 pub use error::{EquationError, Fault, Notice};
 pub use modes::{Mode, modes};

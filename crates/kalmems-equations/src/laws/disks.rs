@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 /// Terms of the series.
 const TERMS: usize = 64;
 /// The nearest and the farthest distance in radii.
-const RANGE: [f64; 2] = [0.13, 40.0];
+pub(crate) const RANGE: [f64; 2] = [0.13, 40.0];
 
 /// C of two coaxial disks without thickness, `distance` apart, both lengths in m.
 ///
@@ -38,7 +38,8 @@ impl Logarithm for f64 {
     }
 }
 
-fn coefficients() -> &'static [f64; TERMS] {
+/// Chebyshev's coefficients of ln(C/(ε₀·a)) over ln κ between the ends of [`RANGE`].
+pub(crate) fn coefficients() -> &'static [f64; TERMS] {
     static COEFFICIENTS: OnceLock<[f64; TERMS]> = OnceLock::new();
     COEFFICIENTS.get_or_init(|| {
         let [low, high] = RANGE.map(f64::ln_of);

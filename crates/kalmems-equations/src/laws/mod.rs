@@ -3,7 +3,7 @@
 //! Laws with an exponential, a root or a series are nodes of their own, computed by `kalmems-models` with their
 //! derivatives; those that are a line of arithmetic are written in the language itself.
 
-mod disks;
+pub(crate) mod disks;
 mod native;
 mod prelude;
 

@@ -1,0 +1,153 @@
+//! Functions that `math.h` does not have, and tables, in C99.
+
+use super::float;
+use crate::description::Outside;
+use crate::device::Device;
+use crate::emit::error::EmitError;
+use crate::emit::interface::part;
+use crate::emit::tables::{CurveTable, disks_series};
+use crate::emit::tape::Called;
+use std::collections::BTreeSet;
+
+/// Functions that `math.h` does not have.
+const FUNCTIONS: &str = include_str!("functions.c");
+
+/// The functions that are called and that `math.h` does not have.
+pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
+    let mut text = String::new();
+    for (marker, is_used) in [
+        ("FALLING_EXP", called.contains(&Called::FallingExp)),
+        ("LN_COSH", called.contains(&Called::LnCosh)),
+        ("ATANHC", called.iter().any(|c| matches!(c, Called::Atanhc(_)))),
+    ] {
+        if is_used {
+            text.push('\n');
+            text += part(FUNCTIONS, &format!("/* --- {marker} */\n"), "/* --- ");
+        }
+    }
+    if called.iter().any(|c| matches!(c, Called::Disks(_))) {
+        text += &disks()?;
+    }
+    let curves: BTreeSet<usize> = called
+        .iter()
+        .filter_map(|c| if let Called::Curve(curve, _) = c { Some(*curve) } else { None })
+        .collect();
+    for curve in curves {
+        if let Some(table) = device.curves.get(curve) {
+            text += &curve_function(curve, &CurveTable::of(table))?;
+        }
+    }
+    Ok(text)
+}
+
+fn numbers(values: &[f64]) -> Result<String, EmitError> {
+    // A coefficient that 32 bits do not hold is nothing beside the others.
+    let small = |value: f64| if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { value };
+    let texts = values.iter().map(|value| float(small(*value))).collect::<Result<Vec<_>, _>>()?;
+    Ok(texts.chunks(6).map(|row| row.join(", ")).collect::<Vec<_>>().join(",\n    "))
+}
+
+fn disks() -> Result<String, EmitError> {
+    let (coefficients, factor, offset) = disks_series();
+    Ok(format!(
+        r"
+/* Chebyshev's coefficients of ln(C/(epsilon_0 a)) of two disks, over ln(d/a). */
+static const float DISKS[{count}] = {{
+    {table}
+}};
+
+/* C/(epsilon_0 a) of two disks over d/a, and its first two derivatives. */
+static float disks(float share, unsigned order)
+{{
+    const float x = {factor} * logf(share) + {offset};
+    float b1 = 0.0F, b2 = 0.0F, d1 = 0.0F, d2 = 0.0F, e1 = 0.0F, e2 = 0.0F;
+    float value, slope, bend, by_share;
+    int k;
+    if (!(fabsf(x) <= 1.0F)) {{
+        return NAN;
+    }}
+    for (k = {count} - 1; k > 0; k--) {{
+        const float b = 2.0F * x * b1 - b2 + DISKS[k];
+        const float d = 2.0F * (b1 + x * d1) - d2;
+        const float e = 2.0F * (2.0F * d1 + x * e1) - e2;
+        b2 = b1; b1 = b; d2 = d1; d1 = d; e2 = e1; e1 = e;
+    }}
+    value = expf(x * b1 - b2 + DISKS[0]);
+    slope = b1 + x * d1 - d2;
+    bend = 2.0F * d1 + x * e1 - e2;
+    by_share = {factor} / share;
+    return order == 0U   ? value
+           : order == 1U ? value * slope * by_share
+                         : value * by_share * by_share * (slope * slope + bend - slope / {factor});
+}}
+",
+        count = coefficients.len(),
+        table = numbers(coefficients)?,
+        factor = float(factor)?,
+        offset = float(offset)?
+    ))
+}
+
+fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+    let count = table.places.len();
+    let coefficients: Vec<f64> = table.pieces.iter().flatten().copied().collect();
+    let (before, after) = match table.outside {
+        Outside::Error => {
+            ("    if (!(x >= CURVE_AT[0] && x <= CURVE_AT[LAST])) {\n        return NAN;\n    }\n", "")
+        }
+        Outside::Clamp => (
+            "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
+             if (end != x && order > 0U) {\n        return x == x ? 0.0F : NAN;\n    }\n    x = end;\n",
+            "",
+        ),
+        Outside::Linear => (
+            "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
+             const float beyond = x - end;\n    x = end;\n",
+            "    if (beyond != 0.0F) {\n        return order == 0U   ? ((c[3] * u + c[2]) * u + c[1]) * u + c[0]\n                               \
+             + beyond * ((3.0F * c[3] * u + 2.0F * c[2]) * u + c[1])\n               : order == 1U ? (3.0F * c[3] * u + 2.0F * c[2]) * u + c[1]\n                             : 0.0F;\n    }\n",
+        ),
+    };
+    let text = format!(
+        r"
+/* A curve and its first two derivatives, over its own span and in its largest value. */
+static const float CURVE_AT[{count}] = {{
+    {places}
+}};
+static const float CURVE[{pieces}][4] = {{
+    {coefficients}
+}};
+static float curve{curve}(float x, unsigned order)
+{{
+{before}    unsigned low = 0, high = LAST;
+    const float *c;
+    float u;
+    while (high - low > 1U) {{
+        const unsigned middle = (low + high) / 2U;
+        if (x < CURVE_AT[middle]) {{
+            high = middle;
+        }} else {{
+            low = middle;
+        }}
+    }}
+    c = CURVE[low];
+    u = x - CURVE_AT[low];
+{after}    return order == 0U   ? ((c[3] * u + c[2]) * u + c[1]) * u + c[0]
+           : order == 1U ? (3.0F * c[3] * u + 2.0F * c[2]) * u + c[1]
+                         : 6.0F * c[3] * u + 2.0F * c[2];
+}}
+",
+        places = numbers(&table.places)?,
+        pieces = count - 1,
+        coefficients = rows(&coefficients)?,
+    );
+    Ok(text
+        .replace("CURVE_AT", &format!("CURVE{curve}_AT"))
+        .replace("CURVE[", &format!("CURVE{curve}["))
+        .replace("LAST", &format!("{}U", count - 1)))
+}
+
+/// Rows of four numbers in brackets.
+fn rows(values: &[f64]) -> Result<String, EmitError> {
+    let rows = values.chunks(4).map(|row| Ok(format!("{{{}}}", numbers(row)?)));
+    Ok(rows.collect::<Result<Vec<_>, EmitError>>()?.join(",\n    "))
+}

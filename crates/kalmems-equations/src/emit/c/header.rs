@@ -1,0 +1,105 @@
+//! The header in C99.
+
+use super::{comment, float};
+use crate::device::Device;
+use crate::emit::error::EmitError;
+use crate::emit::filter::Program;
+use crate::emit::interface::Interface;
+use crate::emit::request::{EmitGain, EmitRequest};
+use std::fmt::Write as _;
+
+/// The header.
+pub(super) fn header(
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) -> Result<String, EmitError> {
+    let (name, upper) = (&request.name, request.name.to_uppercase());
+    let size = request.size();
+    let mut text = comment(&interface.heading);
+    let _ = write!(
+        text,
+        "#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
+         /* How many states there are:\n{} */\n#define {upper}_STATES {size}\n\n\
+         /* The sampling interval in s. */\n#define {upper}_INTERVAL_S {}\n\n",
+        interface.states(" * "),
+        float(request.interval_s)?
+    );
+    let _ = write!(
+        text,
+        "/* What is estimated, each state in its unit. */\ntypedef struct {{\n    float mean[{size}];\n"
+    );
+    if request.gain == EmitGain::Covariance {
+        let entries = size * (size + 1) / 2;
+        let _ = writeln!(text, "    float covariance[{entries}]; /* the lower triangle, row by row */");
+    }
+    let _ = write!(text, "}} {name}_state_t;\n\n");
+    if program.configure.is_some() {
+        let _ = writeln!(
+            text,
+            "/* Parameters that may change while the program runs, in SI. */\ntypedef struct {{"
+        );
+        for (field, unit, _) in Interface::parameters(device, request, program) {
+            let _ = writeln!(text, "    double {field}; /* {} */", unit.replace("*/", "* /"));
+        }
+        let _ = write!(text, "}} {name}_parameters_t;\n\n");
+    }
+    let _ = write!(text, "typedef struct {{\n    {name}_state_t state;\n");
+    if let Some(configure) = &program.configure {
+        let count = configure.outputs.len().max(1);
+        let _ = writeln!(text, "    float constants[{count}]; /* what follows from the parameters */");
+    }
+    let _ = write!(text, "}} {name}_t;\n\n");
+    if program.configure.is_some() {
+        let _ = write!(
+            text,
+            "/* The parameters of the device. */\nvoid {name}_default_parameters({name}_parameters_t *parameters);\n\n\
+             /* Takes parameters. 1 where they are taken; 0 where a number that follows is not finite. */\n\
+             int {name}_configure({name}_t *filter, const {name}_parameters_t *parameters);\n\n"
+        );
+    }
+    let _ = write!(
+        text,
+        "/* Before the first sample{}. */\nvoid {name}_start({name}_t *filter);\n\n",
+        if program.configure.is_some() { ", with the parameters of the device" } else { "" }
+    );
+    let _ = write!(
+        text,
+        "/*\n * One interval on. 1 where it was taken; 0 where the result would not be finite, and nothing has changed.\n{} */\n\
+         int {name}_predict({});\n\n",
+        interface.inputs(" * "),
+        Interface::arguments(name, &interface.predict, &[])
+    );
+    for (place, update) in program.updates.iter().enumerate() {
+        let is_event = place >= request.measures.len();
+        let what = if is_event {
+            "Corrects where the event happened: its expression was zero.".to_owned()
+        } else {
+            format!("Corrects by a measurement in {}.", interface.unit_of(place))
+        };
+        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let _ = write!(
+            text,
+            "/* {what} 1 where it was taken; 0 where it is refused, and nothing has changed. */\n\
+             int {name}_update_{}({});\n\n",
+            program.names.measure(place),
+            Interface::arguments(name, &Interface::inputs_of(device, program, update), &measured)
+        );
+    }
+    let _ = write!(
+        text,
+        "/*\n * The prediction and all corrections of one sample. 1 where all were taken. 0 where one is refused and left out;\n \
+         * a sample that is not a number is a gap, and refused behind the prediction.\n */\nint {name}_step({});\n\n\
+         /* The mean of a state in SI. */\nfloat {name}_value(const {name}_t *filter, unsigned state);\n\n",
+        Interface::arguments(name, &interface.step, &interface.measured)
+    );
+    if request.gain == EmitGain::Covariance {
+        let _ = write!(
+            text,
+            "/* The variance of a state in SI. */\nfloat {name}_variance(const {name}_t *filter, unsigned state);\n\n"
+        );
+    }
+    text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
+    Ok(text)
+}

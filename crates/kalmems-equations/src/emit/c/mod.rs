@@ -1,0 +1,232 @@
+//! A filter in C99.
+
+mod functions;
+mod header;
+mod steps;
+
+use super::error::EmitError;
+use super::filter::Program;
+use super::interface::{Interface, further};
+use super::request::EmitRequest;
+use super::routine::{Array, Routine, Syntax, Written};
+use super::tape::Called;
+use crate::device::Device;
+use functions::functions;
+use header::header;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use steps::finish;
+
+/// What a compiler is told: on a small processor calls and two roundings cost more than they are worth.
+const MACROS: &str = "
+#ifdef __FAST_MATH__
+#error \"gaps and refusals are seen by what is not a number: compile without -ffast-math\"
+#endif
+
+/* a*b + c, rounded once on a processor of Arm that has an instruction for it. */
+#ifdef __ARM_FEATURE_FMA
+#if defined(__clang__)
+#if __has_builtin(__builtin_elementwise_fma)
+#define FUSED(a, b, c) __builtin_elementwise_fma((a), (b), (c))
+#endif
+#elif defined(__GNUC__)
+#define FUSED(a, b, c) __builtin_fmaf((a), (b), (c))
+#endif
+#endif
+#ifndef FUSED
+#define FUSED(a, b, c) ((a) * (b) + (c))
+#endif
+
+/* Within a step nothing is called, so that the state stays in registers. */
+#ifdef __GNUC__
+#define WITHIN static inline __attribute__((always_inline))
+#else
+#define WITHIN static
+#endif
+";
+
+/// Numbers of 32 or, where parameters are taken, of 64 bits.
+struct C {
+    wide: bool,
+}
+
+/// A number of 32 bits as C reads it.
+pub(super) fn float(value: f64) -> Result<String, EmitError> {
+    #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+    let rounded = value as f32;
+    if !rounded.is_finite() || (value != 0.0 && rounded.abs() < f32::MIN_POSITIVE) {
+        return Err(EmitError::Range { value });
+    }
+    Ok(format!("{rounded:?}F"))
+}
+
+impl Syntax for C {
+    fn literal(&self, value: f64) -> Result<String, EmitError> {
+        if self.wide { Ok(format!("{value:?}")) } else { float(value) }
+    }
+
+    fn declare(&self, name: &str, value: &str) -> String {
+        format!("const {} {name} = {value};", if self.wide { "double" } else { "float" })
+    }
+
+    fn call(&self, called: Called, at: &str) -> String {
+        let at = if self.wide { format!("(float)({at})") } else { at.to_owned() };
+        let call = match called {
+            Called::FallingExp => format!("falling_exp({at})"),
+            Called::Exp => format!("expf({at})"),
+            Called::Ln => format!("logf({at})"),
+            Called::Sin => format!("sinf({at})"),
+            Called::Cos => format!("cosf({at})"),
+            Called::Tanh => format!("tanhf({at})"),
+            Called::Atanh => format!("atanhf({at})"),
+            Called::Sqrt => format!("sqrtf({at})"),
+            Called::Atanhc(order) => format!("atanhc({at}, {order}U)"),
+            Called::LnCosh => format!("ln_cosh({at})"),
+            Called::Disks(order) => format!("disks({at}, {order}U)"),
+            Called::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
+        };
+        if self.wide { format!("(double){call}") } else { call }
+    }
+
+    fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
+        format!("({a} < {b} ? {c} : {d})")
+    }
+
+    fn fused(&self, a: &str, b: &str, c: &str) -> Option<String> {
+        (!self.wide).then(|| format!("FUSED({a}, {b}, {c})"))
+    }
+
+    fn stage(&self, output: &str, arguments: &[String]) -> String {
+        format!("stage({}, {output});", arguments.join(", "))
+    }
+}
+
+/// Header and source.
+pub(super) fn files(
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+) -> Result<Vec<(String, String)>, EmitError> {
+    let interface = Interface::of(device, request, program);
+    let name = &request.name;
+    Ok(vec![
+        (format!("{name}.h"), header(device, request, program, &interface)?),
+        (format!("{name}.c"), source(device, request, program, &interface)?),
+    ])
+}
+
+/// The lines at the head of a file, in a comment.
+pub(super) fn comment(lines: &[String]) -> String {
+    let mut text = "/*\n".to_owned();
+    for line in lines.iter().flat_map(|line| line.lines()) {
+        let _ = writeln!(text, " * {}", line.replace("*/", "* /").replace("/*", "/ *"));
+    }
+    text + " */\n"
+}
+
+fn source(
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) -> Result<String, EmitError> {
+    let name = &request.name;
+    let routines = program.routines();
+    let called: BTreeSet<Called> = routines.iter().flat_map(|routine| routine.called()).collect();
+    let functions = functions(device, &called)?;
+    let mut text = comment(&interface.heading);
+    let _ = write!(text, "#include \"{name}.h\"\n\n");
+    if functions.contains("uint32_t") {
+        text += "#include <stdint.h>\n";
+    }
+    if called.iter().any(|called| *called != Called::FallingExp) {
+        text += "#include <math.h>\n";
+    }
+    text += MACROS;
+    text += &functions;
+    text += &scales(request, program)?;
+    if let Some(stage) = &program.stage {
+        let written = stage.written(&C { wide: false })?;
+        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("float {p}")).collect();
+        let _ = write!(
+            text,
+            "\n/* What one stage needs: rates per sample and their derivatives. */\nstatic void stage({}, float to[{}])\n{{\n",
+            parameters.join(", "),
+            stage.outputs.len()
+        );
+        body(&mut text, &written, "to", "to", "to");
+        text += "}\n";
+    }
+    let has_constants = |routine: &Routine| routine.reads_constants();
+    let mut core =
+        |routine: &Routine, of: &str, inputs: &[String], measured: &[String]| -> Result<(), EmitError> {
+            let written = routine.written(&C { wide: false })?;
+            let constants = if has_constants(routine) { ", const float *constants" } else { "" };
+            let more: String = further(inputs.iter().chain(measured), "float ", "");
+            let kind = if written.variance.is_some() { "int" } else { "void" };
+            let _ = write!(text, "\nWITHIN {kind} {of}({name}_state_t *state{constants}{more})\n{{\n");
+            for (local, array, place) in interface.loads(routine, program) {
+                let _ = writeln!(
+                    text,
+                    "    const float {local} = {array}[{place}];",
+                    array = match array {
+                        Array::Mean => "state->mean",
+                        Array::Covariance => "state->covariance",
+                        Array::Constants | Array::Stage => "constants",
+                    }
+                );
+            }
+            if let Some(measured) = measured.first() {
+                let _ = writeln!(text, "    const float seen = {measured};");
+            }
+            if let Some(stage) = &program.stage {
+                for call in &routine.calls {
+                    let _ = writeln!(text, "    float {}[{}];", call.output, stage.outputs.len());
+                }
+            }
+            body(&mut text, &written, "state->mean", "state->covariance", "constants");
+            if let Some(variance) = &written.variance {
+                let _ = writeln!(text, "    return {variance} > 0.0F;");
+            }
+            text += "}\n";
+            Ok(())
+        };
+    core(&program.predict, "predict", &interface.predict, &[])?;
+    for (place, update) in program.updates.iter().enumerate() {
+        let measured =
+            if place < request.measures.len() { vec![program.names.measured(place)] } else { vec![] };
+        let inputs = Interface::inputs_of(device, program, update);
+        core(update, &format!("update_{}", program.names.measure(place)), &inputs, &measured)?;
+    }
+    finish(&mut text, device, request, program, interface)?;
+    Ok(text)
+}
+
+/// The statements of a routine and where their results go.
+fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, other: &str) {
+    for statement in &written.statements {
+        let _ = writeln!(text, "    {statement}");
+    }
+    for (array, place, value) in &written.outputs {
+        let array = match array {
+            Array::Mean => mean,
+            Array::Covariance => covariance,
+            Array::Constants | Array::Stage => other,
+        };
+        let _ = writeln!(text, "    {array}[{place}] = {value};");
+    }
+}
+
+/// Units and origins as tables.
+fn scales(request: &EmitRequest, program: &Program) -> Result<String, EmitError> {
+    let list = |values: &[f64]| -> Result<String, EmitError> {
+        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
+    };
+    let size = request.size();
+    Ok(format!(
+        "\n/* The unit of each state and what it is counted from, in SI. */\nstatic const float UNIT[{size}] = {{{}}};\n\
+         static const float ORIGIN[{size}] = {{{}}};\n",
+        list(&program.units.scale)?,
+        list(&program.units.origins)?
+    ))
+}

@@ -1,0 +1,163 @@
+//! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
+
+use super::{C, float};
+use crate::device::Device;
+use crate::emit::error::EmitError;
+use crate::emit::filter::Program;
+use crate::emit::interface::{Interface, further};
+use crate::emit::request::EmitRequest;
+use crate::emit::routine::Routine;
+use std::fmt::Write as _;
+
+/// What is around the routines.
+pub(super) fn finish(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    let name = &request.name;
+    let size = request.size();
+    let (mean, covariance) = &program.start;
+    let arrays: Vec<String> = (0..size)
+        .map(|k| format!("state->mean[{k}]"))
+        .chain((0..covariance.len()).map(|k| format!("state->covariance[{k}]")))
+        .collect();
+    let _ = write!(
+        text,
+        "\n/* Takes over a state where all its numbers are finite. */\nWITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    \
+         const float sum = {};\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    filter->state = *state;\n    return 1;\n}}\n",
+        arrays.join("\n                      + ")
+    );
+    if let Some(configure) = &program.configure {
+        let written = configure.written(&C { wide: true })?;
+        let _ = write!(text, "\nvoid {name}_default_parameters({name}_parameters_t *parameters)\n{{\n");
+        for (field, _, value) in Interface::parameters(device, request, program) {
+            let _ = writeln!(text, "    parameters->{field} = {value:?};");
+        }
+        let _ = write!(
+            text,
+            "}}\n\nint {name}_configure({name}_t *filter, const {name}_parameters_t *parameters)\n{{\n"
+        );
+        let count = configure.outputs.len();
+        let names = configure.names();
+        for (field, _, _) in Interface::parameters(device, request, program) {
+            if names.contains(&field) {
+                let _ = writeln!(text, "    const double {field} = parameters->{field};");
+            }
+        }
+        if names.is_empty() {
+            text.push_str("    (void)parameters;\n");
+        }
+        let _ = writeln!(text, "    float constants[{}], sum = 0.0F;\n    unsigned k;", count.max(1));
+        for statement in &written.statements {
+            let _ = writeln!(text, "    {statement}");
+        }
+        for (_, place, value) in &written.outputs {
+            let _ = writeln!(text, "    constants[{place}] = (float)({value});");
+        }
+        let _ = write!(
+            text,
+            "    for (k = 0; k < {count}U; k++) {{\n        sum += constants[k];\n    }}\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    \
+             for (k = 0; k < {count}U; k++) {{\n        filter->constants[k] = constants[k];\n    }}\n    return 1;\n}}\n"
+        );
+    }
+    let _ = write!(text, "\nvoid {name}_start({name}_t *filter)\n{{\n");
+    if program.configure.is_some() {
+        let _ = writeln!(text, "    {name}_parameters_t parameters;");
+    }
+    for (array, values) in [("mean", mean), ("covariance", covariance)] {
+        for (k, value) in values.iter().enumerate() {
+            let _ = writeln!(text, "    filter->state.{array}[{k}] = {};", float(*value)?);
+        }
+    }
+    if program.configure.is_some() {
+        let _ = write!(
+            text,
+            "    {name}_default_parameters(&parameters);\n    (void){name}_configure(filter, &parameters);\n"
+        );
+    }
+    text.push_str("}\n");
+    steps(text, device, request, program, interface);
+    let _ = write!(
+        text,
+        "\nfloat {name}_value(const {name}_t *filter, unsigned state)\n{{\n    \
+         return state < {size}U ? ORIGIN[state] + UNIT[state] * filter->state.mean[state] : 0.0F;\n}}\n"
+    );
+    if !covariance.is_empty() {
+        let _ = write!(
+            text,
+            "\nfloat {name}_variance(const {name}_t *filter, unsigned state)\n{{\n    return state < {size}U\n               \
+             ? UNIT[state] * UNIT[state] * filter->state.covariance[state * (state + 3U) / 2U]\n               : 0.0F;\n}}\n"
+        );
+    }
+    Ok(())
+}
+
+/// The functions that predict and correct, each whole or not at all.
+fn steps(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) {
+    let name = &request.name;
+    let call = |routine: &Routine, of: &str, arguments: &[String]| {
+        let constants = if routine.reads_constants() { ", filter->constants" } else { "" };
+        let arguments: String = further(arguments, "", "");
+        format!("{of}(&next{constants}{arguments})")
+    };
+    let predict = call(&program.predict, "predict", &interface.predict);
+    let _ = write!(
+        text,
+        "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n    {predict};\n    return take(filter, &next);\n}}\n",
+        Interface::arguments(name, &interface.predict, &[])
+    );
+    let (mut calls, mut apart) = (Vec::new(), Vec::new());
+    for (place, update) in program.updates.iter().enumerate() {
+        let inputs = Interface::inputs_of(device, program, update);
+        let is_event = place >= request.measures.len();
+        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let of = format!("update_{}", program.names.measure(place));
+        let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
+        let one = call(update, &of, &arguments);
+        let taken = if update.variance.is_some() {
+            format!("    return {one} && take(filter, &next);\n")
+        } else {
+            format!("    {one};\n    return take(filter, &next);\n")
+        };
+        let _ = write!(
+            text,
+            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n{taken}}}\n",
+            Interface::arguments(name, &inputs, &measured)
+        );
+        if !is_event {
+            calls.push((one, update.variance.is_some()));
+            let all: Vec<String> = ["filter".to_owned()].into_iter().chain(arguments).collect();
+            apart.push(format!("{name}_{of}({})", all.join(", ")));
+        }
+    }
+    let _ = write!(
+        text,
+        "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n    {predict};\n",
+        Interface::arguments(name, &interface.step, &interface.measured)
+    );
+    for (one, says) in calls {
+        let _ = writeln!(text, "    {}{one};", if says { "taken &= " } else { "" });
+    }
+    let arguments: Vec<String> =
+        ["filter".to_owned()].into_iter().chain(interface.predict.iter().cloned()).collect();
+    let _ = write!(
+        text,
+        "    if (taken && take(filter, &next)) {{\n        return 1;\n    }}\n    /* One is refused: each for itself. */\n    \
+         taken = {name}_predict({});\n",
+        arguments.join(", ")
+    );
+    text.push_str("    if (!taken) {\n        return 0;\n    }\n");
+    for one in apart {
+        let _ = writeln!(text, "    taken &= {one};");
+    }
+    text.push_str("    return taken;\n}\n");
+}

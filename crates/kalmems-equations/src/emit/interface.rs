@@ -1,0 +1,173 @@
+//! What the functions of a filter take and give, the same in both languages.
+
+use super::filter::Program;
+use super::names::Names;
+use super::request::{EmitRequest, StepMethod};
+use super::routine::{Array, Routine};
+use crate::device::Device;
+use std::fmt::Write as _;
+
+/// Arguments and texts.
+pub(super) struct Interface {
+    /// Lines at the head of each file.
+    pub(super) heading: Vec<String>,
+    /// The inputs of the prediction, and of a whole step.
+    pub(super) predict: Vec<String>,
+    pub(super) step: Vec<String>,
+    /// The measurements of a step.
+    pub(super) measured: Vec<String>,
+    /// A line for each state.
+    states: Vec<String>,
+    /// Names and units of the inputs.
+    inputs: Vec<String>,
+    units: Vec<String>,
+}
+
+impl Interface {
+    pub(super) fn of(device: &Device, request: &EmitRequest, program: &Program) -> Self {
+        let predict = Self::inputs_of(device, program, &program.predict);
+        let mut step = predict.clone();
+        for update in program.updates.iter().take(request.measures.len()) {
+            for input in Self::inputs_of(device, program, update) {
+                if !step.contains(&input) {
+                    step.push(input);
+                }
+            }
+        }
+        let free = request.free.iter().filter_map(|f| device.parameters.get(f.parameter)).map(|p| &p.named);
+        let states = device.states.iter().chain(free).enumerate().map(|(k, named)| {
+            let (scale, origin) = (program.units.scale(k), program.units.origin(k));
+            let from = if origin == 0.0 { String::new() } else { format!(", counted from {origin:?} in SI") };
+            format!("{k}: {}, in units of {scale:?} in SI ({}){from}", named.name, named.unit_text)
+        });
+        let inputs = device.inputs.iter().map(|input| format!("{} in SI ({})", input.name, input.unit_text));
+        let units = request.measures.iter().filter_map(|m| device.measures.get(m.measure));
+        let method = match request.method {
+            StepMethod::Euler => "Euler's method",
+            StepMethod::RungeKutta => "Runge and Kutta's method",
+        };
+        let mut heading = vec![format!(
+            "An extended Kalman filter, made by kalmems-equations {} from a device's equations; not to be edited.",
+            env!("CARGO_PKG_VERSION")
+        )];
+        heading.extend(request.heading.iter().cloned());
+        heading.push(format!("Sampling interval {:?} s, steps by {method}.", request.interval_s));
+        Self {
+            heading,
+            predict,
+            step,
+            measured: (0..request.measures.len()).map(|k| program.names.measured(k)).collect(),
+            states: states.collect(),
+            inputs: inputs.collect(),
+            units: units.map(|named| format!("SI ({})", named.unit_text)).collect(),
+        }
+    }
+
+    /// The inputs that a routine takes, in the order of the device and of time.
+    pub(super) fn inputs_of(device: &Device, program: &Program, routine: &Routine) -> Vec<String> {
+        let names = routine.names();
+        let points = ["start", "middle", "end"];
+        let all = (0..device.inputs.len()).flat_map(|k| points.map(|point| program.names.input(k, point)));
+        all.filter(|name| names.contains(name)).collect()
+    }
+
+    /// What is loaded from the filter into names, with where it is.
+    pub(super) fn loads(&self, routine: &Routine, program: &Program) -> Vec<(String, Array, usize)> {
+        let names = routine.names();
+        let size = self.states.len();
+        let mut loads = Vec::new();
+        let means = (0..size).map(|k| (program.names.state(k), Array::Mean, k));
+        let entries = (0..size).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let covariances =
+            entries.map(|(i, j)| (Names::covariance(i, j), Array::Covariance, i * (i + 1) / 2 + j));
+        let count = program.configure.as_ref().map_or(0, |configure| configure.outputs.len());
+        let constants = (0..count).map(|k| (format!("c{k}"), Array::Constants, k));
+        loads.extend(means.chain(covariances).chain(constants).filter(|(name, ..)| names.contains(name)));
+        loads
+    }
+
+    /// Parameters that may change: fields, units, and values in SI.
+    pub(super) fn parameters(
+        device: &Device,
+        request: &EmitRequest,
+        program: &Program,
+    ) -> Vec<(String, String, f64)> {
+        let of = |place: &usize| {
+            let parameter = device.parameters.get(*place)?;
+            let value = request.parameters.get(*place).copied()?;
+            let unit = format!("{} in SI ({})", parameter.named.name, parameter.named.unit_text);
+            Some((program.names.parameter(*place), unit, value))
+        };
+        request.adjustable.iter().filter_map(of).collect()
+    }
+
+    /// The parameters of a function in C.
+    pub(super) fn arguments(name: &str, inputs: &[String], measured: &[String]) -> String {
+        format!("{name}_t *filter{}", further(inputs.iter().chain(measured), "float ", ""))
+    }
+
+    /// The states, a line for each.
+    pub(super) fn states(&self, indent: &str) -> String {
+        lines(&self.states, indent)
+    }
+
+    /// The inputs, a line for each.
+    pub(super) fn inputs(&self, indent: &str) -> String {
+        lines(&self.inputs, indent)
+    }
+
+    /// The unit of a measurement of the request.
+    pub(super) fn unit_of(&self, place: usize) -> String {
+        plain(self.units.get(place).map_or("", String::as_str))
+    }
+}
+
+/// Lines behind an indent, none of which ends a comment.
+fn lines(lines: &[String], indent: &str) -> String {
+    let mut text = String::new();
+    for line in lines {
+        let _ = writeln!(text, "{indent}{}", plain(line));
+    }
+    text
+}
+
+/// What stands behind the first argument of a function: each one after a comma, between `before` and `after`.
+pub(super) fn further<'a>(
+    arguments: impl IntoIterator<Item = &'a String>,
+    before: &str,
+    after: &str,
+) -> String {
+    let mut text = String::new();
+    for argument in arguments {
+        let _ = write!(text, ", {before}{argument}{after}");
+    }
+    text
+}
+
+/// A text that cannot end a comment.
+fn plain(text: &str) -> String {
+    text.replace("*/", "* /").replace("/*", "/ *").replace(['\n', '\r'], " ")
+}
+
+/// What stands in a text behind a marker and before the next one.
+pub(super) fn part<'a>(text: &'a str, marker: &str, next: &str) -> &'a str {
+    let behind = text.split_once(marker).map_or("", |(_, behind)| behind);
+    behind.split_once(next).map_or(behind, |(part, _)| part)
+}
+
+impl Routine {
+    /// Whether it needs what follows from parameters.
+    pub(super) fn reads_constants(&self) -> bool {
+        self.names().iter().any(|name| {
+            name.strip_prefix('c').is_some_and(|place| place.bytes().all(|byte| byte.is_ascii_digit()))
+        })
+    }
+}
+
+impl Program {
+    /// All parts.
+    pub(super) fn routines(&self) -> Vec<&Routine> {
+        let some = self.configure.iter().chain(&self.stage).chain([&self.predict]);
+        some.chain(&self.updates).collect()
+    }
+}

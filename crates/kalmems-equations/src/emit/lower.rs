@@ -1,0 +1,255 @@
+//! From the graph to operations.
+//!
+//! Products are lists of factors from which pairs that several lists have are taken first, so that they are computed once.
+//! What changes more rarely than the program runs is given to it: the constants that follow from parameters, and, inside of a
+//! stage, what follows from inputs.
+
+use super::laws::plain;
+use super::model::{Model, Rarity, rarities};
+use super::pairs::{Atom, Pairs};
+use super::tape::{Called, Id, Tape};
+use super::values::Values;
+use crate::graph::{Function, Graph, Node, NodeId, Variable};
+use crate::laws::LawId;
+use std::collections::{BTreeMap, HashMap};
+
+/// The largest power that is written as factors.
+const LARGEST_AS_FACTORS: usize = 8;
+
+/// Values that come from outside of a program, with the nodes that they are.
+#[derive(Clone, Debug)]
+pub(super) struct Given {
+    /// What the names begin with; the place follows.
+    pub(super) prefix: &'static str,
+    /// Values that change at most as often as this.
+    pub(super) limit: Rarity,
+    pub(super) nodes: Vec<NodeId>,
+}
+
+impl Given {
+    pub(super) fn new(prefix: &'static str, limit: Rarity) -> Self {
+        Self { prefix, limit, nodes: Vec::new() }
+    }
+
+    fn place(&mut self, node: NodeId) -> usize {
+        self.nodes.iter().position(|known| *known == node).unwrap_or_else(|| {
+            self.nodes.push(node);
+            self.nodes.len() - 1
+        })
+    }
+}
+
+/// What a product is multiplied by beside its factors.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Coefficient {
+    Number(f64),
+    Given(usize),
+}
+
+/// A coefficient and factors.
+pub(super) type Term = (Coefficient, Vec<Atom>);
+
+/// What a node is made of, as far as the program computes it.
+#[derive(Clone, Debug)]
+pub(super) enum Form {
+    Number(f64),
+    Given(usize),
+    Variable(Variable),
+    Sum(Coefficient, Vec<Term>),
+    Product(Term),
+    Call(Called, NodeId, f64),
+    Choice([NodeId; 4]),
+}
+
+/// The operations of these expressions, behind those that the tape has.
+///
+/// `of_variable` names the variables.
+pub(super) fn lower(
+    graph: &mut Graph,
+    (tape, given): (&mut Tape, &mut Given),
+    roots: &[NodeId],
+    moving: usize,
+    of_variable: &dyn Fn(Variable) -> Operand,
+) -> Vec<Id> {
+    let rarities = rarities(graph, roots, moving);
+    let mut lowering = Lowering { graph, given, rarities, forms: BTreeMap::new() };
+    lowering.collect(roots);
+    let forms = lowering.forms;
+    let mut pairs = Pairs::default();
+    for form in forms.values() {
+        match form {
+            Form::Sum(_, terms) => terms.iter().for_each(|(_, atoms)| pairs.note(atoms)),
+            Form::Product((_, atoms)) => pairs.note(atoms),
+            _ => {}
+        }
+    }
+    pairs.choose();
+    let prefix = given.prefix;
+    let mut values = Values { tape, pairs: &pairs, prefix, of: HashMap::new(), of_pair: HashMap::new() };
+    for (id, form) in &forms {
+        let value = values.form(form, of_variable);
+        values.of.insert(*id, value);
+    }
+    roots.iter().map(|root| values.node(*root)).collect()
+}
+
+/// What a variable is on the tape.
+#[derive(Clone, Debug)]
+pub(super) enum Operand {
+    Name(String),
+    Id(Id),
+}
+
+struct Lowering<'a> {
+    graph: &'a mut Graph,
+    given: &'a mut Given,
+    rarities: Vec<Rarity>,
+    forms: BTreeMap<NodeId, Form>,
+}
+
+impl Lowering<'_> {
+    fn rarity(&self, id: NodeId) -> Rarity {
+        self.rarities.get(id.index()).copied().unwrap_or(Rarity::Literal)
+    }
+
+    /// Whether it comes from outside.
+    fn is_given(&self, id: NodeId) -> bool {
+        let rarity = self.rarity(id);
+        rarity > Rarity::Literal && rarity <= self.given.limit
+    }
+
+    /// The forms of all nodes that the program computes.
+    fn collect(&mut self, roots: &[NodeId]) {
+        let mut open = roots.to_vec();
+        while let Some(id) = open.pop() {
+            if self.forms.contains_key(&id) {
+                continue;
+            }
+            let form = self.form(id);
+            let atoms = |terms: &[Term]| -> Vec<NodeId> {
+                terms.iter().flat_map(|(_, atoms)| atoms.iter().filter_map(Atom::node)).collect()
+            };
+            match &form {
+                Form::Sum(_, terms) => open.extend(atoms(terms)),
+                Form::Product(term) => open.extend(atoms(std::slice::from_ref(term))),
+                Form::Call(_, at, _) => open.push(*at),
+                Form::Choice(parts) => open.extend(parts),
+                Form::Number(_) | Form::Given(_) | Form::Variable(_) => {}
+            }
+            self.forms.insert(id, form);
+        }
+    }
+
+    fn form(&mut self, id: NodeId) -> Form {
+        if self.is_given(id) {
+            return Form::Given(self.given.place(id));
+        }
+        let node = self.graph.node(id).clone();
+        match &node {
+            Node::Number(number) => Form::Number(number.get()),
+            Node::Variable(variable) => Form::Variable(*variable),
+            Node::Sum { constant, terms } => {
+                let (given, own): (Vec<_>, Vec<_>) =
+                    terms.iter().copied().partition(|(term, _)| self.is_given(*term));
+                let first = if given.is_empty() {
+                    Coefficient::Number(constant.get())
+                } else {
+                    let parts: Vec<_> = given.iter().map(|(term, c)| (*term, c.get())).collect();
+                    let sum = self.graph.sum(constant.get(), &parts);
+                    Coefficient::Given(self.given.place(sum))
+                };
+                let terms = own.into_iter().map(|(term, c)| self.term(term, c.get())).collect();
+                Form::Sum(first, terms)
+            }
+            Node::Product(_) => Form::Product(self.term(id, 1.0)),
+            Node::Call(Function::Exp, at) if self.is_never_positive(*at) => {
+                Form::Call(Called::FallingExp, *at, 1.0)
+            }
+            Node::Call(function, at) => Form::Call(called(*function), *at, 1.0),
+            Node::Choice { smaller, larger, then, otherwise } => {
+                Form::Choice([*smaller, *larger, *then, *otherwise])
+            }
+            Node::Law { .. } => match plain(&node) {
+                Some((LawId::Disks, order, at)) => Form::Call(Called::Disks(order), at, 1.0),
+                // −ln cosh(u/2)
+                Some((LawId::LogisticCombChange, _, at)) => Form::Call(Called::LnCosh, at, 0.5),
+                Some((_, order, at)) => Form::Call(Called::Atanhc(order), at, 1.0),
+                None => Form::Number(f64::NAN),
+            },
+            Node::Curve { curve, order, at } => Form::Call(Called::Curve(*curve, *order), *at, 1.0),
+        }
+    }
+
+    /// A coefficient times a node, as factors.
+    fn term(&mut self, id: NodeId, coefficient: f64) -> Term {
+        let factors = match self.graph.node(id) {
+            Node::Product(factors) => factors.to_vec(),
+            _ => vec![(id, 1)],
+        };
+        let (given, own): (Vec<_>, Vec<_>) =
+            factors.into_iter().partition(|(factor, _)| self.is_given(*factor));
+        let mut atoms: Vec<Atom> = Vec::new();
+        let mut by = Coefficient::Number(coefficient);
+        if !given.is_empty() {
+            let product = self.graph.product(&given);
+            if self.given.limit == Rarity::Constant {
+                let product = self.graph.scaled(coefficient, product);
+                by = Coefficient::Given(self.given.place(product));
+            } else {
+                atoms.push(Atom::Given(self.given.place(product)));
+            }
+        }
+        for (factor, power) in own {
+            let times = usize::try_from(power.unsigned_abs()).unwrap_or(usize::MAX);
+            let atom = if power > 0 { Atom::Node(factor) } else { Atom::Inverse(factor) };
+            if times <= LARGEST_AS_FACTORS {
+                atoms.extend(std::iter::repeat_n(atom, times));
+            } else {
+                atoms.push(Atom::Power(factor, power));
+            }
+        }
+        // What changes rarely is multiplied first.
+        atoms.sort_by_key(|atom| (atom.node().map_or(Rarity::Literal, |node| self.rarity(node)), *atom));
+        (by, atoms)
+    }
+
+    /// Whether a node can be seen to be nowhere above 0.
+    fn is_never_positive(&self, id: NodeId) -> bool {
+        let square = |factors: &[(NodeId, i32)]| factors.iter().all(|(_, power)| power % 2 == 0);
+        match self.graph.node(id) {
+            Node::Number(number) => number.get() <= 0.0,
+            Node::Sum { constant, terms } => {
+                let falls = |term: NodeId, c: f64| match self.graph.node(term) {
+                    Node::Product(factors) => c <= 0.0 && square(factors),
+                    _ => false,
+                };
+                constant.get() <= 0.0 && terms.iter().all(|(term, c)| falls(*term, c.get()))
+            }
+            _ => false,
+        }
+    }
+}
+
+fn called(function: Function) -> Called {
+    match function {
+        Function::Sqrt => Called::Sqrt,
+        Function::Exp => Called::Exp,
+        Function::Ln => Called::Ln,
+        Function::Sin => Called::Sin,
+        Function::Cos => Called::Cos,
+        Function::Tanh => Called::Tanh,
+        Function::Atanh => Called::Atanh,
+    }
+}
+
+/// About how many instructions the rates, the measurements and their derivatives of a model take.
+pub(super) fn cost(model: &mut Model) -> usize {
+    let roots = model.roots();
+    let (mut tape, mut given) = (Tape::default(), Given::new("c", Rarity::Constant));
+    let name = |variable: Variable| Operand::Name(format!("{variable:?}"));
+    let ids = lower(&mut model.graph, (&mut tape, &mut given), &roots, model.moving, &name);
+    // A constant derivative that is not one multiplies the covariance from either side.
+    let constants =
+        ids.iter().filter(|id| tape.number(**id).is_some_and(|number| number != 0.0 && number.abs() != 1.0));
+    tape.cost(&ids) + constants.count() * 2 * model.size
+}

@@ -1,0 +1,176 @@
+//! What is around the routines in Rust: start, parameters, and steps that are taken whole or not at all.
+
+use super::{Rust, float, typed};
+use crate::device::Device;
+use crate::emit::error::EmitError;
+use crate::emit::filter::Program;
+use crate::emit::interface::{Interface, further};
+use crate::emit::request::EmitRequest;
+use crate::emit::routine::Routine;
+use std::fmt::Write as _;
+
+/// The functions that predict and correct, each whole or not at all, and what is around them.
+pub(super) fn methods(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    let list = |values: &[f64]| -> Result<String, EmitError> {
+        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
+    };
+    let (mean, covariance) = &program.start;
+    let size = request.size();
+    let triangle =
+        if covariance.is_empty() { String::new() } else { format!(", covariance: [{}]", list(covariance)?) };
+    let state = format!("State {{ mean: [{}]{triangle} }}", list(mean)?);
+    text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
+    match &program.configure {
+        None => {
+            let _ = writeln!(text, "        Self {{ state: {state} }}\n    }}");
+        }
+        Some(configure) => {
+            let count = configure.outputs.len();
+            let _ = write!(
+                text,
+                "        let mut filter = Self {{ state: {state}, constants: [0.0; {count}] }};\n        \
+                 let _ = filter.configure(&Parameters::default());\n        filter\n    }}\n"
+            );
+            configured(text, device, request, program, configure)?;
+        }
+    }
+    let mut sum: Vec<String> = (0..size).map(|k| format!("state.mean[{k}]")).collect();
+    sum.extend((0..covariance.len()).map(|k| format!("state.covariance[{k}]")));
+    let _ = write!(
+        text,
+        "\n    /// Takes over a state where all its numbers are finite.\n    fn take(&mut self, state: &State) -> bool {{\n        \
+         let sum = {};\n        if sum - sum == 0.0 {{\n            self.state = *state;\n            return true;\n        }}\n        false\n    }}\n",
+        sum.join("\n            + ")
+    );
+    steps(text, device, request, program, interface);
+    let _ = write!(
+        text,
+        "\n    /// The means in SI.\n    pub fn values(&self) -> [f32; {size}] {{\n        \
+         core::array::from_fn(|k| ORIGIN[k] + UNIT[k] * self.state.mean[k])\n    }}\n"
+    );
+    if !covariance.is_empty() {
+        let _ = write!(
+            text,
+            "\n    /// The variances in SI.\n    pub fn variances(&self) -> [f32; {size}] {{\n        \
+             core::array::from_fn(|k| UNIT[k] * UNIT[k] * self.state.covariance[k * (k + 3) / 2])\n    }}\n"
+        );
+    }
+    text.push_str(
+        "}\n\nimpl Default for Filter {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n",
+    );
+    Ok(())
+}
+
+/// The function that takes parameters.
+fn configured(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    configure: &Routine,
+) -> Result<(), EmitError> {
+    let written = configure.written(&Rust { wide: true })?;
+    let count = configure.outputs.len();
+    let names = configure.names();
+    let given = if names.is_empty() { "_parameters" } else { "parameters" };
+    let _ = write!(
+        text,
+        "\n    /// Takes parameters; false, and nothing has changed, where a number that follows is not finite.\n    \
+         #[must_use]\n    pub fn configure(&mut self, {given}: &Parameters) -> bool {{\n"
+    );
+    for (field, _, _) in Interface::parameters(device, request, program) {
+        if names.contains(&field) {
+            let _ = writeln!(text, "        let {field} = parameters.{field};");
+        }
+    }
+    for statement in &written.statements {
+        let _ = writeln!(text, "        {statement}");
+    }
+    let values: Vec<String> =
+        written.outputs.iter().map(|(_, _, value)| format!("({value}) as f32")).collect();
+    let _ = write!(
+        text,
+        "        let constants: [f32; {count}] = [{}];\n        \
+         if constants.iter().all(|constant| constant.is_finite()) {{\n            self.constants = constants;\n            \
+         return true;\n        }}\n        false\n    }}\n",
+        values.join(", ")
+    );
+    Ok(())
+}
+
+/// The prediction, the corrections and a whole step.
+fn steps(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    interface: &Interface,
+) {
+    let call = |routine: &Routine, of: &str, arguments: &[String]| {
+        let constants = if routine.reads_constants() { ", &self.constants" } else { "" };
+        let arguments: String = further(arguments, "", "");
+        format!("{of}(&mut next{constants}{arguments})")
+    };
+    let predict = call(&program.predict, "predict", &interface.predict);
+    let _ = write!(
+        text,
+        "\n    /// One interval on. True where it was taken; false where the result would not be finite, and nothing has changed.\n    \
+         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {predict};\n        \
+         self.take(&next)\n    }}\n",
+        interface.inputs("    /// "),
+        typed(&interface.predict)
+    );
+    let (mut calls, mut apart) = (String::new(), String::new());
+    for (place, update) in program.updates.iter().enumerate() {
+        let inputs = Interface::inputs_of(device, program, update);
+        let is_event = place >= request.measures.len();
+        let (measured, what) = if is_event {
+            (vec![], "Corrects where the event happened: its expression was zero.".to_owned())
+        } else {
+            let what = format!("Corrects by a measurement in {}.", interface.unit_of(place));
+            (vec![program.names.measured(place)], what)
+        };
+        let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
+        let of = format!("update_{}", program.names.measure(place));
+        let one = call(update, &of, &arguments);
+        let says = update.variance.is_some();
+        let taken = if says {
+            format!("{one} && self.take(&next)")
+        } else {
+            format!("{{\n            {one};\n            self.take(&next)\n        }}")
+        };
+        let _ = write!(
+            text,
+            "\n    /// {what} True where it was taken; false where it is refused, and nothing has changed.\n    \
+             pub fn {of}(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {taken}\n    }}\n",
+            typed(&arguments)
+        );
+        if !is_event {
+            let _ = if says {
+                writeln!(calls, "        taken &= {one};")
+            } else {
+                writeln!(calls, "        {one};")
+            };
+            let _ = writeln!(apart, "        taken &= self.{of}({});", arguments.join(", "));
+        }
+    }
+    let mutable = if calls.contains("taken") { "let mut taken" } else { "let taken" };
+    let all: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
+    let _ = write!(
+        text,
+        "\n    /// The prediction and all corrections of one sample. True where all were taken; false where one is refused and left out: a\n    \
+         /// sample that is not a number is a gap, and refused behind the prediction.\n    \
+         pub fn step(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {mutable} = true;\n        {predict};\n{calls}        \
+         if taken && self.take(&next) {{\n            return true;\n        }}\n        \
+         // One is refused: each for itself.\n        if !self.predict({}) {{\n            return false;\n        }}\n        \
+         let mut taken = true;\n{apart}        taken\n    }}\n",
+        typed(&all),
+        interface.predict.join(", ")
+    );
+}

@@ -1,0 +1,228 @@
+//! A filter in Rust, without `std` and without any crate.
+
+mod methods;
+mod tables;
+
+use super::error::EmitError;
+use super::filter::Program;
+use super::interface::{Interface, further};
+use super::request::{EmitGain, EmitRequest};
+use super::routine::{Array, Routine, Syntax, Written};
+use super::tape::Called;
+use crate::device::Device;
+use methods::methods;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use tables::functions;
+
+/// A choice between two values.
+const CHOICE: &str = "
+#[inline(always)]
+fn choice(smaller: f32, larger: f32, then: f32, otherwise: f32) -> f32 {
+    if smaller < larger { then } else { otherwise }
+}
+";
+
+/// Numbers of 32 or, where parameters are taken, of 64 bits.
+struct Rust {
+    wide: bool,
+}
+
+/// A number of 32 bits as Rust reads it.
+pub(super) fn float(value: f64) -> Result<String, EmitError> {
+    let mut text = super::c::float(value)?;
+    text.pop();
+    Ok(text)
+}
+
+impl Syntax for Rust {
+    fn literal(&self, value: f64) -> Result<String, EmitError> {
+        if self.wide { Ok(format!("{value:?}")) } else { float(value) }
+    }
+
+    fn declare(&self, name: &str, value: &str) -> String {
+        format!("let {name} = {value};")
+    }
+
+    fn call(&self, called: Called, at: &str) -> String {
+        let at = if self.wide { format!("({at}) as f32") } else { at.to_owned() };
+        let call = match called {
+            Called::FallingExp => format!("falling_exp({at})"),
+            Called::Exp => format!("exp({at})"),
+            Called::Ln => format!("ln({at})"),
+            Called::Sin => format!("sin({at})"),
+            Called::Cos => format!("cos({at})"),
+            Called::Tanh => format!("tanh({at})"),
+            Called::Atanh => format!("atanh({at})"),
+            Called::Sqrt => format!("sqrt({at})"),
+            Called::Atanhc(order) => format!("atanhc({at}, {order})"),
+            Called::LnCosh => format!("ln_cosh({at})"),
+            Called::Disks(order) => format!("disks({at}, {order})"),
+            Called::Curve(curve, order) => format!("curve{curve}({at}, {order})"),
+        };
+        if self.wide { format!("f64::from({call})") } else { call }
+    }
+
+    fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
+        format!("choice({a}, {b}, {c}, {d})")
+    }
+
+    fn fused(&self, _: &str, _: &str, _: &str) -> Option<String> {
+        None
+    }
+
+    fn stage(&self, output: &str, arguments: &[String]) -> String {
+        format!("let {output} = stage({});", arguments.join(", "))
+    }
+}
+
+/// The module.
+pub(super) fn files(
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+) -> Result<Vec<(String, String)>, EmitError> {
+    let interface = Interface::of(device, request, program);
+    let size = request.size();
+    let entries = size * (size + 1) / 2;
+    let mut text = comment(&interface.heading);
+    let called: BTreeSet<Called> = program.routines().iter().flat_map(|routine| routine.called()).collect();
+    let has_covariance = request.gain == EmitGain::Covariance;
+    text += "\n#![allow(non_snake_case, clippy::all, clippy::pedantic)]\n";
+    let _ = write!(
+        text,
+        "\n/// How many states there are:\n///\n{}pub const STATES: usize = {size};\n\
+         /// The sampling interval in s.\npub const INTERVAL_S: f32 = {};\n",
+        interface.states("/// "),
+        float(request.interval_s)?
+    );
+    let list = |values: &[f64]| -> Result<String, EmitError> {
+        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
+    };
+    let _ = write!(
+        text,
+        "/// The unit of each state in SI.\nconst UNIT: [f32; {size}] = [{}];\n\
+         /// What each state is counted from, in SI.\nconst ORIGIN: [f32; {size}] = [{}];\n",
+        list(&program.units.scale)?,
+        list(&program.units.origins)?
+    );
+    let covariance = if has_covariance {
+        format!("    /// The lower triangle, row by row.\n    pub covariance: [f32; {entries}],\n")
+    } else {
+        String::new()
+    };
+    let _ = write!(
+        text,
+        "\n/// What is estimated, each state in its unit.\n#[derive(Clone, Copy, Debug)]\npub struct State {{\n    \
+         /// The means.\n    pub mean: [f32; {size}],\n{covariance}}}\n"
+    );
+    let constants = program.configure.as_ref().map(|configure| configure.outputs.len());
+    if constants.is_some() {
+        text += "\n/// Parameters that may change while the program runs, in SI.\n#[derive(Clone, Copy, Debug)]\npub struct Parameters {\n";
+        for (field, unit, _) in Interface::parameters(device, request, program) {
+            let _ = write!(text, "    /// {unit}\n    pub {field}: f64,\n");
+        }
+        text += "}\n\nimpl Default for Parameters {\n    fn default() -> Self {\n        Self {";
+        for (field, _, value) in Interface::parameters(device, request, program) {
+            let _ = write!(text, " {field}: {value:?},");
+        }
+        text += " }\n    }\n}\n";
+    }
+    let field = constants.map_or(String::new(), |count| format!("    constants: [f32; {count}],\n"));
+    let _ = write!(
+        text,
+        "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n{field}}}\n"
+    );
+    if program.routines().iter().any(|routine| routine.counts()[4] > 0) {
+        text += CHOICE;
+    }
+    text += &functions(device, &called)?;
+    if let Some(stage) = &program.stage {
+        let written = stage.written(&Rust { wide: false })?;
+        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{p}: f32")).collect();
+        let count = stage.outputs.len();
+        let _ = write!(
+            text,
+            "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [f32; {count}] {{\n    let mut to = [0.0; {count}];\n",
+            parameters.join(", ")
+        );
+        body(&mut text, &written, "to", "to", "to");
+        text += "    to\n}\n";
+    }
+    core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.predict, &[]))?;
+    for (place, update) in program.updates.iter().enumerate() {
+        let is_event = place >= request.measures.len();
+        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let inputs = Interface::inputs_of(device, program, update);
+        let of = format!("update_{}", program.names.measure(place));
+        core(&mut text, program, &interface, (update, &of), (&inputs, &measured))?;
+    }
+    methods(&mut text, device, request, program, &interface)?;
+    Ok(vec![(format!("{}.rs", request.name), text)])
+}
+
+/// The lines at the head of a file.
+pub(super) fn comment(lines: &[String]) -> String {
+    let mut text = String::new();
+    for line in lines.iter().flat_map(|line| line.lines()) {
+        let _ = writeln!(text, "//! {line}");
+    }
+    text
+}
+
+/// Arguments with their types.
+fn typed(arguments: &[String]) -> String {
+    further(arguments, "", ": f32")
+}
+
+/// A routine as a function over a state.
+fn core(
+    text: &mut String,
+    program: &Program,
+    interface: &Interface,
+    (routine, of): (&Routine, &str),
+    (inputs, measured): (&[String], &[String]),
+) -> Result<(), EmitError> {
+    let written = routine.written(&Rust { wide: false })?;
+    let constants = match &program.configure {
+        Some(configure) if routine.reads_constants() => {
+            format!(", constants: &[f32; {}]", configure.outputs.len())
+        }
+        _ => String::new(),
+    };
+    let more = typed(inputs) + &typed(measured);
+    let kind = if written.variance.is_some() { " -> bool" } else { "" };
+    let _ = write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{constants}{more}){kind} {{\n");
+    for (local, array, place) in interface.loads(routine, program) {
+        let array = match array {
+            Array::Mean => "state.mean",
+            Array::Covariance => "state.covariance",
+            Array::Constants | Array::Stage => "constants",
+        };
+        let _ = writeln!(text, "    let {local} = {array}[{place}];");
+    }
+    if let Some(measured) = measured.first() {
+        let _ = writeln!(text, "    let seen = {measured};");
+    }
+    body(text, &written, "state.mean", "state.covariance", "constants");
+    if let Some(variance) = &written.variance {
+        let _ = writeln!(text, "    {variance} > 0.0");
+    }
+    text.push_str("}\n");
+    Ok(())
+}
+
+/// The statements of a routine and where their results go.
+fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, other: &str) {
+    for statement in &written.statements {
+        let _ = writeln!(text, "    {statement}");
+    }
+    for (array, place, value) in &written.outputs {
+        let array = match array {
+            Array::Mean => mean,
+            Array::Covariance => covariance,
+            Array::Constants | Array::Stage => other,
+        };
+        let _ = writeln!(text, "    {array}[{place}] = {value};");
+    }
+}

@@ -1,0 +1,157 @@
+//! Functions and tables that Rust without `std` does not have.
+
+use super::float;
+use crate::description::Outside;
+use crate::device::Device;
+use crate::emit::error::EmitError;
+use crate::emit::interface::part;
+use crate::emit::tables::{CurveTable, disks_series};
+use crate::emit::tape::Called;
+use std::collections::BTreeSet;
+
+/// Functions that Rust without `std` does not have.
+const FUNCTIONS: &str = include_str!("functions.rs");
+
+/// The functions that are called.
+pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
+    let any = |of: &[Called]| of.iter().any(|one| called.contains(one));
+    let atanhc = called.iter().any(|c| matches!(c, Called::Atanhc(_)));
+    let disks_used = called.iter().any(|c| matches!(c, Called::Disks(_)));
+    let atanh = atanhc || any(&[Called::Atanh]);
+    let ln_cosh = any(&[Called::LnCosh]);
+    let tanh = any(&[Called::Tanh]);
+    let mut text = String::new();
+    for (marker, is_used) in [
+        ("EXP", disks_used || any(&[Called::Exp])),
+        ("FALLING_EXP", tanh || ln_cosh || any(&[Called::FallingExp])),
+        ("LN", atanh || ln_cosh || disks_used || any(&[Called::Ln])),
+        ("SIN_COS", any(&[Called::Sin, Called::Cos])),
+        ("SIN", any(&[Called::Sin])),
+        ("COS", any(&[Called::Cos])),
+        ("TANH", tanh),
+        ("ATANH", atanh),
+        ("SQRT", any(&[Called::Sqrt])),
+        ("LN_COSH", ln_cosh),
+        ("ATANHC", atanhc),
+    ] {
+        if is_used {
+            text.push('\n');
+            text += &part(FUNCTIONS, &format!("// --- {marker}\n"), "// --- ").replace("pub(super) fn", "fn");
+        }
+    }
+    if disks_used {
+        text += &disks()?;
+    }
+    let of_curve = |c: &Called| if let Called::Curve(curve, _) = c { Some(*curve) } else { None };
+    for curve in called.iter().filter_map(of_curve).collect::<BTreeSet<usize>>() {
+        if let Some(table) = device.curves.get(curve) {
+            text += &curve_function(curve, &CurveTable::of(table))?;
+        }
+    }
+    Ok(text)
+}
+
+fn numbers(values: &[f64]) -> Result<String, EmitError> {
+    // A coefficient that 32 bits do not hold is nothing beside the others.
+    let small = |value: f64| if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { value };
+    let texts = values.iter().map(|value| float(small(*value))).collect::<Result<Vec<_>, _>>()?;
+    Ok(texts.chunks(6).map(|row| row.join(", ")).collect::<Vec<_>>().join(",\n    "))
+}
+
+fn disks() -> Result<String, EmitError> {
+    let (coefficients, factor, offset) = disks_series();
+    Ok(format!(
+        r"
+/// Chebyshev's coefficients of ln(C/(epsilon_0 a)) of two disks, over ln(d/a).
+static DISKS: [f32; {count}] = [
+    {table}
+];
+
+/// C/(epsilon_0 a) of two disks over d/a, and its first two derivatives.
+fn disks(share: f32, order: u32) -> f32 {{
+    let x = {factor} * ln(share) + {offset};
+    if !(-1.0..=1.0).contains(&x) {{
+        return f32::NAN;
+    }}
+    let (mut b1, mut b2, mut d1, mut d2, mut e1, mut e2) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for c in DISKS[1..].iter().rev() {{
+        let b = 2.0 * x * b1 - b2 + c;
+        let d = 2.0 * (b1 + x * d1) - d2;
+        let e = 2.0 * (2.0 * d1 + x * e1) - e2;
+        (b2, b1, d2, d1, e2, e1) = (b1, b, d1, d, e1, e);
+    }}
+    let value = exp(x * b1 - b2 + DISKS[0]);
+    let slope = b1 + x * d1 - d2;
+    let bend = 2.0 * d1 + x * e1 - e2;
+    let by_share = {factor} / share;
+    match order {{
+        0 => value,
+        1 => value * slope * by_share,
+        _ => value * by_share * by_share * (slope * slope + bend - slope / {factor}),
+    }}
+}}
+",
+        count = coefficients.len(),
+        table = numbers(coefficients)?,
+        factor = float(factor)?,
+        offset = float(offset)?
+    ))
+}
+
+fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+    let count = table.places.len();
+    let rows: Result<Vec<String>, EmitError> =
+        table.pieces.iter().map(|piece| Ok(format!("[{}]", numbers(piece)?))).collect();
+    let outside = match table.outside {
+        Outside::Error => {
+            "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
+        }
+        Outside::Clamp => {
+            "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    if x != end && order > 0 {\n        \
+             return if x == x { 0.0 } else { x };\n    }\n    let (x, beyond) = (end, 0.0);\n"
+        }
+        Outside::Linear => {
+            "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    let beyond = x - end;\n    \
+             if beyond != 0.0 && order > 1 {\n        return 0.0 * beyond;\n    }\n    let x = end;\n"
+        }
+    };
+    let text = format!(
+        r"
+/// The places of a curve over its own span, and the coefficients of its pieces in its largest value.
+static CURVE_AT: [f32; {count}] = [
+    {places}
+];
+static CURVE: [[f32; 4]; {pieces}] = [
+    {coefficients}
+];
+/// A curve and its first two derivatives.
+fn curve{curve}(x: f32, order: u32) -> f32 {{
+{outside}    let (mut low, mut high) = (0, LAST);
+    while high - low > 1 {{
+        let middle = (low + high) / 2;
+        if x < CURVE_AT[middle] {{
+            high = middle;
+        }} else {{
+            low = middle;
+        }}
+    }}
+    let c = CURVE[low];
+    let u = x - CURVE_AT[low];
+    let slope = (3.0 * c[3] * u + 2.0 * c[2]) * u + c[1];
+    match order {{
+        0 => ((c[3] * u + c[2]) * u + c[1]) * u + c[0] + beyond * slope,
+        1 => slope,
+        _ => 6.0 * c[3] * u + 2.0 * c[2],
+    }}
+}}
+",
+        places = numbers(&table.places)?,
+        pieces = count - 1,
+        coefficients = rows?.join(",\n    "),
+    );
+    Ok(text
+        .replace("CURVE_AT", &format!("CURVE{curve}_AT"))
+        .replace("CURVE:", &format!("CURVE{curve}:"))
+        .replace("CURVE[", &format!("CURVE{curve}["))
+        .replace("LAST", &(count - 1).to_string()))
+}

@@ -1,0 +1,261 @@
+//! Operations on numbers of 32 bits, equal ones of which are one.
+
+use crate::curve::CurveId;
+use std::collections::HashMap;
+
+/// The place of an operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct Id(pub(super) u32);
+
+impl Id {
+    pub(super) fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A function that the source calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Called {
+    /// e^x where x ≤ 0.
+    FallingExp,
+    Exp,
+    Ln,
+    Sin,
+    Cos,
+    Tanh,
+    Atanh,
+    Sqrt,
+    /// A derivative of atanh(z)/z.
+    Atanhc(u8),
+    /// ln cosh x.
+    LnCosh,
+    /// A derivative of C/(ε₀·a) of two disks by their distance in radii.
+    Disks(u8),
+    /// A curve of the device or a derivative of it, over its own span and in its largest value.
+    Curve(CurveId, u8),
+}
+
+/// One operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Op {
+    /// A number by its bits.
+    Literal(u64),
+    /// Something that has a name in the source.
+    Name(u32),
+    Add(Id, Id),
+    Subtract(Id, Id),
+    Multiply(Id, Id),
+    Divide(Id, Id),
+    Negative(Id),
+    Call(Called, Id),
+    /// The third where the first is below the second, the fourth elsewhere.
+    Choice([Id; 4]),
+}
+
+impl Op {
+    /// What it is made of.
+    pub(super) fn parts(&self) -> Vec<Id> {
+        match *self {
+            Self::Literal(_) | Self::Name(_) => Vec::new(),
+            Self::Add(a, b) | Self::Subtract(a, b) | Self::Multiply(a, b) | Self::Divide(a, b) => vec![a, b],
+            Self::Negative(a) | Self::Call(_, a) => vec![a],
+            Self::Choice(parts) => parts.to_vec(),
+        }
+    }
+
+    /// About how many instructions it takes.
+    pub(super) fn cost(&self) -> usize {
+        match self {
+            Self::Literal(_) | Self::Name(_) => 0,
+            Self::Add(..) | Self::Subtract(..) | Self::Multiply(..) | Self::Negative(_) => 1,
+            Self::Divide(..) => 10,
+            Self::Call(..) => 25,
+            Self::Choice(_) => 4,
+        }
+    }
+}
+
+/// Operations in the order in which they can be computed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tape {
+    ops: Vec<Op>,
+    known: HashMap<Op, Id>,
+    names: Vec<String>,
+}
+
+impl Tape {
+    pub(super) fn op(&self, id: Id) -> Op {
+        self.ops.get(id.index()).copied().unwrap_or(Op::Literal(0))
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.ops.len()
+    }
+
+    pub(super) fn name_of(&self, name: u32) -> &str {
+        self.names.get(name as usize).map_or("", String::as_str)
+    }
+
+    fn push(&mut self, op: Op) -> Id {
+        if let Some(id) = self.known.get(&op) {
+            return *id;
+        }
+        // Graphs are bounded far below that.
+        let id = Id(u32::try_from(self.ops.len()).unwrap_or(u32::MAX));
+        self.ops.push(op);
+        self.known.insert(op, id);
+        id
+    }
+
+    pub(super) fn literal(&mut self, value: f64) -> Id {
+        self.push(Op::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
+    }
+
+    /// Something that has this name in the source.
+    pub(super) fn named(&mut self, name: impl Into<String>) -> Id {
+        let name = name.into();
+        let place = self.names.iter().position(|known| *known == name).unwrap_or_else(|| {
+            self.names.push(name);
+            self.names.len() - 1
+        });
+        self.push(Op::Name(u32::try_from(place).unwrap_or(u32::MAX)))
+    }
+
+    /// The number that this is.
+    pub(super) fn number(&self, id: Id) -> Option<f64> {
+        match self.op(id) {
+            Op::Literal(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    pub(super) fn is(&self, id: Id, value: f64) -> bool {
+        self.number(id) == Some(value)
+    }
+
+    /// The opposite of what is a negative number times something.
+    fn without_sign(&mut self, id: Id) -> Option<Id> {
+        match self.op(id) {
+            Op::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
+                let x = self.number(x).unwrap_or_default();
+                let x = self.literal(-x);
+                Some(self.multiply(x, y))
+            }
+            _ => None,
+        }
+    }
+
+    pub(super) fn add(&mut self, a: Id, b: Id) -> Id {
+        if self.number(a).is_none_or(|a| a != 0.0)
+            && let Some(b) = self.without_sign(b)
+        {
+            return self.subtract(a, b);
+        }
+        match (self.number(a), self.number(b), self.op(a), self.op(b)) {
+            (Some(x), Some(y), ..) => self.literal(x + y),
+            (Some(0.0), ..) => b,
+            (_, Some(0.0), ..) => a,
+            (_, _, _, Op::Negative(b)) => self.push(Op::Subtract(a, b)),
+            (_, _, Op::Negative(a), _) => self.push(Op::Subtract(b, a)),
+            (_, Some(y), ..) if y < 0.0 => {
+                let y = self.literal(-y);
+                self.push(Op::Subtract(a, y))
+            }
+            _ => self.push(Op::Add(a, b)),
+        }
+    }
+
+    pub(super) fn subtract(&mut self, a: Id, b: Id) -> Id {
+        if let Some(b) = self.without_sign(b) {
+            return self.add(a, b);
+        }
+        match (self.number(a), self.number(b), self.op(b)) {
+            (Some(x), Some(y), _) => self.literal(x - y),
+            (_, Some(0.0), _) => a,
+            (Some(0.0), ..) => self.negative(b),
+            (_, _, Op::Negative(b)) => self.add(a, b),
+            (_, Some(y), _) if y < 0.0 => {
+                let y = self.literal(-y);
+                self.push(Op::Add(a, y))
+            }
+            _ => self.push(Op::Subtract(a, b)),
+        }
+    }
+
+    pub(super) fn multiply(&mut self, a: Id, b: Id) -> Id {
+        match (self.number(a), self.number(b), self.op(a), self.op(b)) {
+            (Some(x), Some(y), ..) => self.literal(x * y),
+            (Some(0.0), ..) | (_, Some(1.0), ..) => a,
+            (_, Some(0.0), ..) | (Some(1.0), ..) => b,
+            (Some(-1.0), ..) => self.negative(b),
+            (_, Some(-1.0), ..) => self.negative(a),
+            (Some(x), _, _, Op::Negative(b)) => {
+                let x = self.literal(-x);
+                self.push(Op::Multiply(x, b))
+            }
+            (None, Some(_), ..) => self.multiply(b, a),
+            (_, _, Op::Negative(x), _) => {
+                let product = self.multiply(x, b);
+                self.negative(product)
+            }
+            (_, _, _, Op::Negative(y)) => {
+                let product = self.multiply(a, y);
+                self.negative(product)
+            }
+            // Numbers stand first.
+            (Some(_), ..) => self.push(Op::Multiply(a, b)),
+            _ => self.push(Op::Multiply(a.min(b), a.max(b))),
+        }
+    }
+
+    pub(super) fn divide(&mut self, a: Id, b: Id) -> Id {
+        match (self.number(a), self.number(b)) {
+            (Some(x), Some(y)) => self.literal(x / y),
+            (_, Some(1.0)) => a,
+            _ => self.push(Op::Divide(a, b)),
+        }
+    }
+
+    pub(super) fn negative(&mut self, a: Id) -> Id {
+        match self.op(a) {
+            Op::Literal(bits) => self.literal(-f64::from_bits(bits)),
+            Op::Negative(a) => a,
+            Op::Subtract(x, y) => self.subtract(y, x),
+            Op::Multiply(x, y) if self.number(x).is_some() => {
+                let x = self.number(x).unwrap_or_default();
+                let x = self.literal(-x);
+                self.multiply(x, y)
+            }
+            _ => self.push(Op::Negative(a)),
+        }
+    }
+
+    pub(super) fn call(&mut self, called: Called, at: Id) -> Id {
+        self.push(Op::Call(called, at))
+    }
+
+    pub(super) fn choice(&mut self, parts: [Id; 4]) -> Id {
+        if parts[2] == parts[3] {
+            return parts[2];
+        }
+        self.push(Op::Choice(parts))
+    }
+
+    /// All operations that these need, each behind its parts.
+    pub(super) fn below(&self, roots: &[Id]) -> Vec<Id> {
+        let mut seen = vec![false; self.ops.len()];
+        let mut open = roots.to_vec();
+        while let Some(id) = open.pop() {
+            if let Some(seen) = seen.get_mut(id.index()).filter(|seen| !**seen) {
+                *seen = true;
+                open.extend(self.op(id).parts());
+            }
+        }
+        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| Id(id)).collect()
+    }
+
+    /// About how many instructions these take.
+    pub(super) fn cost(&self, roots: &[Id]) -> usize {
+        self.below(roots).iter().map(|id| self.op(*id).cost()).sum()
+    }
+}

@@ -1,0 +1,229 @@
+//! Programs around a filter: its test of itself, and one that reads samples.
+
+use super::error::EmitError;
+use super::filter::Program;
+use super::interface::Interface;
+use super::request::{EmitLanguage, EmitRequest, TestVectors};
+use super::{c, rust};
+use crate::device::Device;
+use std::fmt::Write as _;
+
+/// The numbers of a sample that a step takes, in its order.
+fn taken(device: &Device, program: &Program, interface: &Interface, vectors: &TestVectors) -> Vec<Vec<f64>> {
+    let points = ["start", "middle", "end"];
+    let inputs = (0..device.inputs.len()).flat_map(|k| (0..points.len()).map(move |point| (k, point)));
+    let places: Vec<(usize, usize)> = {
+        let name =
+            |(k, point): (usize, usize)| program.names.input(k, points.get(point).copied().unwrap_or(""));
+        let all: Vec<_> = inputs.collect();
+        let find = |wanted: &String| all.iter().copied().find(|place| name(*place) == *wanted);
+        interface.step.iter().filter_map(find).collect()
+    };
+    let of = |sample: &super::request::TestSample| {
+        let at = |(k, point): &(usize, usize)| {
+            sample.inputs.get(*point).and_then(|inputs| inputs.get(*k)).copied()
+        };
+        places.iter().filter_map(at).chain(sample.measured.iter().copied()).collect()
+    };
+    vectors.samples.iter().map(of).collect()
+}
+
+/// The largest expected size of each state.
+fn sizes(vectors: &TestVectors, count: usize) -> Vec<f64> {
+    let size = |k: usize| {
+        let values = vectors.samples.iter().filter_map(|sample| sample.expected.get(k));
+        let size = values.fold(0.0_f64, |size, value| size.max(value.abs()));
+        if size > 0.0 { size } else { 1.0 }
+    };
+    (0..count).map(size).collect()
+}
+
+/// Numbers of 32 bits in rows, where what they do not hold is 0.
+fn table(rows: &[Vec<f64>], [open, close]: [char; 2], language: EmitLanguage) -> Result<String, EmitError> {
+    let mut text = String::new();
+    for row in rows {
+        let number = |value: &f64| {
+            let value = if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { *value };
+            if language == EmitLanguage::C { c::float(value) } else { rust::float(value) }
+        };
+        let numbers = row.iter().map(number).collect::<Result<Vec<_>, _>>()?;
+        let _ = writeln!(text, "    {open}{}{close},", numbers.join(", "));
+    }
+    Ok(text)
+}
+
+/// The files around a filter: its test of itself where it has vectors, and an example.
+pub(super) fn files(
+    device: &Device,
+    request: &EmitRequest,
+    program: &Program,
+    language: EmitLanguage,
+) -> Result<Vec<(String, String)>, EmitError> {
+    let interface = Interface::of(device, request, program);
+    let name = &request.name;
+    let arguments = interface.step.len() + interface.measured.len();
+    let mut files = Vec::new();
+    if let Some(vectors) = &request.vectors {
+        let given = taken(device, program, &interface, vectors);
+        let expected: Vec<Vec<f64>> = vectors.samples.iter().map(|sample| sample.expected.clone()).collect();
+        let sizes = sizes(vectors, request.size());
+        match language {
+            EmitLanguage::C => {
+                files.extend(self_test_in_c(request, &interface, (&given, &expected, &sizes), vectors)?);
+            }
+            EmitLanguage::Rust => {
+                files.push(self_test_in_rust(request, &interface, (&given, &expected, &sizes), vectors)?);
+            }
+        }
+    }
+    let has_test = request.vectors.is_some();
+    let columns: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
+    let columns = if columns.is_empty() { "nothing".to_owned() } else { columns.join(", ") };
+    files.push(match language {
+        EmitLanguage::C => (
+            "main.c".to_owned(),
+            main_in_c(name, &interface, (arguments, request.size()), &columns, has_test),
+        ),
+        EmitLanguage::Rust => {
+            ("main.rs".to_owned(), main_in_rust(name, &interface, arguments, &columns, has_test))
+        }
+    });
+    Ok(files)
+}
+
+fn indexed(count: usize, of: &str) -> String {
+    (0..count).map(|k| format!("{of}[{k}]")).collect::<Vec<_>>().join(", ")
+}
+
+type Vectors<'a> = (&'a [Vec<f64>], &'a [Vec<f64>], &'a [f64]);
+
+fn self_test_in_c(
+    request: &EmitRequest,
+    interface: &Interface,
+    (given, expected, sizes): Vectors<'_>,
+    vectors: &TestVectors,
+) -> Result<Vec<(String, String)>, EmitError> {
+    let name = &request.name;
+    let upper = name.to_uppercase();
+    let (count, arguments, states) = (given.len(), given.first().map_or(0, Vec::len), request.size());
+    let header = format!(
+        "{comment}#ifndef {upper}_SELF_TEST_H\n#define {upper}_SELF_TEST_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
+         /*\n * Runs the filter over {count} samples. 1 where every state stays within {tolerance:e} of what is expected, relative to its\n \
+         * largest expected size. The largest difference is in *worst.\n */\nint {name}_self_test(float *worst);\n\n\
+         #ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
+        comment = c::comment(&interface.heading),
+        tolerance = vectors.tolerance
+    );
+    let source = format!(
+        "{comment}#include \"{name}_self_test.h\"\n#include \"{name}.h\"\n\n\
+         /* Inputs and measurements in SI. */\nstatic const float GIVEN[{count}][{arguments}] = {{\n{given}}};\n\n\
+         /* The states in SI that are expected behind each sample. */\nstatic const float EXPECTED[{count}][{states}] = {{\n{expected}}};\n\n\
+         /* The largest expected size of each state. */\nstatic const float SIZE[{states}] = {{\n{sizes}}};\n\n\
+         int {name}_self_test(float *worst)\n{{\n    {name}_t filter;\n    unsigned k, i;\n    *worst = 0.0F;\n    {name}_start(&filter);\n    \
+         for (k = 0; k < {count}U; k++) {{\n        if (!{name}_step(&filter, {call})) {{\n            return 0;\n        }}\n        \
+         for (i = 0; i < {states}U; i++) {{\n            const float difference = {name}_value(&filter, i) - EXPECTED[k][i];\n            \
+             const float error = (difference < 0.0F ? -difference : difference) / SIZE[i];\n            \
+             if (!(error <= *worst)) {{\n                *worst = error;\n            }}\n        }}\n    }}\n    \
+         return *worst <= {tolerance};\n}}\n",
+        comment = c::comment(&interface.heading),
+        given = table(given, ['{', '}'], EmitLanguage::C)?,
+        expected = table(expected, ['{', '}'], EmitLanguage::C)?,
+        sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::C)?.replace(" ,\n", "\n"),
+        call = indexed(arguments, "GIVEN[k]"),
+        tolerance = c::float(vectors.tolerance)?
+    );
+    Ok(vec![(format!("{name}_self_test.h"), header), (format!("{name}_self_test.c"), source)])
+}
+
+fn self_test_in_rust(
+    request: &EmitRequest,
+    interface: &Interface,
+    (given, expected, sizes): Vectors<'_>,
+    vectors: &TestVectors,
+) -> Result<(String, String), EmitError> {
+    let name = &request.name;
+    let (count, arguments, states) = (given.len(), given.first().map_or(0, Vec::len), request.size());
+    let text = format!(
+        "{comment}\nuse super::{name}::Filter;\n\n\
+         /// Inputs and measurements in SI.\nstatic GIVEN: [[f32; {arguments}]; {count}] = [\n{given}];\n\n\
+         /// The states in SI that are expected behind each sample.\nstatic EXPECTED: [[f32; {states}]; {count}] = [\n{expected}];\n\n\
+         /// The largest expected size of each state.\nstatic SIZE: [f32; {states}] = [\n{sizes}];\n\n\
+         /// Runs the filter over the samples. The largest difference from what is expected, relative to the largest expected size of\n\
+         /// each state: in `Ok` where it is within {tolerance}.\npub fn self_test() -> Result<f32, f32> {{\n    \
+         let mut filter = Filter::new();\n    let mut worst = 0.0;\n    for (given, expected) in GIVEN.iter().zip(&EXPECTED) {{\n        \
+         if !filter.step({call}) {{\n            return Err(f32::INFINITY);\n        }}\n        \
+         for ((value, expected), size) in filter.values().iter().zip(expected).zip(&SIZE) {{\n            \
+         let difference = value - expected;\n            let error = (if difference < 0.0 {{ -difference }} else {{ difference }}) / size;\n            \
+         if !(error <= worst) {{\n                worst = error;\n            }}\n        }}\n    }}\n    \
+         if worst <= {tolerance} {{ Ok(worst) }} else {{ Err(worst) }}\n}}\n",
+        comment = rust::comment(&interface.heading),
+        given = table(given, ['[', ']'], EmitLanguage::Rust)?,
+        expected = table(expected, ['[', ']'], EmitLanguage::Rust)?,
+        sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::Rust)?.replace(" ,\n", "\n"),
+        call = indexed(arguments, "given"),
+        tolerance = rust::float(vectors.tolerance)?
+    );
+    Ok((format!("{name}_self_test.rs"), text))
+}
+
+fn main_in_c(
+    name: &str,
+    interface: &Interface,
+    (arguments, states): (usize, usize),
+    columns: &str,
+    has_test: bool,
+) -> String {
+    let (include, test) = if has_test {
+        (
+            format!("#include \"{name}_self_test.h\"\n"),
+            format!(
+                "    float worst;\n    if (!{name}_self_test(&worst)) {{\n        \
+                 fprintf(stderr, \"the self-test failed: %g\\n\", (double)worst);\n        return 1;\n    }}\n"
+            ),
+        )
+    } else {
+        (String::new(), String::new())
+    };
+    let read: Vec<String> = (0..arguments).map(|k| format!("scanf(\"%f\", &given[{k}]) == 1")).collect();
+    format!(
+        "{comment}/* Reads samples, each the numbers {columns}, and writes the states in SI behind each. */\n\
+         #include \"{name}.h\"\n{include}#include <stdio.h>\n\nint main(void)\n{{\n    {name}_t filter;\n    float given[{arguments}];\n    \
+         unsigned k;\n{test}    {name}_start(&filter);\n    while ({read}) {{\n        (void){name}_step(&filter, {call});\n        \
+         for (k = 0; k < {states}U; k++) {{\n            printf(\"%.9g%c\", (double){name}_value(&filter, k), k + 1U < {states}U ? ' ' : '\\n');\n        \
+         }}\n    }}\n    return 0;\n}}\n",
+        comment = c::comment(&interface.heading),
+        read = read.join(" && "),
+        call = indexed(arguments, "given")
+    )
+}
+
+fn main_in_rust(
+    name: &str,
+    interface: &Interface,
+    arguments: usize,
+    columns: &str,
+    has_test: bool,
+) -> String {
+    let (module, test) = if has_test {
+        (
+            format!("mod {name}_self_test;\n"),
+            format!(
+                "    if let Err(worst) = {name}_self_test::self_test() {{\n        \
+                 eprintln!(\"the self-test failed: {{worst}}\");\n        std::process::exit(1);\n    }}\n"
+            ),
+        )
+    } else {
+        (String::new(), String::new())
+    };
+    format!(
+        "{comment}//!\n//! Reads samples, each the numbers {columns}, and writes the states in SI behind each.\n\n\
+         #[allow(dead_code)]\nmod {name};\n{module}use std::io::Read;\n\nfn main() {{\n{test}    \
+         let mut text = String::new();\n    if std::io::stdin().read_to_string(&mut text).is_err() {{\n        std::process::exit(2);\n    }}\n    \
+         let given: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();\n    \
+         let mut filter = {name}::Filter::new();\n    for given in given.chunks_exact({arguments}) {{\n        \
+         let _ = filter.step({call});\n        let values = filter.values().map(|value| format!(\"{{value:e}}\"));\n        \
+         println!(\"{{}}\", values.join(\" \"));\n    }}\n}}\n",
+        comment = rust::comment(&interface.heading),
+        call = indexed(arguments, "given")
+    )
+}
