@@ -204,6 +204,9 @@ pub struct ExportArguments {
     /// Write so many samples of the first recording as tables as well, to try the filter with.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub samples: usize,
+    /// A parameter that the program may change while it runs, of a device that is described by equations; may be given several times.
+    #[arg(long, value_name = "NAME")]
+    pub adjustable: Vec<String>,
     /// The folder for the source [default: out/exported/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

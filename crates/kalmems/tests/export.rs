@@ -51,7 +51,14 @@ fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Export
 }
 
 fn request(target: Target, filter: &str) -> Request {
-    Request { target, filter: filter.to_owned(), interval_s: None, update_every: NonZeroU32::MIN, samples: 0 }
+    Request {
+        target,
+        filter: filter.to_owned(),
+        interval_s: None,
+        update_every: NonZeroU32::MIN,
+        samples: 0,
+        adjustable: Vec::new(),
+    }
 }
 
 fn file<'a>(exported: &'a Exported, name: &str) -> &'a str {

@@ -21,6 +21,7 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
         interval_s: arguments.rate.as_deref().map(interval_s).transpose()?,
         update_every: arguments.update_every,
         samples: arguments.samples,
+        adjustable: arguments.adjustable.clone(),
     };
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;

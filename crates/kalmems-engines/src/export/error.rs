@@ -30,7 +30,7 @@ pub enum ExportError {
     },
     /// No filter of this device can be exported.
     #[error(
-        "no filter of a `{device}` can be exported; those of `shared_scanner` and `threshold_scanner` can"
+        "no filter of the rig `{device}` can be exported; `kalmems expand` writes its device as equations, whose filters can"
     )]
     Device {
         /// The rig.

@@ -15,7 +15,7 @@ mod write;
 pub use error::ExportError;
 pub use scanner::{Integration, ScannerFilter};
 pub use threshold::{CrossingSettings, ThresholdFilter};
-pub use write::{Exported, export, place_of_filter, write_export};
+pub use write::{Exported, c_name, export, heading, place_of_filter, write_export};
 
 use std::fmt::Display;
 use std::num::NonZeroU32;
@@ -42,6 +42,8 @@ pub struct Request {
     pub update_every: NonZeroU32,
     /// How many samples of the first recording are written beside it, to try it with.
     pub samples: usize,
+    /// Parameters that the program may change while it runs, of a device of one's own.
+    pub adjustable: Vec<String>,
 }
 
 /// A filter that can be exported.

@@ -52,16 +52,13 @@ pub fn export(
 ) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
     let (interval_s, samples) = sampled(experiment, request, columns, recording)?;
-    let digest = digest(experiment);
     let every = request.update_every.get();
-    let mut heading = vec![
-        format!("Made by kalmems {} with `kalmems export`; not to be edited.", env!("CARGO_PKG_VERSION")),
-        format!("Experiment `{}`, sha256 {digest}, filter `{name}`.", experiment.name),
-        format!("Sampling interval {interval_s:e} s, corrected by every sample."),
-    ];
-    if every > 1 {
-        heading[2] = format!("Sampling interval {interval_s:e} s, corrected by one sample in {every}.");
+    if !request.adjustable.is_empty() {
+        return refuse(
+            "its parameters are constants of the source; leave `--adjustable` out, or expand the experiment to equations",
+        );
     }
+    let heading = heading(experiment, request, &name, interval_s);
     let mut files = match (filter, request.target) {
         (Filter::Scanner(filter), Target::Rust) => {
             let body = filter.scaled(interval_s).to_rust(filter.integration, every);
@@ -93,12 +90,44 @@ pub fn export(
         };
         files.push((name.to_owned(), samples.to_source(request.target, &heading)));
     }
-    let (short, target, samples) = (&digest[..12], request.target, request.samples);
-    let input_id = format!(
-        "{}: export {short} to {target:?}, {name}, {interval_s:e} s, one in {every}, {samples} samples",
-        experiment.name
-    );
-    Ok(Exported { filter: name, interval_s, files, input_id })
+    Ok(Exported::of(experiment, request, (name, interval_s), files))
+}
+
+/// Lines for the head of each file: the experiment with its digest, the filter, and its interval in s.
+pub fn heading(experiment: &Experiment, request: &Request, filter: &str, interval_s: f64) -> Vec<String> {
+    let corrected = match request.update_every.get() {
+        1 => "every sample".to_owned(),
+        every => format!("one sample in {every}"),
+    };
+    vec![
+        format!("Made by kalmems {} with `kalmems export`; not to be edited.", env!("CARGO_PKG_VERSION")),
+        format!("Experiment `{}`, sha256 {}, filter `{filter}`.", experiment.name, digest(experiment)),
+        format!("Sampling interval {interval_s:e} s, corrected by {corrected}."),
+    ]
+}
+
+impl Exported {
+    /// The files of a filter at its interval in s.
+    pub fn of(
+        experiment: &Experiment,
+        request: &Request,
+        (filter, interval_s): (String, f64),
+        files: Vec<(String, String)>,
+    ) -> Self {
+        let Request { target, samples, update_every, adjustable, .. } = request;
+        let digest = digest(experiment);
+        let adjustable = if adjustable.is_empty() {
+            String::new()
+        } else {
+            format!(", {} adjustable", adjustable.join(" "))
+        };
+        let input_id = format!(
+            "{}: export {} to {target:?}, {filter}, {interval_s:e} s, one in {update_every}, {samples} samples{adjustable}",
+            experiment.name,
+            digest.get(..12).unwrap_or(&digest)
+        );
+        Self { filter, interval_s, files, input_id }
+    }
 }
 
 /// Writes the files of an export into a result.
@@ -185,7 +214,7 @@ fn c_files(name: &str, (header, source): (String, String)) -> Vec<(String, Strin
 }
 
 /// A name that C takes.
-fn c_name(name: &str) -> String {
+pub fn c_name(name: &str) -> String {
     let mut found: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect();
     if found.starts_with(|c: char| c.is_ascii_digit()) {

@@ -2,6 +2,7 @@
 
 mod course;
 mod curve;
+mod export;
 mod model;
 mod names;
 mod number;
@@ -18,6 +19,7 @@ pub use table::EquationsTable;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{EstimateError, Parameter, Past, SegmentEstimate};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::export::{ExportError, Exported, Request};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
@@ -165,6 +167,10 @@ impl Rig for EquationsRig {
         let remedy =
             format!("name the parameters that are sought, such as `parameters = [{}]`", names.join(", "));
         Err(experiment.error("identify.parameters", Fault::MissingKey { remedy }).into())
+    }
+
+    fn export(&self, experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+        export::export(experiment, request)
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

@@ -172,6 +172,20 @@ pub struct Interval {
     root: Vec<f64>,
 }
 
+impl Interval {
+    /// The steps in which the equations are followed over it.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// An entry of the covariance that the noise adds.
+    pub fn covariance(&self, i: usize, j: usize) -> f64 {
+        let states = self.covariance.len().isqrt();
+        let (i, j) = (i.max(j), i.min(j));
+        self.covariance.get(i * states + j).copied().unwrap_or(0.0)
+    }
+}
+
 /// A step under inputs.
 pub struct UnderInputs<'a> {
     model: &'a EquationModel,

@@ -127,16 +127,22 @@ impl Estimator for EquationEstimator<'_> {
 }
 
 /// One filter over the new samples.
-struct OneFilter<'a> {
-    own: &'a OwnDevice,
-    filter: &'a FilterSettings,
-    models: &'a [EquationModel],
-    data: &'a EquationSegment<'a>,
-    progress: &'a dyn Progress,
+pub struct OneFilter<'a> {
+    /// The device.
+    pub own: &'a OwnDevice,
+    /// What the file says of the filter.
+    pub filter: &'a FilterSettings,
+    /// Its models: one, but for a bank.
+    pub models: &'a [EquationModel],
+    /// The samples.
+    pub data: &'a EquationSegment<'a>,
+    /// Who follows the work.
+    pub progress: &'a dyn Progress,
 }
 
 impl OneFilter<'_> {
-    fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+    /// Its trajectory, and the smoothed ones that are wanted.
+    pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
         let states = basics.states(&self.own.states());
         let channels = self.channels();

@@ -1,0 +1,282 @@
+//! A filter of a device of one's own as source code for a microcontroller.
+
+use super::course::{Channel, EquationSegment};
+use super::model::noises;
+use super::segment::OneFilter;
+use super::settings::{FilterSettings, OwnDevice, Settings};
+use super::table::refused;
+use super::{columns, names};
+use crate::Rig;
+use crate::config::{Experiment, Fault, Key, Method};
+use crate::estimate::driven::Drive;
+use crate::estimate::{FilterPast, Samples, Tracked};
+use crate::export::{ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
+use crate::progress::Silent;
+use crate::recording::Recording;
+use kalmems_equations::{
+    EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod, TestSample,
+    TestVectors,
+};
+
+/// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
+/// passes its own test: numbers of 32 bits have seven digits, and a covariance that has not settled costs some.
+const TOLERANCE: f64 = 1e-2;
+
+/// Standard deviations by which a state is away from 0 from which on it is counted from where it starts.
+const FAR: f64 = 10.0;
+
+/// The source of a filter; see [`Rig::export`].
+pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+    let place = place_of_filter(experiment, request)?;
+    let settings = Settings::of(experiment)?;
+    let (own, filter) = (&settings.own, &settings.filters[place]);
+    let refuse =
+        |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
+    let method = match filter.basics.method {
+        Method::Ekf => StepMethod::RungeKutta,
+        Method::EulerEkf => StepMethod::Euler,
+        _ => {
+            return refuse(
+                "of a device that is described by equations, the methods `ekf` and `euler_ekf` can be exported",
+            );
+        }
+    };
+    if request.update_every.get() > 1 {
+        return refuse(
+            "its source corrects by every sample; leave `--update-every` out, and call its prediction alone where there is none",
+        );
+    }
+    let (recording, interval_s) = recorded(experiment, request)?;
+    let wrong = |error| ExportError::from(refused(experiment, &error));
+    let model = filter.models(own).map_err(wrong)?;
+    let Some(model) = model.first() else { return refuse("it has no model") };
+    let over = model.over(interval_s);
+    if over.steps() > 1 && method == StepMethod::RungeKutta {
+        return refuse(&format!(
+            "its fastest motion needs {} steps from sample to sample, and the source takes one; sample so many times as fast, or put what \
+             follows at once in the place of a state",
+            over.steps()
+        ));
+    }
+    let states = own.device.states().len();
+    let known = filter.known();
+    let sd = |i: usize| known.lower.get(i * (i + 1) / 2 + i).copied().unwrap_or(0.0).sqrt();
+    let cyclic = own.device.periods(&own.values).map_err(wrong)?;
+    let start = |i: usize| {
+        let mean = known.mean.get(i).copied().unwrap_or(0.0);
+        let is_far = mean.abs() > FAR * sd(i) && cyclic.iter().all(|(state, _)| *state != i);
+        StateStart { mean, origin: if is_far { mean } else { 0.0 }, typical: None }
+    };
+    let covariance = |i: usize, j: usize| if i == j { sd(i) * sd(i) } else { 0.0 };
+    let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        (0..states).flat_map(|i| (0..states).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
+    };
+    let measures = measures(experiment, (own, filter), interval_s)?;
+    let name = c_name(&experiment.name.to_string());
+    let emitted = EmitRequest {
+        heading: heading(experiment, request, &filter.basics.name, interval_s),
+        interval_s,
+        method,
+        parameters: own.values.clone(),
+        adjustable: adjustable(experiment, request, own)?,
+        states: (0..states).map(start).collect(),
+        start_covariance: square(&covariance),
+        process_noise: square(&|i, j| over.covariance(i, j)),
+        free: filter
+            .basics
+            .parameters()
+            .iter()
+            .enumerate()
+            .filter_map(|(k, tracked)| free(own, tracked, over.covariance(states + k, states + k)))
+            .collect(),
+        vectors: match &recording {
+            Some(recording) if request.samples > 0 => {
+                Some(vectors(experiment, (own, filter), recording, &measures, request.samples)?)
+            }
+            _ => None,
+        },
+        measures,
+        events: Vec::new(),
+        gain: EmitGain::Covariance,
+        name,
+    };
+    let language = match request.target {
+        Target::C => EmitLanguage::C,
+        Target::Rust => EmitLanguage::Rust,
+    };
+    let files = own
+        .device
+        .emit(&emitted, language)
+        .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
+    Ok(Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files))
+}
+
+/// The places of the parameters that the program may change.
+fn adjustable(
+    experiment: &Experiment,
+    request: &Request,
+    own: &OwnDevice,
+) -> Result<Vec<usize>, ExportError> {
+    let known = || own.device.parameters().iter().map(|parameter| &*parameter.named.name);
+    let place = |name: &String| {
+        own.device.parameter(name).ok_or_else(|| {
+            experiment.error("device.equations.parameters", Fault::unknown_word(name, known())).into()
+        })
+    };
+    request.adjustable.iter().map(place).collect()
+}
+
+fn free(own: &OwnDevice, tracked: &Tracked, walk: f64) -> Option<FreeParameter> {
+    let parameter = own.device.parameter(tracked.parameter.name)?;
+    let scale = tracked.added.scale.abs();
+    Some(FreeParameter {
+        parameter,
+        start: own.values.get(parameter).copied()?,
+        start_sd: tracked.sd * scale,
+        scale: tracked.sd * scale,
+        walk: walk * scale * scale,
+    })
+}
+
+/// The measurements that correct the filter, with the variance of a sample of each.
+fn measures(
+    experiment: &Experiment,
+    (own, filter): (&OwnDevice, &FilterSettings),
+    interval_s: f64,
+) -> Result<Vec<EmitMeasure>, ExportError> {
+    let (_, variances) =
+        noises(&own.device, &own.values, interval_s.recip()).map_err(|error| refused(experiment, &error))?;
+    let all: Vec<usize> = match filter.measures.as_slice() {
+        [] => (0..variances.len()).collect(),
+        some => some.to_vec(),
+    };
+    let of = |measure: usize| {
+        let variance = variances.get(measure).copied().flatten().filter(|variance| *variance > 0.0);
+        variance.map(|variance| EmitMeasure { measure, variance }).ok_or_else(|| {
+            let name =
+                own.device.measures().get(measure).map(|named| named.name.to_string()).unwrap_or_default();
+            let remedy = "write the variance of a sample of it; a filter weighs the samples by it".to_owned();
+            let key = Key::from("device.equations.noise").child(&name);
+            experiment.error(key, Fault::MissingKey { remedy }).into()
+        })
+    };
+    all.into_iter().map(of).collect()
+}
+
+/// The first recording, where there is one, and the interval in s between samples.
+fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Recording>, f64), ExportError> {
+    if let Some(interval_s) = request.interval_s {
+        if request.samples > 0 {
+            return Err(ExportError::SamplesOfAnotherRate);
+        }
+        return Ok((None, interval_s));
+    }
+    let rig = super::EquationsRig;
+    let wanted = if experiment.recordings.is_empty() { Vec::new() } else { rig.wanted(experiment)? };
+    let Some(index) = wanted.first().copied() else {
+        let why = "there is no recording to take the sampling interval from; give `--rate`".to_owned();
+        return Err(experiment.error("recording", Fault::Value { why }).into());
+    };
+    let file = experiment.resolve(&experiment.recording(index)?.file);
+    let recording = Recording::read(&file, &rig.layout(experiment, index)?)?;
+    let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+    let Some(interval_s) = interval_s else {
+        return Err(ExportError::NoInterval { file: recording.source().file.clone() });
+    };
+    Ok((Some(recording), interval_s))
+}
+
+/// The first samples of the recording with the states that the library's filter has behind each.
+///
+/// The source predicts before it corrects. The first row is therefore where the filter starts, without a correction, and the samples
+/// are those behind it.
+fn vectors(
+    experiment: &Experiment,
+    (own, filter): (&OwnDevice, &FilterSettings),
+    recording: &Recording,
+    measures: &[EmitMeasure],
+    count: usize,
+) -> Result<TestVectors, ExportError> {
+    let file = || recording.source().file.clone();
+    let (inputs, measured) = columns(experiment, 0)?;
+    let Some(segment) = recording.segments().first() else {
+        return Err(ExportError::NoInterval { file: file() });
+    };
+    let time_s = segment.time.to_vec();
+    let interval_s = segment.time.interval_s().unwrap_or(f64::NAN);
+    let devices = own.device.inputs().iter().map(names::kind_of);
+    let mut volts: Vec<&[f64]> = Vec::new();
+    for (column, kind) in inputs.iter().zip(devices) {
+        volts.push(recording.column_of(column, kind)?.of(segment));
+    }
+    let mut signals: Vec<(EmitMeasure, Vec<f64>)> = Vec::new();
+    for measure in measures {
+        let column = measured.iter().find(|(place, _)| *place == measure.measure);
+        let Some((place, column)) = column else {
+            let why = "a measurement of the filter is no channel of the recording; leave `--samples` out"
+                .to_owned();
+            return Err(experiment.error("recording", Fault::Value { why }).into());
+        };
+        let kind = names::kind_of(&own.device.measures()[*place]);
+        let mut signal = recording.column_of(column, kind)?.of(segment).to_vec();
+        if let Some(first) = signal.first_mut() {
+            *first = f64::NAN;
+        }
+        signals.push((*measure, signal));
+    }
+    let whole = |k: &usize| {
+        let finite = |values: &[f64]| values.get(*k).is_some_and(|value| value.is_finite());
+        volts.iter().all(|values| finite(values))
+            && signals.iter().all(|(_, signal)| *k == 0 || finite(signal))
+    };
+    let rows = (0..time_s.len()).take_while(whole).count();
+    if rows <= count {
+        return Err(ExportError::Samples { file: file(), asked: count, found: rows.saturating_sub(1) });
+    }
+    let drives: Vec<Drive<'_>> =
+        volts.iter().map(|values| Drive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
+    let data = EquationSegment {
+        time_s: &time_s[..=count],
+        inputs: drives,
+        channels: signals
+            .iter()
+            .map(|(measure, signal)| Channel {
+                name: &own.device.measures()[measure.measure].name,
+                measure: measure.measure,
+                variance: measure.variance,
+                signal,
+            })
+            .collect(),
+        samples: Samples::whole(count + 1, interval_s),
+    };
+    let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
+    let way = OneFilter { own, filter, models: &models, data: &data, progress: &Silent };
+    let found = way
+        .follow(&mut FilterPast::default())
+        .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
+    let Some(trajectory) = found.first() else { return Err(ExportError::NoInterval { file: file() }) };
+    let states = own.device.states().len();
+    let expected = |k: usize| -> Vec<f64> {
+        let own_states = trajectory.states.iter().take(states).map(|state| state.mean[k]);
+        let values =
+            trajectory.states.iter().skip(states).zip(filter.basics.parameters()).map(|(state, tracked)| {
+                let value =
+                    own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
+                value.copied().unwrap_or(f64::NAN) + state.mean[k] * tracked.added.scale
+            });
+        own_states.chain(values).collect()
+    };
+    let sample = |k: usize| {
+        let nodes: Vec<_> = data.inputs.iter().map(|input| input.nodes(k)).collect();
+        TestSample {
+            inputs: [
+                nodes.iter().map(|n| n.start).collect(),
+                nodes.iter().map(|n| n.middle).collect(),
+                nodes.iter().map(|n| n.end).collect(),
+            ],
+            measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
+            expected: expected(k),
+        }
+    };
+    Ok(TestVectors { samples: (1..=count).map(sample).collect(), tolerance: TOLERANCE })
+}
