@@ -193,7 +193,7 @@ fn told_wrong(seed: u64) -> (Experiment, Unwritten) {
 const SOUGHT: [(&str, &str, &str, f64); 3] = [
     ("k", "4.7374 N/m", "4.80 N/m", 4.7374),
     ("b", "3.0159e-7 N s/m", "3.6e-7 N s/m", 3.0159e-7),
-    ("force_per_square_volt", "2.96e-9 N/V^2", "2.7e-9 N/V^2", 2.96e-9),
+    ("force", "2.96e-9 N/V^2", "2.7e-9 N/V^2", 2.96e-9),
 ];
 
 /// How many standard errors each of the sought numbers is off.
@@ -214,7 +214,7 @@ fn off(seed: u64) -> [f64; 3] {
     for (name, right, wrong, _) in SOUGHT {
         text = text.replace(&format!("{name} = \"{right}\""), &format!("{name} = \"{wrong}\""));
     }
-    text += "\n[identify]\nparameters = [\"k\", \"b\", \"force_per_square_volt\"]\n";
+    text += "\n[identify]\nparameters = [\"k\", \"b\", \"force\"]\n";
     let experiment = parse(&text, folder.path()).unwrap();
     let found = likeliest(published(), &experiment, &Silent).unwrap();
     assert!(found.undetermined.is_empty() && found.warnings.is_empty(), "{found:?}");

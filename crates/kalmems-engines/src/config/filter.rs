@@ -337,7 +337,10 @@ impl Filter {
                 return refuse("start", format!("the method `{word}` has no start; leave it out"));
             }
         } else if self.start.is_none() {
-            return missing("start", "write `start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }`");
+            return missing(
+                "start",
+                "write the states at the first sample, such as `start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }` for a device with these",
+            );
         }
         if self.method.claims() {
             // A start from the signal may bring its own; the rig says.

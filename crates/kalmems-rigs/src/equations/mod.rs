@@ -37,6 +37,8 @@ pub struct EquationsRig;
 
 /// A number in SI with three digits, with a power of ten where it is very small or large.
 fn short(value: f64) -> String {
+    // −0 is 0.
+    let value = value + 0.0;
     let is_plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());
     if is_plain { kalmems_figures::significant(value) } else { format!("{value:.2e}") }
 }

@@ -5,7 +5,7 @@ use crate::estimate::{Sensor, Tracked, Transition};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
 use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
-use kalmems_equations::{Device, EquationError, MOST_STATES, Motion, NoiseKind, Readout, Work};
+use kalmems_equations::{Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, Readout, Work};
 use std::cell::RefCell;
 
 /// How a step follows the equations.
@@ -35,8 +35,8 @@ pub struct EquationModel {
     rest: Vec<f64>,
     inputs: usize,
     rule: Rule,
-    /// How fast its fastest small motion is, in 1/s.
-    fastest: f64,
+    /// Steps per second that follow its motion.
+    pace: f64,
 }
 
 /// One number for each state, with those that are parameters.
@@ -49,7 +49,7 @@ impl EquationModel {
         values: &[f64],
         tracked: &[Tracked],
         (density, rule): (Vec<f64>, Rule),
-        (rest, fastest): (&[f64], f64),
+        (rest, pace): (&[f64], f64),
     ) -> Result<Self, EquationError> {
         let places: Vec<usize> =
             tracked.iter().filter_map(|tracked| device.parameter(tracked.parameter.name)).collect();
@@ -65,7 +65,7 @@ impl EquationModel {
         work.extend(readouts.iter().map(|readout| readout.work(values)));
         let rest = rest.iter().copied().chain(free.iter().map(|(value, _)| *value)).collect();
         let (periods, inputs) = (device.periods(values)?, device.inputs().len());
-        Ok(Self { motion, readouts, work: work.into(), free, density, periods, rest, inputs, rule, fastest })
+        Ok(Self { motion, readouts, work: work.into(), free, density, periods, rest, inputs, rule, pace })
     }
 
     /// The states that move by equations of their own.
@@ -93,7 +93,7 @@ impl EquationModel {
         });
         noise(&jacobian);
         let steps = match self.rule {
-            Rule::RungeKutta => steps_over(self.fastest, interval_s).unwrap_or(MOST_STEPS),
+            Rule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
             // A published filter by Euler's method takes one step for a sample, however short that is.
             Rule::Euler => 1,
         };
@@ -344,16 +344,27 @@ impl Sensor for Seen<'_> {
     }
 }
 
-/// |λ|·h of a step: what the method of fourth order leaves out of a mode λ is (|λ|·h)⁴/120 of it.
-const SHORT: f64 = 0.1;
 /// Steps for one interval at most.
 const MOST_STEPS: usize = 1024;
 
-/// Steps of Runge and Kutta's method in which an interval in s is followed: each so short that the method decays and turns the
-/// fastest small motion, of this size in 1/s, to 10⁻⁶ as the equations do; `None` where that takes more steps than a sample is
-/// worth.
-pub fn steps_over(fastest: f64, interval_s: f64) -> Option<usize> {
-    let steps = (fastest * interval_s / SHORT).ceil().max(1.0);
+/// How far a mode may be followed wrongly, as a part of it: 10⁻⁶ at most, and of one that rings sharply a part of its width.
+const WRONG: f64 = 1e-6;
+const WRONG_IN_WIDTHS: f64 = 2e-4;
+const LEAST_WRONG: f64 = 1e-10;
+
+/// The steps per second of Runge and Kutta's method that follow these modes: what the method leaves out of a mode λ in a step h is
+/// (|λ|·h)⁴/120 of its decay and its rate, and what counts of it is how it compares with the width 2ζ of the resonance.
+pub fn pace(modes: &[Mode]) -> f64 {
+    let of = |mode: &Mode| {
+        let width = (2.0 * mode.damping_ratio().abs() * WRONG_IN_WIDTHS).clamp(LEAST_WRONG, WRONG);
+        mode.size() / (120.0 * width).sqrt().sqrt()
+    };
+    modes.iter().filter(|mode| mode.size() > 0.0).map(of).fold(0.0, f64::max)
+}
+
+/// The steps in which an interval in s is followed at this pace; `None` where these are more than a sample is worth.
+pub fn steps_over(pace: f64, interval_s: f64) -> Option<usize> {
+    let steps = (pace * interval_s).ceil().max(1.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
     (steps <= MOST_STEPS as f64).then_some(steps as usize)
 }

@@ -89,7 +89,7 @@ impl Estimator for EquationEstimator<'_> {
             };
             channels.push(Channel { name: &named.name, measure: *measure, variance, signal });
         }
-        if steps_over(settings.own.fastest(), segment.interval_s).is_none() {
+        if steps_over(settings.own.pace(), segment.interval_s).is_none() {
             let why = format!(
                 "it has a motion that is far faster than the samples, which come every {} s: put what follows at once in the place of \
                  a state, or sample faster; `kalmems inspect` lists its time constants",
@@ -105,7 +105,8 @@ impl Estimator for EquationEstimator<'_> {
         };
         let data = EquationSegment { time_s: &segment.time_s, inputs, channels, samples };
         let states = settings.own.states();
-        let axes = [(states[0].0, motion)];
+        let judged = states[settings.own.judged()].0;
+        let axes = [(judged, motion)];
         let start_s = segment.start_s + settings.skip_s;
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
@@ -121,7 +122,7 @@ impl Estimator for EquationEstimator<'_> {
             all.append(&mut found);
         }
         let drive_column = self.inputs.first().copied().unwrap_or_default();
-        let axis = Axis { angle: states[0].0, motion, drive };
+        let axis = Axis { angle: judged, motion, drive };
         Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
     }
 }

@@ -1,6 +1,6 @@
 //! From an experiment file to SI.
 
-use super::model::{EquationModel, Rule, noises};
+use super::model::{EquationModel, Rule, noises, pace};
 use super::names;
 use super::table::{EquationsTable, refused};
 use crate::config::{
@@ -66,9 +66,17 @@ impl OwnDevice {
         oscillating.reduce(f64::min).or_else(|| decaying.reduce(f64::min))
     }
 
-    /// How fast its fastest small motion is, in 1/s.
-    pub fn fastest(&self) -> f64 {
-        self.modes.iter().map(Mode::size).fold(0.0, f64::max)
+    /// Steps per second that follow its motion.
+    pub fn pace(&self) -> f64 {
+        pace(&self.modes)
+    }
+
+    /// The state by which its motion is judged: the first that a measurement reads, or else the first.
+    pub fn judged(&self) -> usize {
+        let read = self.device.readout(0, &[]).ok();
+        let first =
+            read.and_then(|readout| readout.sparsity().find(|state| *state < self.device.own_states()));
+        first.unwrap_or(0)
     }
 
     /// Its states, as trajectories name them.
@@ -216,7 +224,7 @@ impl FilterSettings {
         let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
         let rule = if self.basics.method == Method::EulerEkf { Rule::Euler } else { Rule::RungeKutta };
         let tracked: &[Tracked] = self.basics.parameters();
-        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.fastest()))
+        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.pace()))
     }
 }
 

@@ -124,7 +124,7 @@ impl Simulation for EquationSimulation {
         let mut of_rates = streams(readouts.len(), self.start.len());
         let converter = simulate.adc.as_ref().map(Converter::of);
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
-        let Some(parts) = steps_over(own.fastest(), simulate.integration_rate.si().recip()) else {
+        let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
             return Err(SimulateError::NotFinite { time_s: 0.0 });
         };
         let rate_hz = simulate.integration_rate.si() * parts as f64;

@@ -375,7 +375,7 @@ fn of_the_choice(likeliest: &Likeliest) -> String {
 
 /// What became of the parameters that are states; `None` where none is.
 pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
-    let words = ["estimator", "parameter", "known before", "at the end"].map(Column::text);
+    let words = ["estimator", "parameter", "known before", "at the end", "sd at the end"].map(Column::text);
     let change = Column::number("change", "sd of before");
     let mut table = Table::new("Parameters as states", words.into_iter().chain([change]));
     for recording in &metrics.recordings {
