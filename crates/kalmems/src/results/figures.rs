@@ -3,6 +3,7 @@
 use super::Verdict;
 use super::long::{FilterFigures, PartFigures};
 use super::metrics::consistency;
+use super::summary::named;
 use super::summary::shown as shown_unit;
 use super::verdict::{angles_of, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
@@ -218,7 +219,7 @@ fn value_error(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
         let points = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e * factor));
         Some(panel.with(Series::line(label(trajectory, segment, None), role(trajectory), points)))
     });
-    let title = format!("Error of the {of}");
+    let title = format!("Error of {}", named(of));
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
 }
 

@@ -429,12 +429,19 @@ fn of_the_innovations(estimator: &EstimatorMetrics) -> Option<String> {
     Some(format!("{first}{also}"))
 }
 
+/// A state in a sentence: a word with its article, a symbol as it is.
+pub(super) fn named(state: &str) -> String {
+    let is_word = state.len() > 2 && state.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    if is_word { format!("the {state}") } else { state.to_owned() }
+}
+
 /// What a reference shows of a claim that does not hold.
 fn of_the_claim(name: &str, claim: &Claim) -> String {
     let larger = claim.mean_square.sqrt();
     let mut text = format!(
-        "the errors of the {name} against the reference are {larger:.1} times as large as claimed, {:.0} % of them within three \
+        "the errors of {} against the reference are {larger:.1} times as large as claimed, {:.0} % of them within three \
          standard deviations",
+        named(name),
         100.0 * claim.within
     );
     if let Some(Explained { scale, early_s, share, .. }) = claim.explained.filter(|found| found.share > 0.5) {
