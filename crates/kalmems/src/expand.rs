@@ -46,15 +46,14 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
     }
     recordings(&mut document, &wanted);
     estimate(&mut document, &expansion, &mut notes);
-    keep_filters_that_run(workbench, experiment, &document, &expansion).map(|(document, left_out)| {
-        notes.extend(left_out);
-        Expanded { text: written(&document, &expansion, &notes), notes }
-    })
+    let (document, left_out) = keep_filters_that_run(workbench, experiment, &document, &expansion);
+    notes.extend(left_out);
+    Ok(Expanded { text: written(&document, &expansion, &notes), notes })
 }
 
 /// The file: what is said first, the device as its rig wrote it, and the rest.
 fn written(document: &Table, expansion: &Expansion, notes: &[String]) -> String {
-    let says: String = notes.iter().map(|note| format!("# {note}\n")).collect();
+    let says: String = notes.iter().flat_map(|note| ["# ", note, "\n"]).collect();
     let (mut head, mut rest) = (document.clone(), document.clone());
     head.retain(|_, value| !matches!(value, Value::Table(_) | Value::Array(_)));
     rest.retain(|_, value| matches!(value, Value::Table(_) | Value::Array(_)));
@@ -107,10 +106,10 @@ fn keep_filters_that_run(
     experiment: &Experiment,
     document: &Table,
     expansion: &Expansion,
-) -> Result<(Table, Vec<String>), ConfigError> {
+) -> (Table, Vec<String>) {
     let filters =
         || document.get("estimate").and_then(|estimate| estimate.get("filter")).and_then(Value::as_array);
-    let Some(filters) = filters().cloned() else { return Ok((document.clone(), Vec::new())) };
+    let Some(filters) = filters().cloned() else { return (document.clone(), Vec::new()) };
     let with = |filters: Vec<Value>| {
         let mut document = document.clone();
         if let Some(Value::Table(estimate)) = document.get_mut("estimate") {
@@ -136,11 +135,11 @@ fn keep_filters_that_run(
         }
     }
     if !kept.is_empty() {
-        return Ok((with(kept), left_out));
+        return (with(kept), left_out);
     }
     // An estimate without filters is none; the device is what is asked for.
     let mut without = document.clone();
     without.remove("estimate");
     left_out.push("The table `[estimate]` was left out: none of its filters is left.".to_owned());
-    Ok((without, left_out))
+    (without, left_out)
 }

@@ -208,7 +208,7 @@ fn what_cannot_be_exported_says_why() {
                 Target::Rust,
                 &example("piston_mirror/experiment.toml").estimate.unwrap().filters[0].name.to_string(),
             ),
-            "no filter of a `piston_mirror` can be exported",
+            "no filter of the rig `piston_mirror` can be exported",
         ),
     ] {
         let found = why(file, &request);
@@ -237,4 +237,64 @@ fn an_export_is_whole_and_replaces_no_other() {
     assert!(first[0] != read("scanner_filter.c"));
     let source = String::from_utf8(read("scanner_filter.c")).unwrap();
     assert!(source.contains(env!("CARGO_PKG_VERSION")) && source.contains("sha256") && !source.contains('@'));
+}
+
+/// Compiles C without a warning and runs it; `None` without a compiler.
+fn compiled(files: &[(String, String)], folder: &Path) -> Option<std::process::Output> {
+    use std::process::Command;
+    for (name, content) in files {
+        fs::write(folder.join(name), content).unwrap();
+    }
+    let sources: Vec<&String> = files
+        .iter()
+        .map(|(name, _)| name)
+        .filter(|name| Path::new(name).extension().is_some_and(|e| e == "c"))
+        .collect();
+    let flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"];
+    let made = Command::new("gcc")
+        .current_dir(folder)
+        .args(flags)
+        .args(["-o", "program"])
+        .args(&sources)
+        .arg("-lm")
+        .output();
+    let Ok(made) = made else {
+        println!("skipped: there is no gcc");
+        return None;
+    };
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    Some(Command::new(folder.join("program")).stdin(std::process::Stdio::null()).output().unwrap())
+}
+
+#[test]
+fn a_filter_of_equations_tests_itself_against_the_library() {
+    let experiment = example(SCANNER);
+    let expanded = kalmems::expand::expand(published(), &experiment).unwrap();
+    let own = published().parse(&expanded.text, experiment.path()).unwrap();
+    for filter in own.estimate.as_ref().unwrap().filters.iter().map(|filter| filter.name.to_string()) {
+        let wanted =
+            Request { samples: 300, adjustable: vec!["stiffness".to_owned()], ..request(Target::C, &filter) };
+        let exported = export(&own, &wanted).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        if let Some(run) = compiled(&exported.files, folder.path()) {
+            assert!(run.status.success(), "{filter}: {}", String::from_utf8_lossy(&run.stderr));
+        }
+        // Another source of the same bytes.
+        assert_eq!(export(&own, &wanted).unwrap().files, exported.files);
+        let rust = export(&own, &Request { target: Target::Rust, ..wanted }).unwrap();
+        assert!(rust.files.iter().any(|(name, _)| name == "scanner_filter.rs"));
+    }
+}
+
+#[test]
+fn what_is_faster_than_the_samples_is_predicted_in_parts() {
+    let experiment = example("tuning_fork/experiment.toml");
+    let exported = export(&experiment, &request(Target::C, "EKF")).unwrap();
+    let header = exported.files.iter().find(|(name, _)| name == "tuning_fork.h").unwrap();
+    assert!(header.1.contains("`tuning_fork_predict` 5 times"), "{}", header.1);
+    let refused = export(&experiment, &Request { samples: 10, ..request(Target::C, "EKF") }).unwrap_err();
+    assert!(refused.to_string().contains("6 predictions for a sample"), "{refused}");
+    let refused =
+        export(&experiment, &Request { adjustable: vec!["q".to_owned()], ..request(Target::C, "EKF") });
+    assert!(refused.unwrap_err().to_string().contains("unknown word `q`"));
 }

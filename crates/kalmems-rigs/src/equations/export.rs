@@ -50,12 +50,21 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
     let wrong = |error| ExportError::from(refused(experiment, &error));
     let model = filter.models(own).map_err(wrong)?;
     let Some(model) = model.first() else { return refuse("it has no model") };
-    let over = model.over(interval_s);
-    if over.steps() > 1 && method == StepMethod::RungeKutta {
+    // What follows faster than the samples is predicted in parts of the interval between them.
+    let parts = model.over(interval_s).steps();
+    if parts > 1 && request.samples > 0 {
         return refuse(&format!(
-            "its fastest motion needs {} steps from sample to sample, and the source takes one; sample so many times as fast, or put what \
-             follows at once in the place of a state",
-            over.steps()
+            "its fastest motion needs {parts} predictions for a sample, which its test of itself does not make; leave `--samples` out"
+        ));
+    }
+    let each_s = interval_s / parts as f64;
+    let over = model.over(each_s);
+    let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
+    let name = c_name(&experiment.name.to_string());
+    if parts > 1 {
+        heading.push(format!(
+            "A sample is {parts} predictions, each over {each_s:e} s: `{name}_predict` {} times, and then `{name}_step`.",
+            parts - 1
         ));
     }
     let states = own.device.states().len();
@@ -72,10 +81,9 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         (0..states).flat_map(|i| (0..states).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
     };
     let measures = measures(experiment, (own, filter), interval_s)?;
-    let name = c_name(&experiment.name.to_string());
     let emitted = EmitRequest {
-        heading: heading(experiment, request, &filter.basics.name, interval_s),
-        interval_s,
+        heading,
+        interval_s: each_s,
         method,
         parameters: own.values.clone(),
         adjustable: adjustable(experiment, request, own)?,

@@ -63,9 +63,9 @@ pub fn likeliest(
     let bench = bench.with_files(ROWS, progress).map_err(refused)?;
     let progress = &bench.stop.watching(progress);
     let (base, all) = begin(workbench, &bench).map_err(refused)?;
-    let suspects = chosen(experiment, &bench, all)?;
+    let suspects = chosen(experiment, &bench, &all)?;
     progress.begin("likelihood", 0);
-    let found = with_signs(&bench, &base, suspects, workbench);
+    let found = with_signs(&bench, &base, &suspects, workbench);
     if progress.reached(0).is_break() {
         return Err(IdentifyError::Interrupted);
     }
@@ -123,7 +123,7 @@ fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experimen
         let place = judged.clone().position(|filter| super::bench::is_judged(filter.method));
         if let Some(filter) = place.and_then(|place| filters.get_mut(place)).and_then(Value::as_table_mut) {
             filter.remove("states");
-            chosen = filter.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+            filter.get("name").and_then(Value::as_str).unwrap_or_default().clone_into(&mut chosen);
         }
     }
     if chosen.is_empty() {
@@ -136,7 +136,7 @@ fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experimen
 }
 
 /// The numbers that the experiment names, among all that may be wrong.
-fn chosen(experiment: &Experiment, bench: &Bench, all: Vec<Suspect>) -> Result<Vec<Suspect>, ConfigError> {
+fn chosen(experiment: &Experiment, bench: &Bench, all: &[Suspect]) -> Result<Vec<Suspect>, ConfigError> {
     let named = experiment.identify.iter().flat_map(|identify| &identify.parameters);
     let named: Vec<&String> = named.collect();
     let at = || Key::from("identify").child("parameters");
@@ -185,11 +185,11 @@ const OTHER_SIGN: f64 = 5.0;
 fn with_signs(
     bench: &Bench,
     base: &Trial,
-    suspects: Vec<Suspect>,
+    suspects: &[Suspect],
     workbench: &Workbench,
 ) -> Option<(Vec<Suspect>, MostLikelySizes)> {
     let of = |suspects: &[Suspect]| most_likely(&Search { bench, suspects, base }, workbench, base);
-    let (mut suspects, mut best) = (suspects.clone(), of(&suspects)?);
+    let (mut suspects, mut best) = (suspects.to_vec(), of(suspects)?);
     for place in 0..suspects.len() {
         let is_determined = best.sd.get(place).is_some_and(|sd| *sd < DETERMINED);
         if is_determined {
@@ -197,7 +197,9 @@ fn with_signs(
         }
         let mut other = suspects.clone();
         if let Some(What::Factor(numbers)) = other.get_mut(place).map(|suspect| &mut suspect.what) {
-            numbers.iter_mut().for_each(|number| number.written = -number.written);
+            for number in numbers {
+                number.written = -number.written;
+            }
         }
         if let Some(found) = of(&other)
             && found.log_likelihood > best.log_likelihood + OTHER_SIGN
