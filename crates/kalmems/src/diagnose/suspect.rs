@@ -241,6 +241,6 @@ mod tests {
         );
         let families = siblings(&numbers);
         let named: Vec<(&str, usize)> = families.iter().map(|f| (f[0].key.last(), f.len())).collect();
-        assert_eq!(named, [("gain", 2), ("gap", 2)]);
+        assert_eq!(named, [("gap", 2), ("gain", 2)]);
     }
 }

@@ -152,7 +152,8 @@ impl Read for Killing {
             self.killed.store(true, Ordering::SeqCst);
             return Ok(0);
         }
-        std::thread::sleep(std::time::Duration::from_millis(2));
+        // Slower than the samples are taken in, so that what is acknowledged is near where the run is killed.
+        std::thread::sleep(std::time::Duration::from_millis(6));
         self.pieces.read(buffer)
     }
 }
