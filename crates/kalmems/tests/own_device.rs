@@ -1,5 +1,7 @@
 //! A device of one's own: curves from files, several channels, identification, and what is refused.
 
+mod parts;
+
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
 use kalmems::progress::Silent;
@@ -7,6 +9,7 @@ use kalmems::recording::Recording;
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems::workflow::{Outcome, estimate_unwritten};
+use parts::same_bits_in_a_stream;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -317,4 +320,17 @@ fn an_unwritten_simulation_is_estimated_as_a_recording() {
     for (_, within) in errors(&outcome, "x") {
         assert!(within > 0.99, "{within}");
     }
+}
+
+#[test]
+fn samples_that_arrive_are_estimated_to_the_last_bit_as_those_of_a_recording() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/experiment.toml");
+    let text = std::fs::read_to_string(&file).unwrap().replace("smooth = true\n", "")
+        + "\n[stream]\nrate = \"400 kHz\"\n[stream.input.text]\ncolumns = [\"time_s\", \"drive_V\", \"signal_V\"]\n";
+    let experiment = published().parse(&text, &file).unwrap();
+    let rig = published().rig(&experiment).unwrap();
+    let path = experiment.resolve(&experiment.recording(0).unwrap().file);
+    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&std::fs::read(&path).unwrap(), 4000));
+    assert_eq!((summary.estimated, summary.not_estimated), (12_000, 0));
 }
