@@ -334,3 +334,23 @@ fn samples_that_arrive_are_estimated_to_the_last_bit_as_those_of_a_recording() {
     let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&std::fs::read(&path).unwrap(), 4000));
     assert_eq!((summary.estimated, summary.not_estimated), (12_000, 0));
 }
+
+#[test]
+fn what_a_lag_adds_starts_settled_behind_the_states_that_are_stated() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), 2000, 0..0);
+    let text = MIRROR.replace("theta = \"0 rad\", omega", "theta = \"3 mrad\", omega");
+    let experiment = parse(&format!("{text}{RECORDING}"), folder.path()).unwrap();
+    let rig = published().rig(&experiment).unwrap();
+    let file = experiment.resolve(&experiment.recording(0).unwrap().file);
+    let mut recording = Recording::read(&file, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    // Without a correction at the first sample, where both channels are missing.
+    for column in ["fast_V", "filtered_V"] {
+        recording = recording.what_if(column, |_, values| values[0] = f64::NAN);
+    }
+    let estimate = rig.estimate(&experiment, 0, &recording, &Silent).unwrap().swap_remove(0);
+    let slow = estimate.trajectories[0].state("slow").unwrap();
+    // gain * slope * theta, and the same of the deviation of theta.
+    assert!((slow.mean[0] - 0.5e12 * 2e-12 * 3e-3).abs() < 1e-12, "{}", slow.mean[0]);
+    assert!((slow.sd[0] - 0.5e12 * 2e-12 * 0.01).abs() < 1e-9, "{}", slow.sd[0]);
+}

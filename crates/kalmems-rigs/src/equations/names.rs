@@ -5,7 +5,7 @@ use crate::config::{Entry, Sign};
 use crate::estimate::{Parameter, StateName};
 use crate::evaluate::ValueState;
 use crate::simulate::Channel;
-use crate::units::{Kind, Known, kind, name};
+use crate::units::{Kind, Known, name};
 use kalmems_equations::{Device, Named};
 
 /// The kind of a name's unit.
@@ -76,7 +76,7 @@ pub fn parameters(device: &Device, added: &[bool]) -> &'static [Parameter] {
             let kind = kind_of(&parameter.named);
             Parameter { kind, unit: kind.ending(), drift: kind.drift(), ..Parameter::factor(own) }
         } else {
-            Parameter { kind: &kind::RATIO, ..Parameter::factor(own) }
+            Parameter::factor(own)
         };
         all.written(written)
     };

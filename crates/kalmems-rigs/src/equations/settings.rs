@@ -66,6 +66,23 @@ impl OwnDevice {
         oscillating.reduce(f64::min).or_else(|| decaying.reduce(f64::min))
     }
 
+    /// The states at the start, of which some are stated: the others are at rest, and what lags and delays add follows them.
+    pub fn started(&self, stated: &[Option<f64>]) -> Vec<f64> {
+        let start: Vec<f64> =
+            stated.iter().zip(&self.rest).map(|(stated, rest)| stated.unwrap_or(*rest)).collect();
+        let is_held =
+            |(place, stated): (usize, &Option<f64>)| place < self.device.own_states() || stated.is_some();
+        let held: Vec<bool> = stated.iter().enumerate().map(is_held).collect();
+        self.settled(&start, &held).unwrap_or(start)
+    }
+
+    /// Where the states settle that are not held, without an input.
+    fn settled(&self, start: &[f64], held: &[bool]) -> Option<Vec<f64>> {
+        let motion = self.device.motion(&[]).ok()?;
+        let mut work = motion.work(&self.values);
+        motion.rest(&mut work, start, held, &vec![0.0; self.device.inputs().len()])
+    }
+
     /// Steps per second that follow its motion.
     pub fn pace(&self) -> f64 {
         pace(&self.modes)
@@ -165,11 +182,7 @@ impl FilterSettings {
         let of = |name: &str, values: &Values, sign| {
             some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
         };
-        let start: Vec<f64> = of("start", start, Sign::Any)?
-            .into_iter()
-            .zip(&own.rest)
-            .map(|(s, rest)| s.unwrap_or(*rest))
-            .collect();
+        let start = own.started(&of("start", start, Sign::Any)?);
         let claims = filter.method.claims();
         let sd = if claims {
             of("start_sd", &filter.start_sd, Sign::NotNegative)?
@@ -259,11 +272,7 @@ fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec
     }
     let states = start.len();
     let held: Vec<bool> = sd.iter().map(Option::is_some).collect();
-    let settled = |start: &[f64]| {
-        let motion = own.device.motion(&[]).ok()?;
-        let mut work = motion.work(&own.values);
-        motion.rest(&mut work, start, &held, &vec![0.0; own.device.inputs().len()])
-    };
+    let settled = |start: &[f64]| own.settled(start, &held);
     let at = settled(start);
     let mut all: Vec<f64> = sd.iter().map(|sd| sd.unwrap_or(0.0)).collect();
     for (known, sd) in sd.iter().enumerate().filter_map(|(state, sd)| sd.map(|sd| (state, sd))) {

@@ -59,13 +59,14 @@ impl EquationSimulation {
             }
         };
         let entries = names::entries(device, crate::config::Sign::Any);
-        let mut start = own.rest.clone();
-        for (slot, entry) in start.iter_mut().zip(&entries) {
+        let mut stated = vec![None; entries.len()];
+        for (slot, entry) in stated.iter_mut().zip(&entries) {
             if let Some(value) = simulate.start.get(entry.name) {
                 let key = crate::config::Key::from("simulate.start").child(entry.name);
-                *slot = experiment.value(key, value, entry.kind, entry.sign)?;
+                *slot = Some(experiment.value(key, value, entry.kind, entry.sign)?);
             }
         }
+        let start = own.started(&stated);
         if let Some(name) =
             simulate.start.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str()))
         {
