@@ -282,8 +282,16 @@ fn clear_dead(folder: &Path, own: &Path) -> io::Result<()> {
             continue;
         };
         // What cannot be cleared is somebody else's trouble, not this run's.
-        if let Ok(Lock::Held(_held)) = lock(&root, false) {
-            let _ = recover(&root, &folder.join(target)).and_then(|()| remove(&root));
+        match lock(&root, false) {
+            Ok(Lock::Held(_held)) => {
+                let _ = recover(&root, &folder.join(target)).and_then(|()| remove(&root));
+            }
+            // A run that died before its lock was made, or after it was removed, leaves an empty folder; one that lives
+            // makes it again. A folder with anything in it stays.
+            Ok(Lock::None) => {
+                let _ = fs::remove_dir(&root);
+            }
+            _ => {}
         }
     }
     Ok(())

@@ -357,6 +357,18 @@ fn a_file_that_somebody_put_into_a_dead_runs_folder_stays() {
 }
 
 #[test]
+fn an_empty_folder_of_a_run_that_died_before_its_lock_goes_with_the_next_run_beside_it() {
+    let lab = Laboratory::new();
+    let (empty, filled) = (lab.at(".kalmems-dead.staging"), lab.at(".kalmems-other.staging"));
+    fs::create_dir(&empty).unwrap();
+    fs::create_dir(&filled).unwrap();
+    fs::write(filled.join("mine.txt"), "mine").unwrap();
+    lab.run("experiment.toml", "first", false).unwrap();
+    assert!(!empty.exists());
+    assert_eq!(fs::read(filled.join("mine.txt")).unwrap(), b"mine");
+}
+
+#[test]
 fn what_is_put_into_a_target_while_a_run_is_at_work_is_left_alone() {
     let lab = Laboratory::new();
     lab.run("experiment.toml", "first", false).unwrap();
