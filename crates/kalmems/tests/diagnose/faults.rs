@@ -47,9 +47,9 @@ impl Fault {
         let written = |number: f64, unit: &str| {
             if unit.is_empty() { format!("{number:e}") } else { format!("\"{number:e} {unit}\"") }
         };
-        // Long enough that a number which is fitted is known better than what follows from it.
+        // As many samples as a diagnosis looks at: a number that is fitted is then known better than what follows from it.
         let both = if self.device == "shared scanner" {
-            vec![("simulate.duration", "\"32 ms\"".to_owned())]
+            vec![("simulate.duration", "\"58 ms\"".to_owned())]
         } else {
             Vec::new()
         };

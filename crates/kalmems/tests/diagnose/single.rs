@@ -266,7 +266,7 @@ fn slow_single_faults_are_named() {
         // Mean squares of the errors with what is pasted, and of the right model.
         let (mut right, mut errors) = (0_u32, [0.0; 2]);
         let mut others = std::collections::BTreeMap::new();
-        for seed in (0..5).map(|k| 201 + 10 * place as u64 + k) {
+        for seed in (0..5).map(|k| 2001 + 10 * place as u64 + k) {
             let faulty = fault.of_size(size, seed);
             let found = faulty.diagnosis();
             let name = found
