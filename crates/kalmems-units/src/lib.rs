@@ -16,6 +16,7 @@ mod dimension;
 mod header;
 pub mod kind;
 mod known;
+mod uncertainty;
 mod unit;
 mod value;
 

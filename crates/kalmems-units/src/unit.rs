@@ -28,6 +28,14 @@ pub enum UnitError {
         /// What is wrong and what to write.
         why: &'static str,
     },
+    /// What is stated of a value's uncertainty cannot be read.
+    #[error("cannot read the uncertainty of `{found}`: {why}")]
+    Uncertainty {
+        /// The value as found.
+        found: String,
+        /// What is wrong and what to write.
+        why: String,
+    },
     /// A value of another dimension than the one expected.
     #[error("`{found}` has the dimension {dimension}; expected {expected}, such as `{example}`")]
     Dimension {

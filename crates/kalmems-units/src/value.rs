@@ -1,27 +1,61 @@
 //! A number with its unit, as written in an experiment file.
 
+use super::uncertainty::{self, split};
 use super::{Kind, Unit, UnitError};
 
-/// A number with a unit, in SI, and the text it came from.
+/// A number with a unit, in SI, the text it came from, and its standard uncertainty where one is stated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
     text: String,
+    /// The unit as written, which may be that of value and uncertainty and stand behind both.
+    unit_text: String,
     si: f64,
     unit: Unit,
+    uncertainty: Option<f64>,
 }
 
 impl Value {
-    /// Reads `"-0.3574 V/pF"`, `"15 kHz"`, `"0.3 %"` or, for a ratio, `"0.3"`.
+    /// Reads `"-0.3574 V/pF"`, `"15 kHz"`, `"0.3 %"` or, for a ratio, `"0.3"`; each with its standard uncertainty behind it, if that is
+    /// stated: `"15 kHz ± 0.1 %"`, `"15 kHz ± 20 Hz"`, `"15.00 ± 0.02 kHz"`. `+/-` stands for ±. The per cent are those of the value,
+    /// but for a ratio that is in per cent itself, `"5 % ± 1 %"`, where they are added.
     pub fn parse(text: &str) -> Result<Self, UnitError> {
         let trimmed = text.trim();
         let wrong = || UnitError::Number { found: trimmed.to_owned() };
-        let (number, unit) = trimmed.split_at(number_length(trimmed));
+        let (value, stated) = split(trimmed);
+        let (number, unit) = value.split_at(number_length(value));
         if number.is_empty() {
             return Err(wrong());
         }
-        let unit = if unit.trim().is_empty() { Unit::ONE } else { Unit::parse(unit)? };
+        // Of `15.00 ± 0.02 kHz` the unit is that of both.
+        let shared = stated.filter(|_| unit.trim().is_empty()).and_then(uncertainty::unit_of_both);
+        let unit_text = shared.unwrap_or(unit).trim();
+        let unit = if unit_text.is_empty() { Unit::ONE } else { Unit::parse(unit_text)? };
         let si = unit.scale(number);
-        if si.is_finite() { Ok(Self { text: trimmed.to_owned(), si, unit }) } else { Err(wrong()) }
+        if !si.is_finite() {
+            return Err(wrong());
+        }
+        let uncertainty =
+            stated.map(|stated| uncertainty::parse(trimmed, stated, (si, unit, unit_text))).transpose()?;
+        let [text, unit_text] = [trimmed, unit_text].map(str::to_owned);
+        Ok(Self { text, unit_text, si, unit, uncertainty })
+    }
+
+    /// The standard uncertainty that is stated behind it, in SI.
+    pub const fn uncertainty(&self) -> Option<f64> {
+        self.uncertainty
+    }
+
+    /// The text as written, without the uncertainty.
+    pub fn nominal(&self) -> String {
+        match self.unit_text.as_str() {
+            _ if self.uncertainty.is_none() => self.text.clone(),
+            "" => self.number().to_owned(),
+            unit => format!("{} {unit}", self.number()),
+        }
+    }
+
+    fn number(&self) -> &str {
+        &self.text[..number_length(&self.text)]
     }
 
     /// The value in SI units.
@@ -41,8 +75,7 @@ impl Value {
 
     /// The number as written, and the unit as written behind it; the unit is empty for a plain ratio.
     pub fn parts(&self) -> (&str, &str) {
-        let (number, unit) = self.text.split_at(number_length(&self.text));
-        (number, unit.trim())
+        (self.number(), &self.unit_text)
     }
 
     /// As a factor on numbers in a unit: the unit of the products, and what the number 1 becomes in SI, rounded once where

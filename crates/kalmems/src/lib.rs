@@ -30,7 +30,7 @@
 
 pub mod diagnose;
 pub mod expand;
-mod patch;
+
 pub mod results;
 pub mod stream;
 pub mod study;

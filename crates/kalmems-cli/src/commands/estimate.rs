@@ -7,8 +7,8 @@ use crate::{Ending, print, target};
 use kalmems::config::{Experiment, Recording};
 use kalmems::diagnose::{ScaleNote, scale_notes};
 use kalmems::results::{
-    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, notices, parameters_table,
-    summary_table, write_estimate,
+    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
+    parameters_table, summary_table, write_estimate,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -32,8 +32,8 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         print(&(json + "\n"))?;
     } else {
         let mut text = summary_table(&metrics, true).to_text();
-        if let Some(parameters) = parameters_table(&metrics) {
-            text += &format!("\n{}", parameters.to_text());
+        for table in [parameters_table(&metrics), budget_table(&metrics)].into_iter().flatten() {
+            text += &format!("\n{}", table.to_text());
         }
         for notice in notices(&metrics) {
             text += &format!("\n{notice}\n");

@@ -2,6 +2,7 @@
 
 use super::reader::read_below;
 use super::source::Source;
+use super::uncertainty::{CORRELATION, Correlations};
 use super::{ConfigError, Experiment, Fault, Key};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeOwned, EnumAccess, VariantAccess, Visitor};
@@ -48,18 +49,21 @@ impl DeviceKind {
             json_schema!({
                 "description": kind.summary,
                 "type": "object",
-                "properties": { kind.name: (kind.schema)(generator) },
+                "properties": { kind.name: (kind.schema)(generator), CORRELATION: generator.subschema_for::<Correlations>() },
                 "required": [kind.name],
                 "additionalProperties": false,
             })
         };
         let each: Vec<Schema> = kinds.iter().map(one).collect();
         json_schema!({
-            "description": "The device: exactly one of these tables.",
+            "description": "The device: exactly one of these tables, and beside it the correlations of its uncertain numbers.",
             "oneOf": each,
         })
     }
 }
+
+/// What the reader knows the choice of a device's table by.
+pub(super) const DEVICE: &str = "Device";
 
 /// The table `[device.NAME]`: as it stands in the file, and what a rig has read from it.
 #[derive(Clone)]
@@ -68,6 +72,8 @@ pub(super) struct DeviceTable {
     /// As it was written.
     written: serde_json::Value,
     claimed: OnceLock<Claimed>,
+    /// The correlations that are stated beside it.
+    pub(super) correlation: Correlations,
 }
 
 /// What a rig reads from the table.
@@ -87,7 +93,7 @@ impl Claimed {
 }
 
 impl DeviceTable {
-    fn written(&self) -> &serde_json::Value {
+    pub(super) fn written(&self) -> &serde_json::Value {
         self.claimed.get().map_or(&self.written, |claimed| &claimed.written)
     }
 
@@ -158,13 +164,14 @@ impl Experiment {
     pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
         let claimed = Claimed::of(device);
         let written = claimed.written.clone();
-        self.device = DeviceTable { name: T::NAME.to_owned(), written, claimed: claimed.into() };
+        let correlation = Correlations::default();
+        self.device = DeviceTable { name: T::NAME.to_owned(), written, claimed: claimed.into(), correlation };
     }
 }
 
 impl PartialEq for DeviceTable {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name && self.written() == other.written()
+        self.name == other.name && self.written() == other.written() && self.correlation == other.correlation
     }
 }
 
@@ -176,14 +183,17 @@ impl fmt::Debug for DeviceTable {
 
 impl Serialize for DeviceTable {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(1))?;
+        let mut map = serializer.serialize_map(None)?;
         map.serialize_entry(&self.name, self.written())?;
+        if !self.correlation.is_empty() {
+            map.serialize_entry(CORRELATION, &self.correlation)?;
+        }
         map.end()
     }
 }
 
 impl<'de> Deserialize<'de> for DeviceTable {
-    /// A table with exactly one entry, which names the kind.
+    /// A table with exactly one entry, which names the kind; the reader leaves out what stands beside it.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct OneTable;
         impl<'de> Visitor<'de> for OneTable {
@@ -196,10 +206,11 @@ impl<'de> Deserialize<'de> for DeviceTable {
             fn visit_enum<A: EnumAccess<'de>>(self, choice: A) -> Result<DeviceTable, A::Error> {
                 let (name, content) = choice.variant::<String>()?;
                 let written = content.newtype_variant()?;
-                Ok(DeviceTable { name, written, claimed: OnceLock::new() })
+                let correlation = Correlations::default();
+                Ok(DeviceTable { name, written, claimed: OnceLock::new(), correlation })
             }
         }
-        deserializer.deserialize_enum("Device", &[], OneTable)
+        deserializer.deserialize_enum(DEVICE, &[], OneTable)
     }
 }
 
@@ -213,6 +224,6 @@ impl JsonSchema for DeviceTable {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "object", "minProperties": 1, "maxProperties": 1 })
+        json_schema!({ "type": "object", "minProperties": 1, "maxProperties": 2 })
     }
 }

@@ -4,7 +4,9 @@ use super::device::DeviceTable;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
+use super::uncertainty::Correlations;
 use super::values::{self, AnyValue, Entry, Values};
+use super::variation::Variations;
 use super::{
     Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording, Reference, Sign,
     Simulate, Stream,
@@ -48,6 +50,8 @@ pub struct Experiment {
     pub stream: Option<Stream>,
     #[serde(skip)]
     pub(super) source: Source,
+    #[serde(skip)]
+    pub(super) variations: Variations,
 }
 
 impl Experiment {
@@ -63,6 +67,7 @@ impl Experiment {
 
     fn from_source(source: Source) -> Result<Self, ConfigError> {
         let mut experiment: Self = reader::read_source(&source)?;
+        experiment.device.correlation = Correlations::of(&source)?;
         experiment.source = source;
         experiment.check()?;
         Ok(experiment)
@@ -84,6 +89,7 @@ impl Experiment {
         }
         self.check_names()?;
         self.check_columns()?;
+        self.check_uncertainties()?;
         if let Some(estimate) = &self.estimate {
             estimate.check().map_err(|(key, fault)| self.error(key, fault))?;
         }

@@ -5,7 +5,7 @@ use super::kinds::KindOf;
 use super::sign::{Any, Sign, SignOf};
 use crate::units::{Kind, UnitError, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Visitor};
+use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
@@ -71,19 +71,26 @@ fn expectation(kind: &Kind, sign: Sign) -> String {
 
 fn schema(kind: &Kind, sign: Sign) -> Schema {
     let ratio = kind.dimension == crate::units::Dimension::NONE;
-    let kinds = if ratio { serde_json::json!(["string", "number"]) } else { "string".into() };
+    let kinds = if ratio {
+        serde_json::json!(["string", "number", "object"])
+    } else {
+        serde_json::json!(["string", "object"])
+    };
     json_schema!({
         "type": kinds,
         "title": expectation(kind, sign),
         "pattern": NUMBER_FIRST,
-        "examples": [kind.example],
+        "examples": [kind.example, format!("{} ± 1 %", kind.example)],
+        "properties": { "value": { "type": ["string", "number"] }, "sd": { "type": ["string", "number"] } },
+        "required": ["value", "sd"],
+        "additionalProperties": false,
     })
 }
 
 /// Reads a value of a kind from text or a number.
 struct Text(&'static Kind, Sign);
 
-impl Visitor<'_> for Text {
+impl<'de> Visitor<'de> for Text {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -101,6 +108,30 @@ impl Visitor<'_> for Text {
     fn visit_f64<E: Error>(self, number: f64) -> Result<Value, E> {
         // The shortest text that reads back as the same number.
         self.visit_str(&format!("{number:?}"))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Value, A::Error> {
+        self.visit_str(&with_sd(map)?)
+    }
+}
+
+/// The text of a value that stands in a table with its standard uncertainty: `{ value = "3 N/m", sd = "1 %" }` is `3 N/m ± 1 %`.
+pub fn with_sd<'de, A: MapAccess<'de>>(mut map: A) -> Result<String, A::Error> {
+    const KEYS: [&str; 2] = ["value", "sd"];
+    let mut found: [Option<String>; 2] = [None, None];
+    while let Some(key) = map.next_key::<String>()? {
+        let Some(place) = KEYS.iter().position(|known| *known == key) else {
+            return Err(A::Error::unknown_field(&key, &KEYS));
+        };
+        found[place] = Some(match map.next_value::<serde_json::Value>()? {
+            serde_json::Value::String(text) => text,
+            other => other.to_string(),
+        });
+    }
+    match found {
+        [Some(value), Some(sd)] => Ok(format!("{value} ± {sd}")),
+        [None, _] => Err(A::Error::missing_field("value")),
+        [_, None] => Err(A::Error::missing_field("sd")),
     }
 }
 

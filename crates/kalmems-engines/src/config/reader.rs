@@ -4,10 +4,12 @@
 //! them typed, with key and place, and visits keys in the order of the file, so that the first fault in the
 //! file is the one reported.
 
+use super::device::DEVICE;
 use super::error::shown;
 use super::key::Step;
 use super::schema::remedy;
 use super::source::Source;
+use super::uncertainty::CORRELATION;
 use super::{ConfigError, Fault, Key};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -335,17 +337,18 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         visitor.visit_newtype_struct(self)
     }
 
-    /// A word, or a table with exactly one entry that names the variant.
+    /// A word, or a table with exactly one entry that names the variant; of a device's table, beside its correlations.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
-        _name: &'static str,
+        name: &'static str,
         variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Failure> {
         let choice = match self.value.get_ref() {
             DeValue::String(word) => Choice { word, span: self.value.span(), content: None, reader: self },
             DeValue::Table(table) => {
-                let entries = Entries::of(table).entries;
+                let mut entries = Entries::of(table).entries;
+                entries.retain(|(key, _)| name != DEVICE || key.get_ref() != CORRELATION);
                 let [(key, content)] = entries.as_slice() else {
                     let found = entries.iter().map(|(key, _)| shown(key.get_ref())).collect();
                     let known = variants.iter().map(|v| (*v).to_owned()).collect();

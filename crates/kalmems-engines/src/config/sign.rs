@@ -19,7 +19,7 @@ pub enum Sign {
 impl Sign {
     /// The SI value, if it has the dimension of `kind` and this sign; otherwise what is wrong, in words.
     pub(super) fn check(self, value: &Value, kind: &Kind) -> Result<f64, String> {
-        let unitless = value.text().parse::<f64>().is_ok();
+        let unitless = value.parts().1.is_empty();
         if unitless && !kind.accepts(value.unit().dimension()) {
             return Err(format!(
                 "`{}` has no unit; expected {kind}, such as `\"{}\"`",

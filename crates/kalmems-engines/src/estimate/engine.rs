@@ -216,6 +216,7 @@ impl Trajectory {
             whitens: true,
             parameters: Vec::new(),
             parameter_correlations: Vec::new(),
+            considered: Vec::new(),
             mirrored: false,
             failure: None,
             seconds_per_step: f64::NAN,
@@ -264,6 +265,7 @@ impl Trajectory {
             error_spans: self.error_spans.clone(),
             parameters: self.parameters.clone(),
             parameter_correlations: self.parameter_correlations.clone(),
+            considered: Vec::new(),
             time_s: Vec::new(),
             ..*self
         }

@@ -47,6 +47,17 @@ pub enum EstimateError {
         /// Why.
         why: String,
     },
+    /// An uncertain number of the device, one standard deviation off, is more than the filters take.
+    #[error(
+        "how the uncertainty of `{number}` enters the answer cannot be told: with it one standard deviation off the estimate fails ({why}); \
+         state a smaller uncertainty, or make it a state of the filter"
+    )]
+    Varied {
+        /// The number, by its key below the device's table.
+        number: String,
+        /// What stops the estimate then.
+        why: Box<EstimateError>,
+    },
     /// The signal holds no finite sample.
     #[error("{place}: the signal `{column}` has no finite sample; there is nothing to estimate from")]
     NoSignal {

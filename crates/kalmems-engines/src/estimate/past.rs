@@ -76,6 +76,12 @@ pub struct PastState {
     #[serde(default)]
     motion_rate: Option<Bits>,
     filters: Vec<FilterState>,
+    /// Of the filters beside these that are told what else the device may be.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) varied: Vec<Self>,
+    /// What innovations have told of the uncertain device, for each answer by its key.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) learnt: Vec<(String, Vec<Bits>)>,
 }
 
 /// What is written of one filter.
@@ -132,6 +138,8 @@ impl Past {
             numbers: bits(&self.numbers),
             motion_rate: self.motion_rate.map(Bits::from),
             filters: filters.collect(),
+            varied: Vec::new(),
+            learnt: Vec::new(),
         }
     }
 

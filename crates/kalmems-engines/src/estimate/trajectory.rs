@@ -1,6 +1,6 @@
 //! What a filter says over time.
 
-use super::{ErrorSpan, Lock};
+use super::{Contribution, ErrorSpan, Lock};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -46,6 +46,9 @@ pub struct Trajectory {
     pub parameters: Vec<TrackedPrior>,
     /// How the errors of these parameters hang together at the end, pair by pair.
     pub parameter_correlations: Vec<ParameterCorrelation>,
+    /// What is uncertain of the device and no state of this filter: it is in the standard deviations of the states, and the innovations
+    /// are those of the device as it is stated, with its uncertainty.
+    pub considered: Vec<Contribution>,
     /// Whether the filter followed the motion.
     pub lock: Lock,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.

@@ -312,6 +312,7 @@ mod tests {
             whitens: true,
             parameters: Vec::new(),
             parameter_correlations: Vec::new(),
+            considered: Vec::new(),
             counts: Counts::default(),
             lock: Lock::default(),
             mirrored: false,

@@ -11,8 +11,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 /// With the error e and the standard deviations s of the estimate and s_r of the reference, e²/(s² + s_r²) is 1 on average. Errors that
 /// follow each other are alike: N of them are worth
 /// \\(n = N / (1 + 2\sum\rho^2)\\), with ρ from the filter's own error propagation ([`ErrorSpan`](crate::estimate::ErrorSpan)),
-/// and n times the mean is χ² with n degrees of freedom. Of the delay that is stated of the reference the most likely one within
-/// its standard deviation is taken off.
+/// and n times the mean is χ² with n degrees of freedom. Errors by what is uncertain of the device are common to all samples: where such
+/// have the shares \\(w_j\\) of the variance, \\(w = \sum w_j\\), the mean varies by twice
+/// \\((1 - w^2)/n + \sum w_j^2\\), and that many independent errors, its reciprocal, are what it is worth. Of the delay that is stated of the
+/// reference the most likely one within its standard deviation is taken off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Claim {
     /// Errors that were compared.
@@ -25,6 +27,12 @@ pub struct Claim {
     pub mean_square: f64,
     /// How many independent ones they are worth.
     pub independent: f64,
+    /// How many those that are not common to all samples are worth.
+    #[serde(skip)]
+    own: f64,
+    /// The shares of the variance that are common to all samples.
+    #[serde(skip)]
+    common: Common,
     /// How probable so large errors are for a filter that is right.
     #[serde(serialize_with = "super::three_digits")]
     pub p_value: f64,
@@ -44,6 +52,26 @@ pub struct Explained {
     pub early_s: f64,
     /// The share of the mean square error that these three explain.
     pub share: f64,
+}
+
+/// Shares of a variance that are common to all samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Common {
+    /// Their sum.
+    all: f64,
+    /// The sum of their squares.
+    squares: f64,
+}
+
+impl Common {
+    fn of(shares: &[f64]) -> Self {
+        Self { all: shares.iter().sum(), squares: shares.iter().map(|share| share * share).sum() }
+    }
+
+    /// How many independent errors so many are worth with these shares in common.
+    fn worth(self, own: f64) -> f64 {
+        ((1.0 - self.all * self.all) / own + self.squares).recip()
+    }
 }
 
 /// The share of errors within three standard deviations below which a claim does not hold.
@@ -66,6 +94,9 @@ impl Claim {
         // Samples of one span of time are no more than one each.
         let most = (count as f64).max(1.0);
         let independent = lasting_s.map_or(most, |lasting_s| ((last - first) / lasting_s).clamp(1.0, most));
+        let own = independent;
+        let common = Common::of(&trajectory.common_shares(state, *first, *last));
+        let independent = common.worth(own).max(1.0);
         let late_s = accuracy.likely_delay_s(series, truth, independent / most, &variance);
         let (mut samples, mut within, mut sum) = (0_usize, 0_usize, 0.0);
         for (k, (error, sd)) in series.error.iter().zip(&series.sd).enumerate() {
@@ -82,7 +113,8 @@ impl Claim {
         let explained = Explained::of(series, truth);
         let (within, mean_square) = (within as f64 / n, sum / n);
         (samples > 0).then(|| {
-            Self { samples, within, mean_square, independent, p_value: f64::NAN, explained }.judged()
+            let p_value = f64::NAN;
+            Self { samples, within, mean_square, independent, own, common, p_value, explained }.judged()
         })
     }
 
@@ -100,11 +132,19 @@ impl Claim {
     pub(super) fn pooled(self, later: Self) -> Self {
         let (own, others) = (self.samples as f64, later.samples as f64);
         let mean = |a: f64, b: f64| (a * own + b * others) / (own + others);
+        // What is common to all samples is common to both parts.
+        let common = Common {
+            all: mean(self.common.all, later.common.all),
+            squares: mean(self.common.squares, later.common.squares),
+        };
+        let own = self.own + later.own;
         Self {
             samples: self.samples + later.samples,
             within: mean(self.within, later.within),
             mean_square: mean(self.mean_square, later.mean_square),
-            independent: self.independent + later.independent,
+            independent: common.worth(own),
+            own,
+            common,
             p_value: f64::NAN,
             explained: self.explained.or(later.explained),
         }
@@ -255,6 +295,26 @@ mod tests {
         series.sd.fill(0.0);
         let own = Claim::of(&series, &truth, (&lasting(0.1), 0), EXACT).unwrap();
         assert!(own.fails() && own.within == 0.0, "{own:?}");
+    }
+
+    #[test]
+    fn an_error_that_all_samples_have_in_common_is_one_error_in_any_number_of_parts() {
+        // An offset of as much as is claimed of it, beside noise of its own.
+        let mut trajectory = lasting(0.1);
+        let (series, truth) = series(|_, z| 1e-3 * z + 3e-3);
+        let sd = (1e-6_f64 + 9e-6).sqrt();
+        let series = ErrorSeries { sd: vec![sd; series.error.len()], ..series };
+        let independent = Claim::of(&series, &truth, (&trajectory, 0), EXACT).unwrap();
+        trajectory.time_s.clone_from(&series.time_s);
+        trajectory.states[0].sd.clone_from(&series.sd);
+        let (name, states) = ("gain".into(), vec![vec![3e-3; series.error.len()]]);
+        trajectory.considered = vec![crate::estimate::Contribution { name, states, told: [0.0, 1.0] }];
+        let common = Claim::of(&series, &truth, (&trajectory, 0), EXACT).unwrap();
+        // w = 0.9: 1/((1 − 0.81)/9999 + 0.81).
+        assert!((common.independent - 1.2345).abs() < 1e-3 && independent.independent > 9000.0, "{common:?}");
+        assert!(!common.fails() && common.p_value > 0.2, "{common:?}");
+        let twice = common.pooled(common);
+        assert!((twice.independent - 1.2345).abs() < 1e-3, "{twice:?}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The filters of a segment, judged by what they say themselves, part by part.
 
+use super::budget::{BudgetRecord, UncertaintyBudget};
 use super::innovations::{InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
@@ -9,6 +10,8 @@ use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 pub struct SegmentJudge {
     /// One for each filter; a smoother has its filter's.
     filters: Vec<FilterJudge>,
+    /// One for each answer that considers what is uncertain of the device, a smoother's too, with its place.
+    budgets: Vec<(usize, BudgetRecord)>,
 }
 
 /// What a filter says against itself, or for itself.
@@ -18,6 +21,8 @@ pub struct Judgement {
     pub tests: Vec<TestResult>,
     /// What became of the parameters that are states.
     pub parameters: Vec<ParameterAnswer>,
+    /// What of its claims is due to what, where something of the device is stated as uncertain.
+    pub budgets: Vec<UncertaintyBudget>,
 }
 
 /// One filter.
@@ -41,6 +46,19 @@ impl SegmentJudge {
             }
             self.filters[place].take(trajectory, estimate);
         }
+        for (place, trajectory) in estimate.trajectories.iter().enumerate() {
+            let known = self.budgets.iter().position(|(own, _)| *own == place);
+            let known = known.or_else(|| {
+                self.budgets.push((place, BudgetRecord::of(trajectory)?));
+                Some(self.budgets.len() - 1)
+            });
+            if let Some(known) = known
+                && !trajectory.considered.is_empty()
+            {
+                let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
+                self.budgets[known].1.take(trajectory, scored);
+            }
+        }
     }
 
     /// How many innovations there were, of the filter with most.
@@ -58,11 +76,13 @@ impl SegmentJudge {
         let found: Vec<Judgement> = self.filters.iter().map(FilterJudge::judgement).collect();
         let mut filters = found.iter();
         let mut last = None;
-        let each = estimate.trajectories.iter().map(|trajectory| {
+        let each = estimate.trajectories.iter().enumerate().map(|(place, trajectory)| {
             if is_of_its_own(trajectory) {
                 last = filters.next();
             }
-            last.filter(|_| trajectory.claims()).cloned().unwrap_or_default()
+            let found = last.filter(|_| trajectory.claims()).cloned().unwrap_or_default();
+            let budgets = self.budgets.iter().find(|(own, _)| *own == place);
+            Judgement { budgets: budgets.map(|(_, record)| record.budgets()).unwrap_or_default(), ..found }
         });
         each.collect()
     }
@@ -111,6 +131,7 @@ impl FilterJudge {
         Judgement {
             tests: self.tests(),
             parameters: self.parameters.iter().filter_map(ParameterRecord::answer).collect(),
+            budgets: Vec::new(),
         }
     }
 

@@ -4,6 +4,7 @@
 
 mod angle;
 mod beam;
+mod budget;
 mod channels;
 mod claim;
 mod edge;
@@ -20,6 +21,7 @@ mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
+pub use budget::{DeviceUncertainty, UncertaintyBudget};
 pub use channels::{Instruments, ReferenceChannels};
 pub use claim::{Accuracy, Claim, Explained};
 pub use edge::EdgeVelocity;

@@ -3,6 +3,7 @@
 //! A rig knows what a device's channels mean, which filters make sense for it and how its motion is compared
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
+mod considering;
 mod driven;
 mod expansion;
 mod left_out;
@@ -16,7 +17,7 @@ pub use workbench::Workbench;
 use crate::config::kinds::Length;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Positive, Quantity, Uses};
 use crate::estimate::{
-    Around, EstimateError, Parameter, Part, Past, SegmentEstimate, StretchJudge, StretchSummary,
+    Around, EstimateError, Parameter, Part, Past, PastState, SegmentEstimate, StretchJudge, StretchSummary,
 };
 use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, Reference, ReferenceChannels, ValueState};
 use crate::export::{self, ExportError, Exported, Filter};
@@ -118,7 +119,7 @@ pub trait Rig: Send + Sync {
         Err(experiment.error(Key::from("device").child(self.device().name), Fault::Value { why }))
     }
 
-    /// What estimates one of them, part by part.
+    /// What estimates one of them, part by part, with the device exactly as its table has it.
     fn estimator<'a>(
         &self,
         experiment: &'a Experiment,
@@ -126,8 +127,18 @@ pub trait Rig: Send + Sync {
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError>;
 
+    /// The same with what the table says is uncertain of the device.
+    fn considering<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        considering::considering(self, experiment, &|told| self.estimator(told, index, progress))
+    }
+
     /// What estimates samples that arrive, with what the experiment's table `stream` wants beside the estimates: phases, and
-    /// zero phases before they happen.
+    /// zero phases before they happen; with the device exactly as its table has it.
     fn live<'a>(
         &self,
         experiment: &'a Experiment,
@@ -143,6 +154,16 @@ pub trait Rig: Send + Sync {
             return Err(experiment.error(Key::from("stream").child(key), Fault::Value { why }).into());
         }
         self.estimator(experiment, index, progress)
+    }
+
+    /// The same with what the table says is uncertain of the device.
+    fn considering_live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        considering::considering(self, experiment, &|told| self.live(told, index, progress))
     }
 
     /// Estimates the motion in each segment of a recording that is held in memory.
@@ -164,7 +185,7 @@ pub trait Rig: Send + Sync {
         recording: &Recording,
         progress: &dyn Progress,
     ) -> Result<(Vec<SegmentEstimate>, StretchSummary), EstimateError> {
-        let mut estimator = self.estimator(experiment, index, progress)?;
+        let mut estimator = self.considering(experiment, index, progress)?;
         let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
         let wanted: Vec<&Segment> = wanted.collect();
         let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
@@ -266,6 +287,16 @@ pub trait Estimator {
 
     /// What is kept of the segment that is being estimated.
     fn past(&mut self) -> &mut Past;
+
+    /// What another run needs to go on from here.
+    fn state(&mut self) -> PastState {
+        self.past().state()
+    }
+
+    /// Goes on from where another run was.
+    fn resume(&mut self, state: &PastState) {
+        *self.past() = Past::resumed(state);
+    }
 
     /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;

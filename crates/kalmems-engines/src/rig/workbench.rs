@@ -55,6 +55,8 @@ impl Workbench {
     fn read(&self, read: Result<Experiment, ConfigError>) -> Result<Experiment, ConfigError> {
         let experiment = read.map_err(|error| self.with_devices(error))?;
         self.rig(&experiment)?;
+        // Of what the rig has read, with the uncertainties that stand in tables of their own.
+        experiment.directions()?;
         Ok(experiment)
     }
 

@@ -1,7 +1,9 @@
 //! The value of a parameter.
 
+use crate::config::with_sd;
+use crate::units::Value;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Visitor};
+use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
@@ -11,9 +13,12 @@ use std::fmt;
 pub struct NumberText(String);
 
 impl NumberText {
-    /// As it is written.
-    pub fn text(&self) -> &str {
-        &self.0
+    /// As it is written, without an uncertainty; what is wrong with that comes back in words.
+    pub fn nominal(&self) -> Result<Cow<'_, str>, String> {
+        if !self.0.contains('±') && !self.0.contains("+/-") {
+            return Ok(Cow::Borrowed(&self.0));
+        }
+        Value::parse(&self.0).map(|value| Cow::Owned(value.nominal())).map_err(|e| e.to_string())
     }
 }
 
@@ -26,7 +31,7 @@ impl Serialize for NumberText {
 impl<'de> Deserialize<'de> for NumberText {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Either;
-        impl Visitor<'_> for Either {
+        impl<'de> Visitor<'de> for Either {
             type Value = NumberText;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -48,6 +53,10 @@ impl<'de> Deserialize<'de> for NumberText {
             fn visit_f64<E: Error>(self, number: f64) -> Result<NumberText, E> {
                 Ok(NumberText(format!("{number:?}")))
             }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<NumberText, A::Error> {
+                with_sd(map).map(NumberText)
+            }
         }
         deserializer.deserialize_any(Either)
     }
@@ -64,9 +73,12 @@ impl JsonSchema for NumberText {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "type": ["string", "number"],
-            "title": "a number with its unit; a ratio may be a plain number",
-            "examples": ["3 N/m"],
+            "type": ["string", "number", "object"],
+            "title": "a number with its unit, and with its standard uncertainty if that is known; a ratio may be a plain number",
+            "examples": ["3 N/m", "3 N/m ± 1 %"],
+            "properties": { "value": { "type": ["string", "number"] }, "sd": { "type": ["string", "number"] } },
+            "required": ["value", "sd"],
+            "additionalProperties": false,
         })
     }
 }

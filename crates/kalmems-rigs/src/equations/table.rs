@@ -91,6 +91,10 @@ impl DeviceDescription for EquationsTable {
     const SUMMARY: &'static str = "A device of one's own, as differential equations with units.";
 
     fn check(&self) -> Result<(), (Key, String)> {
+        for (name, number) in self.parameters.iter() {
+            let key = || Key::from("device").child(Self::NAME).child("parameters").child(name);
+            number.nominal().map_err(|why| (key(), why))?;
+        }
         // With files the points are read where the experiment's folder is known.
         if self.tables.iter().any(|(_, table)| table.file.is_some()) {
             return Ok(());
@@ -152,8 +156,9 @@ impl EquationsTable {
         Ok(Description {
             states: entries("states", &self.states),
             inputs: entries("inputs", &self.inputs),
+            // What cannot be read of an uncertainty was refused before.
             parameters: (self.parameters.iter())
-                .map(|(name, number)| Entry::new("parameters", name, number.text()))
+                .map(|(name, number)| Entry::new("parameters", name, &number.nominal().unwrap_or_default()))
                 .collect(),
             lets: entries("let", &self.lets),
             functions: entries("functions", &self.functions),

@@ -110,7 +110,7 @@ impl Work<'_> {
         let file = &experiment.recording(index)?.file;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
         let stopped = Stopped { progress: self.progress, reached: Cell::new(0) };
-        let mut estimator = self.rig.estimator(experiment, index, &stopped)?;
+        let mut estimator = self.rig.considering(experiment, index, &stopped)?;
         let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;

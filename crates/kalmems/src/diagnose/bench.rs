@@ -4,7 +4,7 @@ use super::DiagnoseError;
 use super::change::Change;
 use super::stop::Stop;
 use super::trial::Trial;
-use crate::config::{Experiment, Fault, Key, Method, Role};
+use crate::config::{Experiment, Fault, Key, Method, Role, exactly};
 use crate::identify::Material;
 use crate::progress::{Progress, Reader};
 use crate::recording::{Around, Recording, Stretches};
@@ -67,6 +67,8 @@ impl<'a> Bench<'a> {
         let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
         let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
         keep_one_filter(&mut document, place);
+        // What is asked for is what of the numbers as they stand is wrong.
+        exactly(&mut document);
         let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
         let told = workbench.parse(&text, experiment.path())?;
         let filter_name = chosen.name.to_string();

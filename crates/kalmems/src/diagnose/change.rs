@@ -1,7 +1,7 @@
 //! What is changed for a trial, in the experiment or in what was recorded.
 
+use crate::config::put;
 use crate::config::{Fault, Key};
-use crate::patch::put;
 use crate::recording::Recording;
 use kalmems_core::Scalar;
 use toml::{Table, Value};

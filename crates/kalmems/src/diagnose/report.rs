@@ -9,9 +9,9 @@ use super::explain::{Explained, Found};
 use super::note::ScaleNote;
 use super::suspect::{Suspect, What};
 use super::trial::Trial;
+use crate::config::get;
 use crate::config::{Experiment, Key};
 use crate::evaluate::TestResult;
-use crate::patch::get;
 use serde::Serialize;
 
 /// What came of a diagnosis.

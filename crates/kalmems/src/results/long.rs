@@ -194,6 +194,7 @@ impl<'a> LongEstimate<'a> {
             experiment: self.experiment.name.to_string(),
             rig: rig.name(),
             values: rig.values(self.experiment),
+            held_as_exact: self.experiment.held_as_exact(),
             scale_notes: notes,
             recordings: std::mem::take(&mut self.recordings),
         };

@@ -7,7 +7,7 @@ use crate::estimate::{
     TrajectoryKind,
 };
 use crate::evaluate::{
-    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, TestResult, ValueState,
+    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, TestResult, UncertaintyBudget, ValueState,
 };
 use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
@@ -26,6 +26,9 @@ pub struct Metrics {
     /// What the device tells that is no angle; the first is what it is for.
     #[serde(skip)]
     pub values: &'static [ValueState],
+    /// The numbers of the device's table that are stated without an uncertainty, by their keys below it: no answer takes into account that
+    /// they may be others.
+    pub held_as_exact: Vec<String>,
     /// What the signal cannot tell of the device, and what that does to the answer; of the first filter that it could tell it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scale_notes: Vec<ScaleNote>,
@@ -184,6 +187,9 @@ pub struct EstimatorMetrics {
     /// How the errors of these hang together at the end.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parameter_correlations: Vec<ParameterCorrelation>,
+    /// What of its claims is due to what, by the state; where something of the device is stated as uncertain.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_state")]
+    pub uncertainty_budget: Vec<UncertaintyBudget>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of what is no angle, likewise, by the state.
@@ -269,6 +275,7 @@ impl EstimatorMetrics {
         self.failure = self.failure.take().or(later.failure);
         // They are of the whole, and come with its last part.
         (self.tests, self.parameters) = (later.tests, later.parameters);
+        self.uncertainty_budget = later.uncertainty_budget;
         self.parameter_correlations = later.parameter_correlations;
         self.judge();
     }
@@ -276,6 +283,10 @@ impl EstimatorMetrics {
 
 fn by_test<S: Serializer>(tests: &[TestResult], to: S) -> Result<S::Ok, S::Error> {
     to.collect_map(tests.iter().map(|found| (found.test, found)))
+}
+
+fn by_state<S: Serializer>(budgets: &[UncertaintyBudget], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(budgets.iter().map(|budget| (budget.state, budget)))
 }
 
 fn by_name<S: Serializer>(parameters: &[ParameterAnswer], to: S) -> Result<S::Ok, S::Error> {
@@ -309,6 +320,7 @@ impl Metrics {
             experiment: outcome.experiment.name.to_string(),
             rig: outcome.rig,
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
+            held_as_exact: outcome.experiment.held_as_exact(),
             scale_notes: Vec::new(),
             recordings: recordings.collect(),
         }
@@ -378,7 +390,7 @@ fn estimator(
     judgement: Option<&Judgement>,
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
-    let Judgement { tests, parameters } = judgement.cloned().unwrap_or_default();
+    let Judgement { tests, parameters, budgets } = judgement.cloned().unwrap_or_default();
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
@@ -388,6 +400,7 @@ fn estimator(
         tests,
         parameters,
         parameter_correlations: trajectory.parameter_correlations.clone(),
+        uncertainty_budget: budgets,
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),

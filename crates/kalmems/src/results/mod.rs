@@ -30,5 +30,5 @@ pub use metrics::{
 };
 pub use outlook::{draw_outlook, outlook_figures, write_outlook};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
-pub use summary::{Notice, notices, parameters_table, summary_table};
+pub use summary::{Notice, budget_table, notices, parameters_table, summary_table};
 pub use verdict::Verdict;

@@ -5,7 +5,8 @@ use super::long::PICTURED;
 use super::names::prefix;
 use super::summary::{segment_name, shown};
 use super::{
-    EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, notices, parameters_table, summary_table,
+    EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, budget_table, notices, parameters_table,
+    summary_table,
 };
 use crate::config::{Experiment, Peak};
 use crate::estimate::TrajectoryKind;
@@ -88,8 +89,12 @@ fn overview(experiment: &Experiment, metrics: &Metrics) -> Section {
             .to_owned(),
     };
     let mut section = section.table(summary_table(metrics, false));
-    if let Some(parameters) = parameters_table(metrics) {
-        section = section.table(parameters);
+    for table in [parameters_table(metrics), budget_table(metrics)].into_iter().flatten() {
+        section = section.table(table);
+    }
+    if !metrics.held_as_exact.is_empty() {
+        let text = "Held as exact, since no uncertainty is stated behind them in the device's table: ";
+        section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
     }
     if !metrics.values.is_empty() {
         return section.paragraph(

@@ -3,7 +3,9 @@
 use super::verdict::angles_of;
 use super::{EstimatorMetrics, Likeliest, Metrics, SegmentMetrics, Verdict};
 use crate::estimate::{Consistency, ParameterCorrelation, TrajectoryKind};
-use crate::evaluate::{Claim, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult};
+use crate::evaluate::{
+    Claim, DeviceUncertainty, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult,
+};
 use kalmems_figures::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
@@ -331,6 +333,7 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
         said.push((Severity::Failure, format!("the reference moves the other way{of}; {mend}")));
     }
     said.extend(of_the_grade(estimator));
+    said.extend(of_what_could_be_learnt(estimator).map(|text| (Severity::Note, text)));
     let counts = &estimator.counts;
     let counted = [
         (counts.without_signal, "samples without a signal, predicted and not corrected"),
@@ -354,6 +357,20 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
         }
     }
     said
+}
+
+/// Which uncertain number of the device, if any, dominates what a filter claims although the recording tells it far better than what is stated.
+fn of_what_could_be_learnt(estimator: &EstimatorMetrics) -> Option<String> {
+    let budget = estimator.uncertainty_budget.first()?;
+    let number =
+        budget.device.first().filter(|number| number.sd > budget.noise && number.is_told_better())?;
+    let [_, sd] = number.told?;
+    Some(format!(
+        "most of what it claims is due to `{}`, which this recording tells to {} of its stated uncertainty: as a state of the filter (`states`), \
+         or after `kalmems identify`, the answer is so much better",
+        number.name,
+        significant(sd)
+    ))
 }
 
 /// Which of several filters to take.
@@ -395,6 +412,43 @@ pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
     (!table.rows.is_empty()).then_some(table)
 }
 
+/// What the claims of what the device is for are due to; `None` where nothing of the device is stated as uncertain.
+pub fn budget_table(metrics: &Metrics) -> Option<Table> {
+    let words = ["estimator", "claimed of", "due to"].map(Column::text);
+    let numbers = [
+        Column::text("sd"),
+        Column::number("of the variance", "%"),
+        Column::text("the recording tells it to"),
+    ];
+    let mut table = Table::new("What the claimed uncertainty is due to", words.into_iter().chain(numbers));
+    for estimator in metrics.estimators() {
+        let of_interest = metrics.values.first().map(|value| value.name);
+        let budgets = &estimator.uncertainty_budget;
+        let named = budgets.iter().find(|budget| Some(budget.state) == of_interest);
+        let Some(budget) = named.or(budgets.first()) else { continue };
+        let (unit, factor) =
+            if budget.unit == "rad" { ("deg", 1f64.to_degrees()) } else { shown(budget.unit) };
+        let told = |number: &DeviceUncertainty| {
+            number.told.map_or_else(|| "–".to_owned(), |[mean, sd]| format!("{mean:+.2} ± {sd:.2} stated sd"))
+        };
+        let own = ("noise and start".to_owned(), budget.noise, "–".to_owned());
+        let device =
+            budget.device.iter().map(|number| (format!("`{}`", number.name), number.sd, told(number)));
+        for (place, (due, sd, told)) in std::iter::once(own).chain(device).enumerate() {
+            let first = |text: &str| if place == 0 { text.to_owned() } else { String::new() };
+            table.push([
+                first(&estimator.name),
+                first(budget.state),
+                due,
+                format!("{} {unit}", significant(sd * factor)),
+                significant(100.0 * (sd / budget.sd).powi(2)),
+                told,
+            ]);
+        }
+    }
+    (!table.rows.is_empty()).then_some(table)
+}
+
 /// What its grade is for: what a reference shows, what its parameters and its innovations tell.
 fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
@@ -411,6 +465,15 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     why.extend(estimator.parameters.iter().filter_map(|parameter| {
         let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
         fault.map(|fault| format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {fault}"))
+    }));
+    why.extend(estimator.of_the_device().filter_map(|number| {
+        let off = number.contradicted()?;
+        Some(format!(
+            "the recording puts `{}` {:.1} stated standard deviations {} what the device's table says; correct it, or state a larger uncertainty",
+            number.name,
+            off.abs(),
+            if off > 0.0 { "above" } else { "below" }
+        ))
     }));
     why.extend(of_the_innovations(estimator));
     if why.is_empty() && !goes_the_other_way {

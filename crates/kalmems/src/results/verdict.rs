@@ -2,7 +2,7 @@
 
 use super::metrics::EstimatorMetrics;
 use crate::estimate::{Consistency, Lock, LockEvent, TrajectoryKind, is_the_only_one};
-use crate::evaluate::{Claim, Grade, InnovationTest, MotionErrors, TestResult};
+use crate::evaluate::{Claim, DeviceUncertainty, Grade, InnovationTest, MotionErrors, TestResult};
 use serde::Serialize;
 
 /// What a filter's mean NIS, its lock and the sign of its answer say.
@@ -85,7 +85,8 @@ impl EstimatorMetrics {
             Verdict::Consistent | Verdict::Cautious | Verdict::Overconfident => {}
         }
         let is_wrong = |found: &TestResult| found.test == InnovationTest::MeanNis && found.size > WRONG_NIS;
-        let has_fault = self.parameters.iter().any(|parameter| parameter.fault.is_some());
+        let has_fault = self.parameters.iter().any(|parameter| parameter.fault.is_some())
+            || self.of_the_device().any(|number| number.contradicted().is_some());
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
         } else if self.failing().next().is_some() || has_fault {
@@ -103,6 +104,11 @@ impl EstimatorMetrics {
         let values = self.values.iter().map(|(name, errors)| (*name, errors.claim));
         let claims = angles.chain(values).filter_map(|(name, claim)| Some((name, claim?)));
         claims.filter(|(_, claim)| claim.fails())
+    }
+
+    /// What the uncertain numbers of the device have in its claims, by the first state.
+    pub fn of_the_device(&self) -> impl Iterator<Item = &DeviceUncertainty> {
+        self.uncertainty_budget.first().into_iter().flat_map(|budget| &budget.device)
     }
 
     /// What the tests of its innovations find that is not by chance.

@@ -335,7 +335,7 @@ impl<'a> Live<'a> {
         estimator: &mut dyn Estimator,
     ) -> Result<(), StreamError> {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let last = || (part.segment.time.at(part.fresh.end - 1), estimator.past().state());
+        let last = || (part.segment.time.at(part.fresh.end - 1), estimator.state());
         if let Some(acknowledged_s) =
             keeper.given((trajectories, part.recording.origin()), last, part.ends)?
         {

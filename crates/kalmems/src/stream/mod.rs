@@ -30,7 +30,7 @@ pub use shared::{Break, WayCounts};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
-use crate::estimate::{EstimateError, ForetoldCounts, Past, StretchSummary};
+use crate::estimate::{EstimateError, ForetoldCounts, StretchSummary};
 use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
 use crate::rigs::Workbench;
 use latency::Arrivals;
@@ -173,7 +173,7 @@ pub fn stream(
     let rig = workbench.rig(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
     let stopping = live::Stopping::new(stop);
-    let mut estimator = rig.live(experiment, index, &stopping)?;
+    let mut estimator = rig.considering_live(experiment, index, &stopping)?;
     let rate_hz = described.rate.si();
     let around = estimator.around(1.0 / rate_hz);
     // To smooth over the whole there must be an end.
@@ -193,7 +193,7 @@ pub fn stream(
     }
     let again = left.as_ref().map_or(0, State::kept);
     if let Some(left) = &left {
-        *estimator.past() = Past::resumed(left.past());
+        estimator.resume(left.past());
         table.go_on(left);
     }
     let whole = recording::Around {

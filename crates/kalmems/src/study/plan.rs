@@ -7,7 +7,7 @@ use super::description::{AppliesTo, Description};
 use super::error::RunError;
 use super::seed::{self, Draw};
 use crate::config::{ConfigError, Experiment, Fault, Key, Source, read_source};
-use crate::patch::{absent, put};
+use crate::config::{absent, put};
 use crate::results::Work;
 use crate::rigs::Workbench;
 use crate::simulate::{Simulation, described};

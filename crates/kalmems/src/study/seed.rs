@@ -26,6 +26,11 @@ impl Draw {
         Self(number("prior", &[seed, run, parameter as u64]))
     }
 
+    /// Of the direction at this place in which a device is stated as uncertain.
+    pub(super) fn of_device(seed: u64, run: u64, direction: usize) -> Self {
+        Self(number("device", &[seed, run, direction as u64]))
+    }
+
     /// With mean 0 and standard deviation 1.
     pub(super) fn normal(self) -> f64 {
         WhiteNoise::new(self.0, 0).sample()

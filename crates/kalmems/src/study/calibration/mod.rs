@@ -10,6 +10,7 @@
 //! runs of its own, in which the truth is drawn from theirs.
 
 mod claim;
+mod device;
 mod judged;
 mod pictures;
 mod plan;

@@ -5,6 +5,7 @@ use super::super::description::{AppliesTo, Description};
 use super::super::error::RunError;
 use super::super::plan::{Ready, Run};
 use super::super::{Plan, StudyError};
+use super::device;
 use super::prior::{self, Drawn};
 use crate::config::{ConfigError, Fault, Key, Source, read_source};
 use crate::estimate::Parameter;
@@ -78,6 +79,11 @@ impl Plan {
         let parameters = self.workbench.rig(&read)?.parameters(&read);
         let refused = |(key, fault)| self.experiment.error_at(key, fault);
         let filters = prior::groups(&told, parameters).map_err(refused)?;
+        for direction in read.directions()? {
+            for (number, _) in &direction.steps {
+                self.refuse_twice(&number.key)?;
+            }
+        }
         for group in &filters {
             let Some(filter) = group.first() else { continue };
             let priors = prior::priors(&told, parameters, *filter).map_err(refused)?;
@@ -96,8 +102,8 @@ impl Plan {
     fn refuse_twice(&self, key: &Key) -> Result<(), ConfigError> {
         let why = || Fault::Value {
             why: format!(
-                "a filter has `{key}` as a state, and the truth of it is drawn from that state's `start_sd`; leave it out here, or the state \
-                 in the filter"
+                "the truth of `{key}` is drawn, from its uncertainty in the device's table or from the `start_sd` of the state that a filter \
+                 has for it; leave it out here, or there"
             ),
         };
         if self.truth.iter().any(|(own, _)| own == key) {
@@ -133,9 +139,12 @@ impl Plan {
             }
             priors = own;
         }
-        let mut drawn = Vec::new();
+        let tracked: Vec<Key> =
+            priors.iter().flat_map(|prior| prior.keys(&told, groups.parameters)).collect();
+        let seed = (self.description.seed, run.index);
+        let directions = self.read(&told)?.directions()?;
+        let mut drawn = device::draw(&mut truth, &directions, &tracked, seed).map_err(refused)?;
         for prior in priors {
-            let seed = (self.description.seed, run.index);
             drawn.extend(prior.draw((&mut truth, &told), groups.parameters, seed).map_err(refused)?);
         }
         prior::only(&mut told, filters);

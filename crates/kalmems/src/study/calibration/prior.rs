@@ -1,10 +1,10 @@
 //! What a filter holds as uncertain of its device, and a truth that is drawn from it.
 
 use super::super::seed::Draw;
-use crate::config::{Fault, Key, Step};
+use crate::config::{CORRELATION, Fault, Key, Step, get, put};
 use crate::estimate::Parameter;
-use crate::patch::{get, put};
 use crate::units::Value;
+use std::borrow::Cow;
 use toml::{Table, Value as Toml};
 
 /// A parameter with its prior: normal about what the device's table says.
@@ -14,17 +14,17 @@ pub(super) struct Prior {
     sd: f64,
 }
 
-/// A deviation that was drawn: of a factor relative to what the filter is told, else in SI.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A deviation that was drawn: of a parameter that is a factor relative to what the filter is told, else in SI.
+#[derive(Clone, Debug, PartialEq)]
 pub(in super::super) struct Drawn {
-    /// The parameter.
-    pub(in super::super) name: &'static str,
+    /// The parameter, or the number by its key below the device's table.
+    pub(in super::super) name: Cow<'static, str>,
     /// By how much the truth deviates from what the filter is told.
     pub(in super::super) deviation: f64,
 }
 
 /// What cannot be drawn: the key in the experiment, and why.
-type Refused = (Key, Fault);
+pub(super) type Refused = (Key, Fault);
 
 fn filters(document: &Table) -> &[Toml] {
     let filters = document.get("estimate").and_then(|estimate| estimate.get("filter"));
@@ -116,16 +116,14 @@ impl Prior {
                 put(truth, key, value).map_err(|fault| (key.clone(), fault))?;
             }
         }
-        Ok(Some(Drawn { name: parameter.name, deviation }))
+        Ok(Some(Drawn { name: parameter.name.into(), deviation }))
     }
 }
 
 /// A key below the device's table, with `*` for every entry of a table.
 fn expanded(document: &Table, written: &str) -> Vec<Key> {
-    let Some((device, table)) = document.get("device").and_then(Toml::as_table).and_then(|d| d.iter().next())
-    else {
-        return Vec::new();
-    };
+    let mut tables = document.get("device").and_then(Toml::as_table).into_iter().flatten();
+    let Some((device, table)) = tables.find(|(name, _)| *name != CORRELATION) else { return Vec::new() };
     let Some(below) = Key::parse(written) else { return Vec::new() };
     let mut found = vec![(Key::from("device").child(device), Some(table))];
     for step in below.steps() {

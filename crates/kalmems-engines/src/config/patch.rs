@@ -1,10 +1,10 @@
 //! A value put at a key of a parsed experiment file.
 
-use crate::config::{Fault, Key, Step};
+use super::{Fault, Key, Step};
 use toml::{Table, Value};
 
 /// Puts a value at a key. Tables on the way that are not there are made; entries of lists are not.
-pub(crate) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
+pub fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
     let (Some(Step::Name(first)), steps) = (key.steps().first(), key.steps().get(1..).unwrap_or_default())
     else {
         return Err(Fault::Value { why: "a key begins with a name".to_owned() });
@@ -43,7 +43,7 @@ pub(crate) fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), F
 }
 
 /// The value at a key.
-pub(crate) fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Value> {
+pub fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Value> {
     let (Step::Name(first), steps) = key.steps().split_first()? else { return None };
     steps.iter().try_fold(document.get(first)?, |value, step| match step {
         Step::Name(name) => value.get(name.as_str()),
@@ -52,7 +52,7 @@ pub(crate) fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Value> {
 }
 
 /// The first name on the way to a key that the document does not have, and the names beside which it would stand.
-pub(crate) fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
+pub fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a str>)> {
     let mut table = Some(document);
     let mut list: Option<&[Value]> = None;
     for step in key.steps() {

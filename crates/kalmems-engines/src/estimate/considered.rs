@@ -1,0 +1,173 @@
+//! What is uncertain of the device and no state of a filter: its part in every answer, and in what the signal is expected to be.
+//!
+//! A filter is told p₀ of parameters that are p₀ + Σ b_j·s_j, with independent b_j of the standard normal distribution (the directions s_j
+//! are the columns of the Cholesky factor of their covariance). Another one beside it is told p₀ + s_j. To first order
+//!
+//! - D_j = x̂(p₀ + s_j) − x̂(p₀) is how one standard deviation enters the answer, whatever the filter, smoothed or not. The error of x̂(p₀) is
+//!   that of a filter that is told right, less Σ b_j·D_j, and its covariance P + Σ D_j·D_jᵀ (consider covariance analysis: Tapley, Schutz
+//!   & Born, Statistical Orbit Determination, 2004, chapter 6).
+//! - N_j = ν(p₀ + s_j) − ν(p₀) is how it enters the innovation: ν(p₀) = ν* − Σ b_j·N_j with the white ν* of a filter that is told right. The
+//!   innovations so far therefore tell b, by a Kalman filter of b alone (Friedland's separate-bias estimation, IEEE Trans. Autom. Control 14,
+//!   359, 1969), and less what they foretell, ν' = ν + Σ b̂_j·N_j is white with the variance S + N·P_b·Nᵀ. That is the innovation of the
+//!   device as it is stated, with its uncertainty.
+//!
+//! The answer itself is not changed by what the recording tells of b: a parameter that is to be learnt is a state.
+
+use super::driven::PHASE;
+use super::{StateSeries, Trajectory};
+use kalmems_core::Scalar;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// What one direction of the device's uncertainty contributes to an answer.
+#[derive(Clone, Debug)]
+pub struct Contribution {
+    /// The uncertain numbers, by their keys below the device's table.
+    pub name: Arc<str>,
+    /// For each state, over the samples, by how much one standard deviation moves it.
+    pub states: Vec<Vec<f64>>,
+    /// What the innovations until the last of these samples tell of it, in standard deviations of what is stated: mean and standard
+    /// deviation, 0 and 1 where they tell nothing.
+    pub told: [f64; 2],
+}
+
+/// What innovations have told of the directions of the device's uncertainty.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Learnt {
+    mean: Vec<f64>,
+    /// Row by row.
+    covariance: Vec<f64>,
+}
+
+impl Learnt {
+    fn of(directions: usize) -> Self {
+        let diagonal = |k: usize| f64::from(u8::from(k / directions == k % directions));
+        Self { mean: vec![0.0; directions], covariance: (0..directions * directions).map(diagonal).collect() }
+    }
+
+    /// As numbers, for another run to go on from.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.mean.iter().chain(&self.covariance).copied()
+    }
+
+    /// From such numbers.
+    pub(crate) fn read(numbers: &[f64]) -> Option<Self> {
+        let directions = (1..=numbers.len()).find(|n| n * (n + 1) == numbers.len())?;
+        let (mean, covariance) = numbers.split_at(directions);
+        Some(Self { mean: mean.to_vec(), covariance: covariance.to_vec() })
+    }
+
+    /// The innovation of the stated device and its variance, from that of what the filter is told, and from how each direction enters
+    /// it; learns from it where that is wanted.
+    fn take(&mut self, (value, variance): (f64, f64), enters: &[f64], learns: bool) -> (f64, f64) {
+        let n = enters.len();
+        // P·N.
+        let spread = |i: usize| {
+            let row = &self.covariance[i * n..(i + 1) * n];
+            row.iter().zip(enters).map(|(p, e)| p * e).sum::<f64>()
+        };
+        let spread: Vec<f64> = (0..n).map(spread).collect();
+        let foretold: f64 = self.mean.iter().zip(enters).map(|(b, e)| b * e).sum();
+        let whole = variance + spread.iter().zip(enters).map(|(s, e)| s * e).sum::<f64>();
+        let left = value + foretold;
+        if learns && whole > 0.0 {
+            for i in 0..n {
+                let gain = spread[i] / whole;
+                self.mean[i] -= gain * left;
+                for (entry, other) in self.covariance[i * n..(i + 1) * n].iter_mut().zip(&spread) {
+                    *entry -= gain * other;
+                }
+            }
+        }
+        (left, whole)
+    }
+}
+
+impl Trajectory {
+    /// Takes into account what is uncertain of the device: `varied` are the answers of the same filter that is told one standard deviation
+    /// more in each direction, `learnt` what the samples before have told; those before `from_s` tell nothing.
+    ///
+    /// Of what makes no claim nothing is changed.
+    pub(crate) fn consider(&mut self, varied: &[(Arc<str>, &Self)], learnt: &mut Learnt, from_s: f64) {
+        if varied.is_empty() || !self.claims() {
+            return;
+        }
+        if learnt.mean.len() != varied.len() {
+            *learnt = Learnt::of(varied.len());
+        }
+        self.considered = varied
+            .iter()
+            .map(|(name, other)| {
+                let difference = |(own, other): (&StateSeries, &StateSeries)| {
+                    // A phase is known but for whole turns.
+                    let turns = |apart: f64| if own.name == PHASE { (apart / TAU).round() } else { 0.0 };
+                    let apart = own.mean.iter().zip(&other.mean).map(|(own, other)| other - own);
+                    apart.map(|apart| apart - TAU * turns(apart)).collect::<Vec<f64>>()
+                };
+                let states = self.states.iter().zip(&other.states).map(difference).collect();
+                Contribution { name: Arc::clone(name), states, told: [0.0, 1.0] }
+            })
+            .collect();
+        for (place, state) in self.states.iter_mut().enumerate() {
+            for (k, sd) in state.sd.iter_mut().enumerate() {
+                let moved = self.considered.iter().filter_map(|one| one.states.get(place)?.get(k));
+                *sd = (*sd * *sd + moved.map(|moved| moved * moved).sum::<f64>()).sqrt();
+            }
+        }
+        self.expect(varied, learnt, from_s);
+        let directions = varied.len();
+        for (place, one) in self.considered.iter_mut().enumerate() {
+            one.told = [learnt.mean[place], learnt.covariance[place * (directions + 1)].max(0.0).sqrt()];
+        }
+    }
+
+    /// Gives the innovations that of the stated device.
+    fn expect(&mut self, varied: &[(Arc<str>, &Self)], learnt: &mut Learnt, from_s: f64) {
+        let mut enters = vec![0.0; varied.len()];
+        for k in 0..self.time_s.len() {
+            let learns = self.time_s[k] >= from_s;
+            let enter = |enters: &mut [f64], own: f64, other: &dyn Fn(&Self) -> Option<f64>| {
+                for (enter, (_, varied)) in enters.iter_mut().zip(varied) {
+                    // A sample that one of them refuses tells nothing of their difference.
+                    *enter = other(varied).map_or(0.0, |other| other - own);
+                    if !enter.is_finite() {
+                        *enter = 0.0;
+                    }
+                }
+            };
+            let (own, sd) = (self.innovation[k], self.innovation_sd[k]);
+            if own.is_finite() && sd.is_finite() {
+                enter(&mut enters, own, &|varied| varied.innovation.get(k).copied());
+                let (left, variance) = learnt.take((own, sd * sd), &enters, learns);
+                let nis = left * left / variance;
+                // −2·ln p of one number is its NIS and the logarithm of its variance, with a constant.
+                self.log_likelihood[k] -= 0.5 * (nis - self.nis[k] + Scalar::ln(variance / (sd * sd)));
+                (self.innovation[k], self.innovation_sd[k], self.nis[k]) = (left, variance.sqrt(), nis);
+            }
+            for (place, signal) in self.further.iter_mut().enumerate() {
+                let (own, sd) = (signal.innovation[k], signal.sd[k]);
+                if own.is_finite() && sd.is_finite() {
+                    enter(&mut enters, own, &|varied| varied.further.get(place)?.innovation.get(k).copied());
+                    let (left, variance) = learnt.take((own, sd * sd), &enters, learns);
+                    (signal.innovation[k], signal.sd[k]) = (left, variance.sqrt());
+                }
+            }
+        }
+    }
+
+    /// Which share of the claimed variance of a state, by its place, each direction of the device's uncertainty has between these times, in s,
+    /// on average: an error that all samples have in common.
+    pub fn common_shares(&self, state: usize, from_s: f64, to_s: f64) -> Vec<f64> {
+        let Some(series) = self.states.get(state) else { return Vec::new() };
+        let share = |one: &Contribution| {
+            let moved = one.states.get(state).map_or(&[][..], Vec::as_slice);
+            let each = self.time_s.iter().zip(moved.iter().zip(&series.sd));
+            let within = each.filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
+            let shares =
+                within.map(|(_, (moved, sd))| (moved / sd).powi(2)).filter(|share| share.is_finite());
+            let (count, sum) = shares.fold((0.0, 0.0), |(count, sum), share| (count + 1.0, sum + share));
+            if count > 0.0 { sum / count } else { 0.0 }
+        };
+        self.considered.iter().map(share).collect()
+    }
+}
