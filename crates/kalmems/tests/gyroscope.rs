@@ -175,6 +175,45 @@ fn three_axes_tell_everything() {
 }
 
 /// A stage that turns about one axis tells one column, about two axes two; the rest is named.
+/// An estimated motion whose file says that one standard deviation of a gap makes it larger by 0.1 %, and one of a delay later by as
+/// much: of amplitudes the first counts in full, of the second what it leaves in phase.
+#[test]
+fn what_is_uncertain_behind_an_estimated_motion_is_in_the_budget() {
+    let bench = Bench::new(&UNIT, &[about(1, 0.0, 20.0), about(1, 0.0, 12.0)], [false, true, false], 3);
+    let path = bench.folder.path().join("reference.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut lines = text.lines();
+    let mut moved = format!("{},wy_by_gap_rad_per_s,wy_by_delay_rad_per_s\n", lines.next().unwrap());
+    let (mut record, mut before) = ("", [0.0; 2]);
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let [time, rate] = [1, 2].map(|place: usize| cells[place].parse::<f64>().unwrap());
+        // The slope of the motion by its last difference, late by half a sample, which is 0.05 rad of it.
+        let slope =
+            if record == cells[0] { (rate - before[1]) / (time - before[0]) / (TAU * 1700.0) } else { 0.0 };
+        (record, before) = (cells[0], [time, rate]);
+        moved += &format!("{line},{:e},{:e}\n", 1e-3 * rate, 1e-3 * slope);
+    }
+    let plain = bench.calibrate().unwrap();
+    fs::write(&path, moved).unwrap();
+    let found = bench.calibrate().unwrap();
+    let [before, after] = [&plain, &found].map(|calibration| &calibration.results[0]);
+    assert_eq!(before.scale_factor.value, after.scale_factor.value);
+    let ppm =
+        |name: &str| after.budget.iter().find(|part| part.source == name).and_then(|part| part.ppm).unwrap();
+    // 1/1.001.
+    assert!((ppm("gap") - 999.0).abs() < 0.1, "{}", ppm("gap"));
+    assert!(ppm("delay") < 60.0, "{}", ppm("delay"));
+    let [small, large] =
+        [before, after].map(|result| result.scale_factor.uncertainty / result.scale_factor.value);
+    let common = 1e-6 * ppm("gap").hypot(ppm("delay"));
+    assert!((large - small.hypot(common)).abs() < 1e-9, "{large} {small}");
+    let says_model = |result: &kalmems::applications::calibration::Calibrated| {
+        result.budget.iter().any(|part| part.source == "model")
+    };
+    assert!(says_model(before) && !says_model(after));
+}
+
 #[test]
 fn what_is_not_excited_is_not_told() {
     let force = SpecificForce { arm: [0.8e-3, -0.3e-3, 1.1e-3] };

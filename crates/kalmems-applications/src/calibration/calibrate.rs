@@ -12,6 +12,7 @@ use super::rest_record;
 use super::tone::{AXES, Tone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
+use crate::fit::FitError;
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::Purpose;
@@ -94,7 +95,9 @@ impl Against<'_> {
         };
         let scatter = matrix.scatter();
         let wander = tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max);
-        let budget = self.budget(&matrix, by_noise / scale.abs(), scatter, wander);
+        let of_device =
+            moved_by_device(&tones, (known, self.tones), axes_of_reference, (main, scale)).map_err(failed)?;
+        let budget = self.budget(&matrix, by_noise / scale.abs(), (scatter, wander), of_device);
         // What is not from the records is common to all entries, in proportion to each.
         let of_records = |part: &&Contribution| part.origin == FROM_NOISE || part.origin == FROM_SCATTER;
         let stated = budget.iter().filter(|part| !of_records(part)).filter_map(|part| part.ppm);
@@ -213,28 +216,45 @@ impl Against<'_> {
         }
     }
 
-    fn budget(&self, matrix: &Matrix, noise: f64, scatter: Option<f64>, wander: f64) -> Vec<Contribution> {
+    fn budget(
+        &self,
+        matrix: &Matrix,
+        noise: f64,
+        (scatter, wander): (Option<f64>, f64),
+        of_device: Vec<Contribution>,
+    ) -> Vec<Contribution> {
         let ppm = |part: f64| Some(1e6 * part);
         let beyond = scatter.map_or(0.0, |factor| noise * (factor * factor - 1.0).max(0.0).sqrt());
         let mut budget = vec![
             Contribution {
-                source: "noise of the gyroscope",
+                source: "noise of the gyroscope".to_owned(),
                 ppm: ppm(noise * matrix.shown_part.sqrt()),
                 origin: FROM_NOISE,
             },
             Contribution {
-                source: "noise of the reference",
+                source: "noise of the reference".to_owned(),
                 ppm: ppm(noise * (1.0 - matrix.shown_part).max(0.0).sqrt()),
                 origin: FROM_NOISE,
             },
-            Contribution { source: "scatter of the records", ppm: ppm(beyond), origin: FROM_SCATTER },
             Contribution {
-                source: "wander of the clocks",
+                source: "scatter of the records".to_owned(),
+                ppm: ppm(beyond),
+                origin: FROM_SCATTER,
+            },
+            Contribution {
+                source: "wander of the clocks".to_owned(),
                 ppm: ppm(wander),
                 origin: "measured, within records",
             },
         ];
+        let knows_model = !of_device.is_empty();
+        budget.extend(of_device);
         for (source, value) in self.reference.uncertainty.contributions() {
+            // The numbers of the model speak for it.
+            if source == "model" && value.is_none() && knows_model {
+                continue;
+            }
+            let source = source.to_owned();
             let ppm = value.map(|value| 1e6 * value);
             let origin = if ppm.is_some() { "stated" } else { "not stated: not in the interval" };
             budget.push(Contribution { source, ppm, origin });
@@ -313,7 +333,7 @@ impl Against<'_> {
         PeakToPeak::of(&pairs?)
     }
 
-    fn centre(&self, tones: &[Tone], pairs: &[Pair], turns: &[f64]) -> Result<Centred, crate::fit::FitError> {
+    fn centre(&self, tones: &[Tone], pairs: &[Pair], turns: &[f64]) -> Result<Centred, FitError> {
         let mut shaken = Vec::new();
         for ((record, shown), (tone, (pair, turn))) in
             self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs.iter().zip(turns)))
@@ -374,10 +394,49 @@ impl Against<'_> {
 
 /// How noise is known.
 const FROM_NOISE: &str = "measured, residuals";
+/// How what the device behind an estimated motion adds is known.
+const FROM_DEVICE: &str = "of the device behind the estimate";
 /// How scatter is known.
 const FROM_SCATTER: &str = "measured, between records";
 
 /// Phasors of rates, in rad/s.
+/// By how much the scale factor moves with one standard deviation of each of the uncertain numbers of the device behind an estimated
+/// motion. Such an error is common to all records, and none of it averages out.
+fn moved_by_device(
+    tones: &[Tone],
+    (known, shown): (&[ReferenceRecord], &[Tone]),
+    axes_of_reference: [bool; 3],
+    (main, scale): (usize, f64),
+) -> Result<Vec<Contribution>, FitError> {
+    let Some(first) = known.first() else { return Ok(Vec::new()) };
+    let mut contributions: Vec<Contribution> = Vec::with_capacity(first.moved.len());
+    for (source, _) in &first.moved {
+        let pairs = tones.iter().zip(known).zip(shown).map(|((tone, known), shown)| {
+            let mut tone = tone.clone();
+            if let Some((_, moved)) = known.moved.iter().find(|(own, _)| own == source) {
+                for (axis, moved) in tone.axes.iter_mut().zip(moved.components(tone.frequency_hz)) {
+                    if let (Some(axis), Some(moved)) = (axis, moved) {
+                        axis.phasor += moved.phasor;
+                    }
+                }
+            }
+            pair(&tone, known, shown)
+        });
+        let matrix = Matrix::fit(&pairs.collect::<Vec<Pair>>(), axes_of_reference)?;
+        let ppm = matrix.entry(main, main).map(|(moved, _)| 1e6 * (moved / scale - 1.0).abs());
+        // Numbers whose errors hang together have several independent directions, with a number behind the name of the first.
+        let is_first = |other: &&mut Contribution| {
+            let number = source.strip_prefix(&other.source).and_then(|rest| rest.strip_prefix('_'));
+            number.is_some_and(|number| number.parse::<usize>().is_ok())
+        };
+        match (contributions.iter_mut().find(is_first), ppm) {
+            (Some(group), Some(ppm)) => group.ppm = group.ppm.map(|own| own.hypot(ppm)),
+            _ => contributions.push(Contribution { source: source.clone(), ppm, origin: FROM_DEVICE }),
+        }
+    }
+    Ok(contributions)
+}
+
 fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
     let of_angle = Complex64::i() * (TAU * tone.frequency_hz);
     let mut pair = Pair {

@@ -5,9 +5,11 @@ use super::tone::{AXES, Signals};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
 use crate::config::{Channels, Fault, Key};
 use crate::named_files::{NamedFileError, NamedFiles};
-use crate::recording::{Instant, Layout, Recording};
+use crate::recording::{Instant, Layout, Recording, moved_by};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// What a column of a reference is.
@@ -32,6 +34,8 @@ pub struct ReferenceRecord {
     pub place: String,
     pub signals: Signals,
     pub shows: [Shows; 3],
+    /// What of the device behind an estimated motion is uncertain, and by how much one standard deviation of it moves the motion.
+    pub moved: Vec<(String, Signals)>,
 }
 
 /// Reads files and remembers what they were.
@@ -103,6 +107,15 @@ impl Files<'_> {
         for name in names {
             let layout = Layout { origin: self.origins.get(*name).copied(), ..layout.clone() };
             let path = self.file.resolve(&reference.file, name);
+            let contributions = contribution_columns(&path, reference);
+            let columns =
+                |(_, own): &(String, [Option<String>; 3])| own.iter().flatten().cloned().collect::<Vec<_>>();
+            let layout = Layout {
+                columns: layout
+                    .columns
+                    .map(|own| own.into_iter().chain(contributions.iter().flat_map(columns)).collect()),
+                ..layout
+            };
             let there = whole.as_ref().map(Recording::origin);
             if per_record || there.is_none() || layout.origin.is_some_and(|origin| there != Some(origin)) {
                 whole = Some(self.read(key.clone().child("file"), &path, &layout)?);
@@ -137,9 +150,21 @@ impl Files<'_> {
                 };
                 *slot = Some(values.of(segment).iter().map(|v| v * factor).collect());
             }
+            let time_s = segment.time.to_vec();
+            let mut moved = Vec::with_capacity(contributions.len());
+            for (by, columns) in &contributions {
+                let mut axes = [None, None, None];
+                for (column, slot) in columns.iter().zip(&mut axes) {
+                    if let Some(column) = column {
+                        *slot = Some(recording.column(column)?.of(segment).to_vec());
+                    }
+                }
+                moved.push((by.clone(), Signals { time_s: time_s.clone(), axes }));
+            }
             records.push(ReferenceRecord {
+                moved,
                 place: path.display().to_string(),
-                signals: Signals { time_s: segment.time.to_vec(), axes },
+                signals: Signals { time_s, axes },
                 shows,
             });
         }
@@ -153,4 +178,29 @@ impl Files<'_> {
             NamedFileError::Read(error) => error.into(),
         })
     }
+}
+
+/// The bytes of a file among which its names of columns are looked for.
+const HEAD: u64 = 1 << 20;
+
+/// The columns of an estimated motion's file that say by how much the device's uncertain numbers move it: what is uncertain, and its
+/// column for each axis. None of a file that has no such columns.
+fn contribution_columns(path: &Path, reference: &MotionReference) -> Vec<(String, [Option<String>; 3])> {
+    // What cannot be read is told when the columns are that the reference names.
+    let Ok(file) = File::open(path) else { return Vec::new() };
+    let mut lines = BufReader::new(file.take(HEAD)).lines().map_while(Result::ok);
+    let Some(names) = lines.find(|line| !line.starts_with('#')) else { return Vec::new() };
+    let mut found: Vec<(String, [Option<String>; 3])> = Vec::new();
+    for (place, axis) in AXES.iter().enumerate() {
+        let Some(column) = reference.channels.column(axis) else { continue };
+        for name in names.split(',') {
+            let Some(by) = moved_by(column, name) else { continue };
+            let known = found.iter().position(|(own, _)| own == by).unwrap_or_else(|| {
+                found.push((by.to_owned(), [None, None, None]));
+                found.len() - 1
+            });
+            found[known].1[place] = Some(name.to_owned());
+        }
+    }
+    found
 }

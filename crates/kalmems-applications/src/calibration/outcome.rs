@@ -102,8 +102,8 @@ pub struct Centred {
 /// A part of an uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Contribution {
-    /// What it comes from.
-    pub source: &'static str,
+    /// What it comes from; a number of the device behind an estimated motion by its key.
+    pub source: String,
     /// Its relative standard uncertainty in ppm; none where nobody said.
     pub ppm: Option<f64>,
     /// How it is known.

@@ -139,7 +139,7 @@ fn budget(result: &Calibrated) -> Table {
     let mut table = Table::new(caption, columns);
     for part in &result.budget {
         let ppm = part.ppm.map_or_else(|| "?".to_owned(), |ppm| format!("{ppm:.2}"));
-        table.push([part.source.to_owned(), ppm, part.origin.to_owned()]);
+        table.push([part.source.clone(), ppm, part.origin.to_owned()]);
     }
     let total = Contribution::total(&result.budget);
     table.push([

@@ -3,6 +3,7 @@
 use super::reader::read_below;
 use super::source::Source;
 use super::uncertainty::{CORRELATION, Correlations};
+use super::variation::Variations;
 use super::{ConfigError, Experiment, Fault, Key};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeOwned, EnumAccess, VariantAccess, Visitor};
@@ -160,12 +161,15 @@ impl Experiment {
         }
     }
 
-    /// Puts another device, or another description of the same, in the place of the one that there is.
+    /// Puts another device, or another description of the same, in the place of the one that there is. The correlations of the same
+    /// device stay.
     pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
         let claimed = Claimed::of(device);
         let written = claimed.written.clone();
-        let correlation = Correlations::default();
+        let before = std::mem::take(&mut self.device.correlation);
+        let correlation = if self.device.name == T::NAME { before } else { Correlations::default() };
         self.device = DeviceTable { name: T::NAME.to_owned(), written, claimed: claimed.into(), correlation };
+        self.variations = Variations::default();
     }
 }
 

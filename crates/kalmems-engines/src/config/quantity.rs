@@ -36,6 +36,14 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
         Self::parse(&format!("{number:e} {unit}"))
     }
 
+    /// The same with a standard uncertainty in the same unit, where that is above 0.
+    pub fn of_uncertain(number: f64, sd: f64, unit: &str) -> Result<Self, String> {
+        if sd == 0.0 {
+            return Self::of(number, unit);
+        }
+        Self::parse(&format!("{number:e} {unit} ± {sd:.2e} {unit}"))
+    }
+
     /// From text such as `2.5 kHz`; what is wrong comes back in words.
     pub fn parse(text: &str) -> Result<Self, String> {
         parse_of(text, K::kind(), S::SIGN).map(Self::from)

@@ -2,11 +2,15 @@
 
 use super::reader::read_below;
 use super::source::Source;
+use super::variation::Variations;
 use super::{ConfigError, Experiment, Fault, Key, Step, get};
 use crate::units::Value;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// What the names of variances and densities of noise begin with.
+const NOISE: &str = "noise";
 
 /// The key beside the device's table at which the correlations stand.
 pub const CORRELATION: &str = "correlation";
@@ -27,10 +31,37 @@ impl Correlations {
         read_below(source, &Key::from("device").child(CORRELATION))
     }
 
+    /// States the correlations of the errors of these numbers with one another, with so many decimals, in the place of all that was
+    /// stated of any of them.
+    fn state(&mut self, names: &[String], correlation: &[Vec<f64>], decimals: i32) {
+        self.0.retain(|first, _| !names.contains(first));
+        for others in self.0.values_mut() {
+            others.retain(|second, _| !names.contains(second));
+        }
+        for (place, (name, row)) in names.iter().zip(correlation).enumerate() {
+            let pairs = names
+                .iter()
+                .zip(row)
+                .take(place)
+                .map(|(other, value)| (other.clone(), round(*value, decimals)));
+            self.0.insert(name.clone(), pairs.filter(|(_, value)| *value != 0.0).collect());
+        }
+        self.0.retain(|_, others| !others.is_empty());
+    }
+
     /// Whether there is none.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
+}
+
+/// Decimals with which correlations are written that were computed.
+const FEWEST_DECIMALS: i32 = 3;
+const MOST_DECIMALS: i32 = 15;
+
+fn round(value: f64, decimals: i32) -> f64 {
+    let shift = (0..decimals).fold(1.0, |shift, _| shift * 10.0);
+    (value * shift).round() / shift
 }
 
 /// Numbers with an uncertainty at most.
@@ -68,11 +99,13 @@ impl Direction {
 }
 
 impl Experiment {
-    /// The numbers of the device's table that are stated with an uncertainty above 0, in the order of the file.
+    /// The numbers of the device's table that are stated with an uncertainty above 0, in the order of the file; but for variances of noise,
+    /// which enter no answer.
     pub fn uncertain(&self) -> Result<Vec<UncertainNumber>, ConfigError> {
         let mut found = Vec::new();
         let mut take = |key: &Key, value: Value| {
-            if let Some(sd) = value.uncertainty().filter(|sd| *sd > 0.0) {
+            // A variance of noise enters no answer to first order.
+            if let Some(sd) = value.uncertainty().filter(|sd| *sd > 0.0 && !key.last().starts_with(NOISE)) {
                 found.push(UncertainNumber { key: key.clone(), name: key.below(2), value, sd });
             }
         };
@@ -91,12 +124,30 @@ impl Experiment {
         let mut exact = Vec::new();
         let mut take = |key: &Key, value: Value| {
             let is_exact = value.uncertainty().is_none_or(|sd| sd == 0.0);
-            if is_exact && value.si() != 0.0 && !key.last().starts_with("noise") {
+            if is_exact && value.si() != 0.0 && !key.last().starts_with(NOISE) {
                 exact.push(key.below(2));
             }
         };
         each_number(self.device.written(), &self.device_key(), &mut take);
         exact
+    }
+
+    /// States how the errors of numbers of the device's table hang together, by their keys below it, in the place of what was stated of
+    /// any of them: with as few decimals as leave a covariance, and of what is near 1 its distance from 1 to a hundredth, on which it
+    /// depends how far two errors cancel.
+    pub fn set_correlations(&mut self, names: &[String], correlation: &[Vec<f64>]) {
+        let rounded = |decimals: i32| -> Vec<Vec<f64>> {
+            correlation.iter().map(|row| row.iter().map(|value| round(*value, decimals)).collect()).collect()
+        };
+        let is_near = |(value, rounded): (&f64, &f64)| (value - rounded).abs() <= 0.01 * (1.0 - value.abs());
+        let is_kept = |decimals: &i32| {
+            let rounded = rounded(*decimals);
+            let near = correlation.iter().flatten().zip(rounded.iter().flatten()).all(is_near);
+            near && cholesky(&rounded).is_some()
+        };
+        let decimals = (FEWEST_DECIMALS..MOST_DECIMALS).find(is_kept);
+        self.device.correlation.state(names, correlation, decimals.unwrap_or(MOST_DECIMALS));
+        self.variations = Variations::default();
     }
 
     fn device_key(&self) -> Key {

@@ -171,3 +171,60 @@ impl Trajectory {
         self.considered.iter().map(share).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// The second way: y = Σ b_j·a_j + v with independent b of the standard normal distribution is normal with the covariance R + A·Aᵀ, whose
+    /// density is that of all whitened innovations together; and b given y is what ordinary least squares with its prior finds.
+    #[test]
+    fn whitened_innovations_have_the_density_of_all_samples_together() {
+        const VARIANCE: f64 = 0.3;
+        let measured = DVector::from_fn(12, |k, _| ((k * k) as f64 * 0.37).sin() * 2.0);
+        let enters =
+            DMatrix::from_fn(
+                12,
+                2,
+                |k, j| if j == 0 { 1.5 + 0.1 * k as f64 } else { (k as f64 * 0.8).cos() },
+            );
+        let mut learnt = Learnt::of(2);
+        let mut sum = 0.0;
+        for k in 0..12 {
+            // A filter that is told b + 1 foretells a_j more.
+            let of_each: Vec<f64> = enters.row(k).iter().map(|enter| -enter).collect();
+            let (left, variance) = learnt.take((measured[k], VARIANCE), &of_each, true);
+            sum -= 0.5 * (left * left / variance + variance.ln());
+        }
+        let covariance = DMatrix::identity(12, 12) * VARIANCE + &enters * enters.transpose();
+        let factor = covariance.cholesky().unwrap();
+        let log_determinant = 2.0 * factor.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let together = -0.5 * (measured.dot(&factor.solve(&measured)) + log_determinant);
+        approx::assert_relative_eq!(sum, together, max_relative = 1e-12);
+
+        let information = DMatrix::identity(2, 2) + enters.transpose() * &enters / VARIANCE;
+        let inverse = information.try_inverse().unwrap();
+        let mean = &inverse * enters.transpose() * measured / VARIANCE;
+        for i in 0..2 {
+            approx::assert_relative_eq!(learnt.mean[i], mean[i], max_relative = 1e-10);
+            for j in 0..2 {
+                approx::assert_relative_eq!(
+                    learnt.covariance[2 * i + j],
+                    inverse[(i, j)],
+                    max_relative = 1e-10
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_was_learnt_is_read_back_from_its_numbers() {
+        let mut learnt = Learnt::of(3);
+        learnt.take((0.4, 0.1), &[1.0, -0.3, 0.2], true);
+        let numbers: Vec<f64> = learnt.numbers().collect();
+        let again = Learnt::read(&numbers).unwrap();
+        assert_eq!((again.mean, again.covariance), (learnt.mean, learnt.covariance));
+        assert!(Learnt::read(&numbers[1..]).is_none());
+    }
+}

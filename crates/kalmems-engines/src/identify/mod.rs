@@ -2,6 +2,7 @@
 
 mod affine;
 mod circle;
+mod entries;
 mod error;
 mod free_decay;
 mod frequency_response;
@@ -12,6 +13,7 @@ mod whiteness;
 
 pub use affine::{AffineFit, fit_affine};
 pub use circle::{Circle, fit_circle};
+pub use entries::{Entries, exact};
 pub use error::IdentifyError;
 pub use free_decay::{FreeDecay, fit_free_decay};
 pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit_response};

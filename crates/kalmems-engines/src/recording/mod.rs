@@ -28,6 +28,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
+mod contribution;
 mod error;
 mod finding;
 mod findings;
@@ -50,6 +51,7 @@ mod time;
 mod unwritten;
 mod window;
 
+pub use contribution::{contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::Origin;

@@ -4,13 +4,13 @@ use super::bench::{Bench, Extent};
 use super::cause::Cause;
 use super::change::Change;
 use super::paste::changed;
-use super::report::{Edit, rounded};
+use super::report::{Edit, digits, rounded};
 use super::search::{MOST_SIZES, MostLikelySizes, Search};
 use super::suspect::{Suspect, What};
 use super::trial::{Blocks, Trial};
 use super::{DiagnoseError, begin};
 use crate::config::get;
-use crate::config::{ConfigError, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, Experiment, Fault, Key, Role, Step};
 use crate::identify::{Correlated, Identification, Identified, IdentifyError, Undetermined};
 use crate::progress::Progress;
 use crate::rigs::Workbench;
@@ -259,6 +259,17 @@ fn as_states(search: &Search, workbench: &Workbench) -> Option<Vec<f64>> {
     names.iter().map(|name| at_end(name).and_then(factor)).collect()
 }
 
+/// What is to stand in the file for a number with this relative standard error.
+fn with_uncertainty(value: Value, sd: f64) -> Value {
+    let text = match value {
+        Value::String(text) => text,
+        other => other.to_string(),
+    };
+    let of_value = units::Value::parse(&text).ok().filter(|value| value.parts().1 == "%");
+    let per_cent = 100.0 * sd * of_value.map_or(1.0, |value| value.si().abs());
+    Value::String(format!("{text} ± {} %", digits(per_cent, 2)))
+}
+
 /// What was found.
 struct Outcome<'a> {
     bench: &'a Bench<'a>,
@@ -297,7 +308,7 @@ impl Outcome<'_> {
             experiment: experiment.clone(),
             materials,
         };
-        let mut text = experiment.text().to_owned();
+        let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {
             let What::Factor(numbers) = &suspect.what else { continue };
             let (Some(number), Some(size), Some(sd)) =
@@ -326,12 +337,29 @@ impl Outcome<'_> {
                 found.undetermined.push(Undetermined { what: suspect.name(), why: why.to_owned() });
                 continue;
             }
-            let to = rounded(&number.times(Scalar::exp(*size)), Some(*sd)).to_string();
+            let value = rounded(&number.times(Scalar::exp(*size)), Some(*sd));
+            let is_noise = number
+                .key
+                .steps()
+                .iter()
+                .any(|step| matches!(step, Step::Name(name) if name.starts_with("noise")));
+            let to = if is_noise { value } else { with_uncertainty(value, *sd) }.to_string();
+            if !is_noise {
+                written.push(index);
+            }
             let edit = Edit { key: number.key.to_string(), from: None, to, sd: None };
             text = changed(&text, &edit).unwrap_or(text);
         }
         self.say(&mut found, &place);
         found.experiment = workbench.parse(&text, experiment.path())?;
+        let names: Vec<String> = written.iter().map(|index| self.suspects[*index].name()).collect();
+        let between = |i: usize, j: usize| {
+            let own = f64::from(u8::from(i == j));
+            self.found.correlation.get(i).and_then(|row| row.get(j)).copied().unwrap_or(own)
+        };
+        let correlation: Vec<Vec<f64>> =
+            written.iter().map(|i| written.iter().map(|j| between(*i, *j)).collect()).collect();
+        found.experiment.set_correlations(&names, &correlation);
         Ok(found)
     }
 

@@ -271,7 +271,7 @@ fn count_of(relative_sd: Option<f64>) -> usize {
 }
 
 /// A number with so many digits.
-fn digits(number: f64, count: usize) -> f64 {
+pub(super) fn digits(number: f64, count: usize) -> f64 {
     format!("{number:.*e}", count.saturating_sub(1)).parse().unwrap_or(number)
 }
 

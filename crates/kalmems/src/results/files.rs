@@ -7,7 +7,7 @@ use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::progress::Pace;
-use crate::recording::Source;
+use crate::recording::{Source, contribution_column};
 use crate::workflow::Outcome;
 use kalmems_figures::ReportError;
 use serde::Serialize;
@@ -123,7 +123,16 @@ pub(super) fn write_header(trajectory: &Trajectory, signal_unit: &str, w: &mut d
             write!(w, ",{}_sd_{}", state.name, state.unit)?;
         }
     }
-    writeln!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")
+    write!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")?;
+    for (place, one) in trajectory.considered.iter().enumerate() {
+        // Numbers whose errors hang together have as many directions.
+        let before = trajectory.considered.iter().take(place).filter(|other| other.name == one.name).count();
+        let by = if before > 0 { format!("{} {}", one.name, before + 1) } else { one.name.to_string() };
+        for state in &trajectory.states {
+            write!(w, ",{}", contribution_column(state.name, state.unit, &by))?;
+        }
+    }
+    writeln!(w)
 }
 
 /// The rows of a trajectory; see [`write_trajectory`].
@@ -140,7 +149,8 @@ pub(super) fn write_rows(
         write!(w, "{}", trajectory.time_s[k])?;
         let states = trajectory.states.iter().flat_map(|s| [s.mean.get(k), s.sd.get(k)]).flatten();
         let update = [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]];
-        for value in states.chain(&update) {
+        let moved = trajectory.considered.iter().flat_map(|one| &one.states).filter_map(|moved| moved.get(k));
+        for value in states.chain(&update).chain(moved) {
             if value.is_finite() {
                 write!(w, ",{value:e}")?;
             } else {

@@ -29,7 +29,7 @@ pub struct InParts {
 /// Takes the first segment of a recording in parts of this length.
 pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -> InParts {
     let rig = published().rig(experiment).unwrap();
-    let mut estimator = rig.estimator(experiment, 0, &Silent).unwrap();
+    let mut estimator = rig.considering(experiment, 0, &Silent).unwrap();
     let segment = &recording.segments()[0];
     let around = estimator.around(segment.time.interval_s().unwrap());
     let rows = segment.time.len();

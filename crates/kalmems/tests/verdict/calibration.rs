@@ -110,7 +110,7 @@ impl Case {
 }
 
 /// So many devices that are drawn from what the filters of this one hold as uncertain.
-fn calibrated(device: &str, settings: &[Setting], runs: u64) -> Summary {
+pub fn calibrated(device: &str, settings: &[Setting], runs: u64) -> Summary {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("experiment.toml");
     std::fs::write(&file, Device::named(device).text(settings)).unwrap();

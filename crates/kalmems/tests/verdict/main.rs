@@ -4,4 +4,5 @@ mod calibration;
 mod devices;
 mod power;
 mod right;
+mod uncertain;
 mod wrong;

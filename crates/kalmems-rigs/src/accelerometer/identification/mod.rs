@@ -15,9 +15,9 @@ use super::instrument::Instrument;
 use super::pull_in;
 use super::settings::Hardware;
 use crate::accelerometer::device::Accelerometer;
-use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Quantity, SignOf};
-use crate::identify::{Identification, IdentifyError, Whiteness};
+use crate::config::Experiment;
+use crate::fit::Derived;
+use crate::identify::{Entries, Identification, IdentifyError, Whiteness, exact};
 use crate::progress::Progress;
 use kalmems_core::Scalar;
 use likelihood::{Likelihood, forgotten_after, unknown};
@@ -115,33 +115,44 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
 /// Puts what is known well enough into the device table.
 fn apply(experiment: &mut Experiment, outcome: &Outcome) -> Result<(), IdentifyError> {
     let mut device = (*experiment.device::<Accelerometer>()?).clone();
-    let mut entries = Entries { experiment, outcome };
-    entries.set(unknown::SPRING, &mut device.proof_mass.spring, "N/m")?;
-    entries.set(unknown::DAMPING, &mut device.proof_mass.damping, "N s/m")?;
-    entries.set(unknown::MASS, &mut device.proof_mass.mass, "kg")?;
-    entries.set(unknown::NOISE, &mut device.readout.noise_variance, "V^2")?;
-    entries.set(unknown::ACCELERATION, &mut device.acceleration.rms, "m/s^2")?;
-    entries.experiment.set_device(device);
+    let mut entries = Entries::default();
+    let of = |index: usize| {
+        let value = outcome.value(index);
+        Derived { value, deviation: (value * outcome.deviation(index)).abs() }
+    };
+    let known = |index: usize| outcome.is_known(index);
+    let mass = &mut device.proof_mass;
+    if known(unknown::SPRING) {
+        entries.set(experiment, (SPRING, &mut mass.spring), of(unknown::SPRING), "N/m")?;
+    }
+    if known(unknown::DAMPING) {
+        entries.set(experiment, (DAMPING, &mut mass.damping), of(unknown::DAMPING), "N s/m")?;
+    }
+    if known(unknown::MASS) {
+        entries.set(experiment, (MASS, &mut mass.mass), of(unknown::MASS), "kg")?;
+    }
+    if known(unknown::NOISE) {
+        let place = ("readout.noise_variance", &mut device.readout.noise_variance);
+        entries.set(experiment, place, exact(outcome.value(unknown::NOISE)), "V^2")?;
+    }
+    if known(unknown::ACCELERATION) {
+        // How large the acceleration usually is says how much a filter smooths, and nothing of the instrument.
+        let place = ("acceleration.rms", &mut device.acceleration.rms);
+        entries.set(experiment, place, exact(outcome.value(unknown::ACCELERATION)), "m/s^2")?;
+    }
+    let c = &outcome.found.covariance;
+    let (names, places): (Vec<&str>, Vec<usize>) = MECHANICS.into_iter().unzip();
+    entries.correlate_all(&names, &|i, j| c.get(places[i], places[j]));
+    experiment.set_device(device);
+    entries.write(experiment);
     Ok(())
 }
 
-/// Where values are put.
-struct Entries<'a> {
-    experiment: &'a mut Experiment,
-    outcome: &'a Outcome,
-}
+/// Keys below the device's table.
+const SPRING: &str = "proof_mass.spring";
+const DAMPING: &str = "proof_mass.damping";
+const MASS: &str = "proof_mass.mass";
 
-impl Entries<'_> {
-    fn set<K: KindOf, S: SignOf>(
-        &mut self,
-        index: usize,
-        place: &mut Quantity<K, S>,
-        unit: &str,
-    ) -> Result<(), IdentifyError> {
-        if self.outcome.is_known(index) {
-            let refuse = |why| self.experiment.error("device.accelerometer", Fault::Value { why });
-            *place = Quantity::of(self.outcome.value(index), unit).map_err(refuse)?;
-        }
-        Ok(())
-    }
-}
+/// What is told of the proof mass, by these keys, and its place in the search.
+const MECHANICS: [(&str, usize); 3] =
+    [(SPRING, unknown::SPRING), (DAMPING, unknown::DAMPING), (MASS, unknown::MASS)];

@@ -31,8 +31,8 @@ use super::hardware::Hardware;
 use super::records::{self, Records, of_role};
 use crate::config::kinds::KindOf;
 use crate::config::{Experiment, Fault, Key, Quantity, Role, SignOf};
-use crate::fit::FitError;
-use crate::identify::{Identification, IdentifyError};
+use crate::fit::{Derived, FitError};
+use crate::identify::{Entries, Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::progress::Progress;
 use std::f64::consts::TAU;
@@ -59,6 +59,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();
+    let mut entries = Entries::default();
     if let Some(index) = still {
         noise::identify(experiment, &mut hardware, &mut device, index, &mut found, progress)?;
         stop(progress)?;
@@ -69,9 +70,14 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         words::sweep(&mut found, &records, &fitted);
         found.figures.push(figures::sweep(&points, &fitted));
         let resonator = &mut device.resonator;
-        set(experiment, &mut resonator.natural_frequency, fitted.natural_frequency_hz().value, "Hz")?;
-        set(experiment, &mut resonator.damping_ratio, 100.0 * fitted.damping_ratio().value, "%")?;
-        set(experiment, &mut resonator.drive_gain, fitted.drive_gain().value, "rad/s^2/V")?;
+        let damping = fitted.damping_ratio();
+        let damping = Derived { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };
+        let place = (NATURAL_FREQUENCY, &mut resonator.natural_frequency);
+        entries.set(experiment, place, fitted.natural_frequency_hz(), "Hz")?;
+        entries.set(experiment, (DAMPING_RATIO, &mut resonator.damping_ratio), damping, "%")?;
+        entries.set(experiment, (DRIVE_GAIN, &mut resonator.drive_gain), fitted.drive_gain(), "rad/s^2/V")?;
+        entries
+            .correlate_all(&[NATURAL_FREQUENCY, DAMPING_RATIO, DRIVE_GAIN], &|i, j| fitted.covariance(i, j));
         hardware.stage.resonator.natural_rate = TAU * fitted.natural_frequency_hz().value;
         hardware.stage.resonator.damping_ratio = fitted.damping_ratio().value;
         hardware.stage.drive_gain = fitted.drive_gain().value;
@@ -80,6 +86,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         stop(progress)?;
     }
     found.experiment.set_device(device.clone());
+    entries.write(&mut found.experiment);
     if let Some(index) = on {
         let records = records::read(experiment, &hardware, index, progress)?;
         let off = match off {
@@ -92,8 +99,10 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         for (electrode, by) in &fitted.electrodes {
             let name = &hardware.channels[*electrode].name;
             let Some(table) = device.electrodes.get_mut(name) else { continue };
-            set(experiment, &mut table.gap, by.gap.value, "m")?;
-            set(experiment, &mut table.gain, by.gain.value, "V ohm")?;
+            let [gap, gain] = ["gap", "gain"].map(|own| format!("electrodes.{name}.{own}"));
+            entries.set(experiment, (&gap, &mut table.gap), by.gap, "m")?;
+            entries.set(experiment, (&gain, &mut table.gain), by.gain, "V ohm")?;
+            entries.correlate(&gap, &gain, by.correlation);
             if let Some(feedthrough) = by.feedthrough {
                 let of_drive = crate::micro_stage::device::DriveFeedthrough {
                     gain: quantity(experiment, feedthrough[0], "")?,
@@ -106,6 +115,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             set_delay(&mut found.experiment, index, delay.value)?;
         }
         found.experiment.set_device(device.clone());
+        entries.write(&mut found.experiment);
         stop(progress)?;
         if let Some(line) = trained::correction(&found.experiment, &records, &fitted, progress)? {
             words::correction(&mut found, &records, &line);
@@ -199,19 +209,13 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
 }
 
+/// Keys below the device's table.
+const NATURAL_FREQUENCY: &str = "resonator.natural_frequency";
+const DAMPING_RATIO: &str = "resonator.damping_ratio";
+const DRIVE_GAIN: &str = "resonator.drive_gain";
+
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
     experiment.error("device.micro_stage", Fault::Value { why }).into()
-}
-
-/// Puts an identified value into the experiment.
-fn set<K: KindOf, S: SignOf>(
-    experiment: &Experiment,
-    place: &mut Quantity<K, S>,
-    value: f64,
-    unit: &str,
-) -> Result<(), IdentifyError> {
-    *place = quantity(experiment, value, unit)?;
-    Ok(())
 }
 
 fn quantity<K: KindOf, S: SignOf>(

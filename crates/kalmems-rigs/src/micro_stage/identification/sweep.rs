@@ -129,6 +129,16 @@ impl SweepFit {
         self.response.fit.derived(|p| p[0] * (p[1] * TAU).sq())
     }
 
+    /// The covariance of the errors of f_n, ζ and b_c, by their places.
+    pub fn covariance(&self, i: usize, j: usize) -> f64 {
+        let [angle, frequency, ..] = self.response.fit.parameters;
+        let by_angle = (TAU * frequency).powi(2);
+        // How each follows from the static angle per volt, f_n and ζ.
+        let follows = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [by_angle, 2.0 * angle * by_angle / frequency, 0.0]];
+        let places = (0..3).flat_map(|k| (0..3).map(move |l| (k, l)));
+        places.map(|(k, l)| follows[i][k] * self.response.fit.covariance.get(k, l) * follows[j][l]).sum()
+    }
+
     /// The delay of the vibrometer in s.
     pub fn delay_s(&self) -> Derived {
         self.response.delay_s()

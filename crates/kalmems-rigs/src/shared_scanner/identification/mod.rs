@@ -9,6 +9,7 @@
 //! A reference with the channel `angle` is used where a recording has one; the steady state needs it.
 
 mod amplitude;
+mod entered;
 mod figures;
 mod ring_down;
 mod settings;
@@ -21,16 +22,14 @@ pub use settings::RingDownSettings;
 pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state};
 
 use super::settings::Hardware;
-use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Quantity, Role, SignOf};
+use crate::config::{Experiment, Fault, Role};
 use crate::evaluate::{Instruments, ReferenceChannels};
-use crate::identify::{Identification, IdentifyError, Material};
+use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
-use kalmems_core::{Covariance, Mat};
-use kalmems_models::capacitance::GaussianComb;
-use unknown::{DAMPING, NOMINAL, STIFFNESS, WIDTH};
+use entered::{NOISE_VARIANCE, apply_ring_down, apply_steady_state, knows_comb};
+use kalmems_core::Covariance;
 
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
@@ -66,26 +65,18 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     }
     let mut device = (*experiment.device::<SharedScanner>()?).clone();
 
+    let mut entries = Entries::default();
+    let mut ring_down = None;
     let mut comb = (hardware.scanner.comb, Covariance::zero());
     match decay {
         Some(material) => {
             let settings = RingDownSettings::of(experiment)?;
-            let record = RingDown {
-                interval_s: material.interval_s,
-                signal: &material.signal,
-                angle: &material.angle,
-                scanner: hardware.scanner,
-                bias: settings.bias,
-                gain: settings.feedback_resistance * settings.bias,
-            };
-            let fitted = fit_ring_down(&record).map_err(|error| match error {
-                RingDownError::Fit(source) => IdentifyError::Fit { recording: material.name.clone(), source },
-                RingDownError::Shooting(error) => error.into(),
-                error => material.unfit(error.to_string()),
-            })?;
+            let record = ring_down_of(&hardware, &material, &settings);
+            let fitted = decay_of(&record, &material)?;
             words::ring_down(&mut found, &material, &record, &fitted);
             figures::ring_down(&mut found, &material, &record, &fitted);
-            comb = apply_ring_down(experiment, &mut device, &fitted, comb.0)?;
+            comb = apply_ring_down(experiment, &mut device, (&mut entries, &fitted), comb.0)?;
+            ring_down = Some(fitted);
             found.materials.push(material);
         }
         None => words::no_ring_down(&mut found),
@@ -109,8 +100,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 .map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })?;
             words::steady_state(&mut found, &material, &record, &fitted);
             figures::steady_state(&mut found, &material, &record, &fitted);
-            set(experiment, &mut device.readout.gain, fitted.gain.value, "V/F")?;
-            set(experiment, &mut device.readout.offset, fitted.offset.value, "V")?;
+            let used = ring_down.as_ref().filter(|found| knows_comb(found));
+            apply_steady_state(experiment, &mut device, &mut entries, (&fitted, used))?;
             found.materials.push(material);
         }
         other => words::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
@@ -124,7 +115,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             })?;
             words::still(&mut found, &material, &fitted);
             figures::still(&mut found, &material, &fitted);
-            set(experiment, &mut device.readout.noise_variance, fitted.variance, "V^2")?;
+            let place = (NOISE_VARIANCE, &mut device.readout.noise_variance);
+            entries.set(experiment, place, exact(fitted.variance), "V^2")?;
             found.materials.push(material);
         }
         None => words::no_still(&mut found),
@@ -133,6 +125,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));
     }
     found.experiment.set_device(device);
+    entries.write(&mut found.experiment);
     Ok(found)
 }
 
@@ -140,51 +133,25 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
     if progress.reached(0).is_break() { Err(IdentifyError::Interrupted) } else { Ok(()) }
 }
 
-/// Puts an identified value into the experiment.
-fn set<K: KindOf, S: SignOf>(
-    experiment: &Experiment,
-    place: &mut Quantity<K, S>,
-    value: f64,
-    unit: &str,
-) -> Result<(), IdentifyError> {
-    *place = Quantity::of(value, unit)
-        .map_err(|why| experiment.error("device.shared_scanner", Fault::Value { why }))?;
-    Ok(())
+fn ring_down_of<'a>(
+    hardware: &Hardware,
+    material: &'a Material,
+    settings: &RingDownSettings,
+) -> RingDown<'a> {
+    RingDown {
+        interval_s: material.interval_s,
+        signal: &material.signal,
+        angle: &material.angle,
+        scanner: hardware.scanner,
+        bias: settings.bias,
+        gain: settings.feedback_resistance * settings.bias,
+    }
 }
 
-/// A parameter known worse than this, relative to itself, is not put into the experiment.
-const WORTH_SETTING: f64 = 0.1;
-
-/// Whether a parameter of a ring-down is known well enough to be used.
-fn is_known(fitted: &RingDownFit, index: usize) -> bool {
-    let parameter = fitted.fit.parameter(index);
-    parameter.deviation < WORTH_SETTING * parameter.value.abs() && !fitted.fit.at_bound[index]
-}
-
-/// Puts the ring-down's values into the experiment: the comb as it is to be used from here on, and how well C₀ and θ₀
-/// of it are known.
-fn apply_ring_down(
-    experiment: &Experiment,
-    device: &mut SharedScanner,
-    fitted: &RingDownFit,
-    before: GaussianComb<f64>,
-) -> Result<(GaussianComb<f64>, Covariance<f64, 2>), IdentifyError> {
-    let p = &fitted.fit.parameters;
-    if is_known(fitted, STIFFNESS) {
-        set(experiment, &mut device.resonator.stiffness, p[STIFFNESS], "N m")?;
-    }
-    if is_known(fitted, DAMPING) {
-        set(experiment, &mut device.resonator.damping, p[DAMPING], "N m s")?;
-    }
-    if !(is_known(fitted, NOMINAL) && is_known(fitted, WIDTH)) {
-        return Ok((before, Covariance::zero()));
-    }
-    set(experiment, &mut device.comb.nominal_capacitance, p[NOMINAL], "F")?;
-    set(experiment, &mut device.comb.angular_width, p[WIDTH], "rad")?;
-    let c = &fitted.fit.covariance;
-    let covariance = Covariance::from_lower(Mat([
-        [c.get(NOMINAL, NOMINAL), 0.0],
-        [c.get(WIDTH, NOMINAL), c.get(WIDTH, WIDTH)],
-    ]));
-    Ok((GaussianComb { nominal: p[NOMINAL], angular_width: p[WIDTH], bias: before.bias }, covariance))
+fn decay_of(record: &RingDown, material: &Material) -> Result<RingDownFit, IdentifyError> {
+    fit_ring_down(record).map_err(|error| match error {
+        RingDownError::Fit(source) => IdentifyError::Fit { recording: material.name.clone(), source },
+        RingDownError::Shooting(error) => error.into(),
+        error => material.unfit(error.to_string()),
+    })
 }

@@ -41,6 +41,8 @@ pub struct SteadyStateFit {
     pub swing: Derived,
     /// a·C_b + b in V: what is observable of the offset.
     pub level: Derived,
+    /// How a and b move with C₀ and θ₀.
+    pub by_comb: [[f64; 2]; 2],
     /// C filtered by the demodulator's two poles, where that explains the signal better.
     pub poles: Option<PolesFit>,
     /// The largest angle in rad.
@@ -151,6 +153,7 @@ pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, F
         offset: derived(1),
         swing: derived(2),
         level: derived(3),
+        by_comb: [slopes[0], slopes[1]],
         affine,
         poles,
         amplitude,

@@ -1,8 +1,9 @@
 //! What is said of the fits: values, what is not determined and why.
 
+use super::entered::is_known;
+use super::unknown::{STIFFNESS, WIDTH};
 use super::{
-    RingDown, RingDownFit, STIFFNESS, SteadyState, SteadyStateFit, WIDTH, gain_ambiguity,
-    integrated_capacitance, is_known, unknown,
+    RingDown, RingDownFit, SteadyState, SteadyStateFit, gain_ambiguity, integrated_capacitance, unknown,
 };
 use crate::fit::Derived;
 use crate::identify::{Correlated, Identification, Identified, Material, Still, Undetermined, Whiteness};

@@ -14,11 +14,10 @@ pub use decay::{Decay, DecayError, DecayFit, fit_decay, unknown};
 
 use super::hardware::Hardware;
 use super::{MEANINGS, POSITION};
-use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Quantity, Reference, Role, SignOf};
+use crate::config::{Experiment, Fault, Quantity, Reference, Role};
 use crate::evaluate::ReferenceChannels;
 use crate::fit::Derived;
-use crate::identify::{Identification, IdentifyError, Material};
+use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::threshold_scanner::device::ThresholdScanner;
@@ -105,13 +104,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         materials: Vec::new(),
     };
     words::of(&mut identification, &material, &found);
-    apply(experiment, &mut device, &found)?;
+    let entries = apply(experiment, &mut device, &found)?;
     identification.experiment.set_device(device);
+    entries.write(&mut identification.experiment);
     let reference =
         place.and_then(|index| identification.experiment.recordings.get_mut(index)?.reference.as_mut());
     if let Some(reference) = reference {
-        let mut delay = Quantity::of(0.0, "s").map_err(|why| value_error(experiment, why))?;
-        set(experiment, &mut delay, found.delay.value, "s")?;
+        let delay = Quantity::of(found.delay.value, "s").map_err(|why| value_error(experiment, why))?;
         reference.set_delay(delay);
     }
     identification.materials.push(material);
@@ -154,17 +153,6 @@ fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
     experiment.error("device.threshold_scanner", Fault::Value { why }).into()
 }
 
-/// Puts an identified value into the experiment.
-fn set<K: KindOf, S: SignOf>(
-    experiment: &Experiment,
-    place: &mut Quantity<K, S>,
-    value: f64,
-    unit: &str,
-) -> Result<(), IdentifyError> {
-    *place = Quantity::of(value, unit).map_err(|why| value_error(experiment, why))?;
-    Ok(())
-}
-
 /// A parameter known worse than this, relative to itself, is not put into the experiment.
 const WORTH_SETTING: f64 = 0.1;
 
@@ -176,24 +164,64 @@ fn is_known(decay: &DecayFit, index: usize) -> bool {
 
 /// Puts what is known well enough into the device table. An offset and a threshold near 0 are known as absolute values,
 /// and are put there whenever they have a standard error.
-fn apply(experiment: &Experiment, device: &mut ThresholdScanner, found: &Found) -> Result<(), IdentifyError> {
-    let (decay, p) = (&found.decay, &found.decay.fit.parameters);
+fn apply(
+    experiment: &Experiment,
+    device: &mut ThresholdScanner,
+    found: &Found,
+) -> Result<Entries, IdentifyError> {
+    let decay = &found.decay;
+    let of = |index: usize| decay.fit.parameter(index);
+    let scaled =
+        |found: Derived, by: f64| Derived { value: by * found.value, deviation: by * found.deviation };
+    let mut entries = Entries::default();
     if is_known(decay, unknown::NATURAL_RATE) {
-        set(experiment, &mut device.resonator.natural_frequency, p[unknown::NATURAL_RATE] / TAU, "Hz")?;
+        let place = (NATURAL_FREQUENCY, &mut device.resonator.natural_frequency);
+        entries.set(experiment, place, scaled(of(unknown::NATURAL_RATE), 1.0 / TAU), "Hz")?;
     }
     if is_known(decay, unknown::DAMPING_RATIO) {
-        set(experiment, &mut device.resonator.damping_ratio, 100.0 * p[unknown::DAMPING_RATIO], "%")?;
+        let place = (DAMPING_RATIO, &mut device.resonator.damping_ratio);
+        entries.set(experiment, place, scaled(of(unknown::DAMPING_RATIO), 100.0), "%")?;
     }
     if is_known(decay, unknown::GAIN) && is_known(decay, unknown::STEEPNESS) {
-        let gain = Quantity::of(p[unknown::GAIN], "V s/rad").map_err(|why| value_error(experiment, why))?;
+        let mut gain =
+            Quantity::of(of(unknown::GAIN).value, "V s/rad").map_err(|why| value_error(experiment, why))?;
+        entries.set(experiment, (GAIN, &mut gain), of(unknown::GAIN), "V s/rad")?;
         (device.comb.gain, device.comb.fingers) = (Some(gain), None);
-        set(experiment, &mut device.comb.steepness, p[unknown::STEEPNESS], "1/rad")?;
-        set(experiment, &mut device.comb.threshold_angle, p[unknown::THRESHOLD], "rad")?;
-        set(experiment, &mut device.readout.offset, p[unknown::OFFSET], "V")?;
+        entries.set(experiment, (STEEPNESS, &mut device.comb.steepness), of(unknown::STEEPNESS), "1/rad")?;
+        entries.set(
+            experiment,
+            (THRESHOLD, &mut device.comb.threshold_angle),
+            of(unknown::THRESHOLD),
+            "rad",
+        )?;
+        entries.set(experiment, (OFFSET, &mut device.readout.offset), of(unknown::OFFSET), "V")?;
     }
-    set(experiment, &mut device.readout.noise_variance, decay.deviations[0].powi(2), "V^2")?;
+    let c = &decay.fit.covariance;
+    let (names, places): (Vec<&str>, Vec<usize>) = FREE_DECAY.into_iter().unzip();
+    entries.correlate_all(&names, &|i, j| c.get(places[i], places[j]));
+    let place = ("readout.noise_variance", &mut device.readout.noise_variance);
+    entries.set(experiment, place, exact(decay.deviations[0].powi(2)), "V^2")?;
     if let (Some(detector), Some(per_volt)) = (&mut device.position_detector, found.per_volt) {
-        set(experiment, &mut detector.noise_variance, (decay.deviations[1] / per_volt).powi(2), "V^2")?;
+        let place = ("position_detector.noise_variance", &mut detector.noise_variance);
+        entries.set(experiment, place, exact((decay.deviations[1] / per_volt).powi(2)), "V^2")?;
     }
-    Ok(())
+    Ok(entries)
 }
+
+/// Keys below the device's table.
+const NATURAL_FREQUENCY: &str = "resonator.natural_frequency";
+const DAMPING_RATIO: &str = "resonator.damping_ratio";
+const GAIN: &str = "comb.gain";
+const STEEPNESS: &str = "comb.steepness";
+const THRESHOLD: &str = "comb.threshold_angle";
+const OFFSET: &str = "readout.offset";
+
+/// What a free decay tells of the device, by these keys, and its place in the fit.
+const FREE_DECAY: [(&str, usize); 6] = [
+    (NATURAL_FREQUENCY, unknown::NATURAL_RATE),
+    (DAMPING_RATIO, unknown::DAMPING_RATIO),
+    (GAIN, unknown::GAIN),
+    (STEEPNESS, unknown::STEEPNESS),
+    (THRESHOLD, unknown::THRESHOLD),
+    (OFFSET, unknown::OFFSET),
+];
