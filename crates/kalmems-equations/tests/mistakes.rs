@@ -96,6 +96,8 @@ mistakes! {
     name_of_the_language: scanner("b = \"5.95e-12 N m s\"", "exp = \"5.95e-12 N m s\"");
     name_of_a_law: scanner("b = \"5.95e-12 N m s\"", "carrier = \"5.95e-12 N m s\"");
     name_with_a_space: scanner("b = \"5.95e-12 N m s\"", "\"b c\" = \"5.95e-12 N m s\"");
+    unit_of_the_noise_of_an_event: small("[derivative]\nx = '-rate*x'\n[events]\npass = 'x - p'\n[noise]\npass = '1e-6[V^2]'\n");
+    event_with_the_name_of_a_state: small("[derivative]\nx = '-rate*x'\n[events]\nx = 'x - p'\n");
     noise_of_nothing: scanner("signal = \"1.92e-4[V^2]\"", "signl = \"1.92e-4[V^2]\"");
     misspelt_table: scanner("[derivative]", "[derivatives]");
     no_states: said_of("[parameters]\nk = '1 N/m'\n");

@@ -4,6 +4,7 @@
 //! crate: whoever has a [`Workbench`] adds a rig to it.
 
 pub mod accelerometer;
+pub mod crossings;
 pub mod equations;
 pub mod micro_stage;
 pub mod piston_mirror;

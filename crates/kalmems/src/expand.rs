@@ -18,6 +18,8 @@ const OF_ESTIMATE: [&str; 4] = ["first_peak", "first_peak_y", "crossings", "part
 /// Those of a filter.
 const OF_FILTER: [&str; 6] =
     ["demodulator", "threshold", "variant", "signal_variance", "noise_memory", "known_acceleration"];
+/// Those of both that are written as events, where the device has them.
+const AS_EVENTS: [&str; 2] = ["crossings", "threshold"];
 /// Tables that go with a device's own identification, streams or simulation.
 const OF_DEVICE: [&str; 2] = ["identify", "stream"];
 
@@ -78,10 +80,17 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
         OF_ESTIMATE.into_iter().filter(|key| estimate.remove(*key).is_some()).collect();
     rename_noise(estimate, expansion);
     if let Some(Value::Array(filters)) = estimate.get_mut("filter") {
-        for filter in filters.iter_mut().filter_map(Value::as_table_mut) {
+        for (index, filter) in filters.iter_mut().filter_map(Value::as_table_mut).enumerate() {
             removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
             rename_noise(filter, expansion);
+            if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
+                filter.insert("events".to_owned(), Value::Table(events.clone()));
+            }
         }
+    }
+    if !expansion.events.is_empty() {
+        estimate.insert("events".to_owned(), Value::Table(expansion.events.clone()));
+        removed.retain(|key| !AS_EVENTS.contains(key));
     }
     removed.sort_unstable();
     removed.dedup();

@@ -1,5 +1,6 @@
 //! What an experiment file says about the estimate that is wanted.
 
+use super::event::EventSource;
 use super::filter::Filter;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
@@ -35,6 +36,10 @@ pub struct Estimate {
     /// How the crossings of a threshold are found, for a device that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub crossings: Option<Crossings>,
+    /// Where the times of a device's events come from, by the names of the events; from channels of the recording of those names if
+    /// left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub events: BTreeMap<String, EventSource>,
     /// The filters, at least one, each in a table `[[estimate.filter]]`.
     #[serde(rename = "filter", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
@@ -76,9 +81,9 @@ pub struct Crossings {
 }
 
 impl Crossings {
-    /// What no single value can be blamed for: the key, and what is wrong.
-    fn check(&self) -> Result<(), (Key, Fault)> {
-        let at = |name: &str| Key::from("estimate").child("crossings").child(name);
+    /// What no single value can be blamed for: the key, and what is wrong; `table` is the key of this table.
+    pub(super) fn check(&self, table: &Key) -> Result<(), (Key, Fault)> {
+        let at = |name: &str| table.clone().child(name);
         let refuse = |name: &str, why: &str| Err((at(name), Fault::Value { why: why.to_owned() }));
         match (self.threshold, &self.false_alarms, self.keep) {
             (None, None, _) => {
@@ -103,7 +108,7 @@ pub enum Peak {
 }
 
 impl Estimate {
-    /// What no single value can be blamed for: the key, and what is wrong.
+    /// What no single value can be blamed for: the key, and what is wrong; `table` is the key of this table.
     pub(super) fn check(&self) -> Result<(), (Key, Fault)> {
         let key = Key::from("estimate");
         if self.filters.is_empty() {
@@ -112,7 +117,10 @@ impl Estimate {
             return Err((key, Fault::Value { why: why.to_owned() }));
         }
         if let Some(crossings) = &self.crossings {
-            crossings.check()?;
+            crossings.check(&key.clone().child("crossings"))?;
+        }
+        for (name, event) in &self.events {
+            event.check(&key.clone().child("events").child(name))?;
         }
         let mut seen = BTreeMap::new();
         for (index, filter) in self.filters.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! What an experiment file says about one filter.
 
 use super::error::shown;
+use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
 use super::quantity::Quantity;
 use super::sign::Positive;
@@ -54,6 +55,10 @@ pub struct Filter {
     /// How a filter of a threshold-sensing scanner uses the crossings; not at all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<Threshold>,
+    /// The events of a device of one's own that correct the filter, by their names, each with how it is told of them:
+    /// `{ crossing = {} }`; none if left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub events: BTreeMap<String, EventUse>,
     /// The electrodes whose signals a filter of the micro-stage takes, by name; all that the recording has if left out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub channels: Vec<String>,

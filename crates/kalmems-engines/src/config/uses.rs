@@ -9,6 +9,8 @@ pub struct Uses {
     /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
     /// `threshold` of a filter.
     pub crossings: bool,
+    /// The tables `events` of the estimate and of a filter: the device has events.
+    pub events: bool,
     /// A filter's `channels`: the device has several signals.
     pub several_signals: bool,
     /// The methods of filters that it has no use for, and why, as physics has it.
@@ -25,6 +27,12 @@ impl Uses {
         let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
         if let Some(key) = self.crossing_key(experiment) {
             return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
+        }
+        if let Some(key) = self.event_key(experiment) {
+            return refuse(
+                key,
+                "it is for a device that states events in `[device.equations.events]`; leave it out",
+            );
         }
         let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
         for (index, filter) in filters.enumerate() {
@@ -74,5 +82,17 @@ impl Uses {
             given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
         };
         of_all.or_else(|| estimate.filters.iter().enumerate().find_map(of_filter))
+    }
+
+    /// A key about events that is given and of no use.
+    fn event_key(self, experiment: &Experiment) -> Option<Key> {
+        let estimate = experiment.estimate.as_ref().filter(|_| !self.events)?;
+        let at = Key::from("estimate");
+        let mut filters = estimate.filters.iter().enumerate();
+        let of_filter = |(index, filter): (usize, &Filter)| {
+            (!filter.events.is_empty()).then(|| at.clone().child("filter").index(index).child("events"))
+        };
+        let of_all = (!estimate.events.is_empty()).then(|| at.clone().child("events"));
+        of_all.or_else(|| filters.find_map(of_filter))
     }
 }

@@ -47,7 +47,7 @@ pub use model_alone::ModelAlone;
 pub use part::{Around, Part};
 pub(crate) use past::Bits;
 pub use past::{FilterPast, Past, PastState, Slot};
-pub use segments::{Axis, Crossing, SegmentEstimate, SignalSegment};
+pub use segments::{Axis, Crossing, Passed, SegmentEstimate, SignalSegment};
 pub use stretches::{LeftOut, StretchJudge, StretchSummary};
 pub use taken_over::TakenOver;
 pub use tracked::{Parameter, Tracked};

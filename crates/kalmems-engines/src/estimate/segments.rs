@@ -29,8 +29,8 @@ pub struct SegmentEstimate {
     pub skip_s: f64,
     /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
     pub parts: u32,
-    /// When an angle was passed, as the signal itself shows it of these samples or some before them, in the order in which that
-    /// became known; none of a device without a threshold.
+    /// When an angle was passed or an event happened, as the recording itself shows it of these samples or some before them, in the
+    /// order in which that became known; none of a device without a threshold or events.
     pub crossings: Vec<Crossing>,
     /// Crossings of which the signal tells hardly more than that there may be one, and which are not among those.
     pub crossings_refused: usize,
@@ -42,17 +42,26 @@ pub struct SegmentEstimate {
     pub trajectories: Vec<Trajectory>,
 }
 
-/// A time at which the signal shows that an angle was passed.
+/// A time at which the recording shows that an angle was passed, or that an event happened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// The angle in rad.
-    pub angle: f64,
+    /// What it was.
+    pub of: Passed,
     /// When, in s.
     pub time_s: f64,
     /// The standard deviation of that, in s.
     pub sd_s: f64,
     /// Whether the signal shows it by its steepest slope and not by passing its offset.
     pub is_fallback: bool,
+}
+
+/// What happened at a time that the recording shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Passed {
+    /// An angle in rad was passed.
+    Angle(f64),
+    /// An event of the device, by its name.
+    Event(&'static str),
 }
 
 /// One axis of several.

@@ -11,6 +11,10 @@ pub struct Expansion {
     pub text: String,
     /// Keys of a process noise, and the states whose rates it is the noise of.
     pub noise: Vec<(&'static str, &'static str)>,
+    /// The table `[estimate.events]`: where the times of its events come from.
+    pub events: toml::Table,
+    /// Of each filter of the experiment, how it uses the events.
+    pub filter_events: Vec<toml::Table>,
     /// What the rig has and the equations have not, in sentences.
     pub notes: Vec<String>,
 }

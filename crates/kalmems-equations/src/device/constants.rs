@@ -10,7 +10,11 @@ use crate::quantity::Quantity;
 use kalmems_units::Unit;
 
 impl Read<'_> {
-    pub(super) fn noise(&mut self, measures: &[Named]) -> Result<Vec<Noise>, EquationError> {
+    pub(super) fn noise(
+        &mut self,
+        measures: &[Named],
+        events: &[Named],
+    ) -> Result<Vec<Noise>, EquationError> {
         let mut noise: Vec<Noise> = Vec::new();
         for entry in &self.description.noise {
             let text = Text::read(entry)?;
@@ -21,8 +25,9 @@ impl Read<'_> {
             let measure = measures.iter().position(|named| *named.name == entry.name);
             let square = |unit: Unit| Quantity::Exact(unit.dimension()).to_half_power(4);
             let per_second = |quantity: Quantity| quantity.over(Quantity::Exact(SECOND));
-            let kind = match (state, measure) {
-                (Some(state), _) => {
+            let event = events.iter().position(|named| *named.name == entry.name);
+            let kind = match (state, measure, event) {
+                (Some(state), ..) => {
                     let unit = self.states.get(state).map_or(Unit::ONE, |named| named.unit);
                     // Of the rate: (unit/s)² per Hz.
                     let wanted = square(unit).and_then(per_second).unwrap_or(Quantity::Any);
@@ -33,7 +38,7 @@ impl Read<'_> {
                     }
                     NoiseKind::Rate { state }
                 }
-                (None, Some(measure)) => {
+                (None, Some(measure), _) => {
                     let unit = measures.get(measure).map_or(Unit::ONE, |named| named.unit);
                     let variance = square(unit).unwrap_or(Quantity::Any);
                     let density = variance.times(Quantity::Exact(SECOND));
@@ -50,10 +55,27 @@ impl Read<'_> {
                         return Err(text.error(&whole, fault));
                     }
                 }
-                (None, None) => {
-                    let known = self.states.iter().chain(measures).map(|named| &*named.name);
+                (None, None, Some(event)) => {
+                    let unit = events.get(event).map_or(Unit::ONE, |named| named.unit);
+                    let variance = square(unit).unwrap_or(Quantity::Any);
+                    let of_time = Quantity::Exact(SECOND).to_half_power(4).unwrap_or(Quantity::Any);
+                    if of_time.plus(value.quantity).is_some() {
+                        NoiseKind::EventTime { event }
+                    } else if variance.plus(value.quantity).is_some() {
+                        NoiseKind::Event { event }
+                    } else {
+                        let because = format!(
+                            "the variance of the time of `{}` has (or {variance} as one of its expression)",
+                            entry.name
+                        );
+                        let fault = unlike("this", value.quantity, of_time.to_string(), because);
+                        return Err(text.error(&whole, fault));
+                    }
+                }
+                (None, None, None) => {
+                    let known = self.states.iter().chain(measures).chain(events).map(|named| &*named.name);
                     let suggestion = nearest(&entry.name, known);
-                    let what = "a state or a measurement, which a noise is of";
+                    let what = "a state, a measurement or an event, which a noise is of";
                     let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
                     return Err(EquationError::whole(&entry.place, "", fault));
                 }

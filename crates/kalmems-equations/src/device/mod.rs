@@ -55,6 +55,16 @@ pub enum NoiseKind {
         /// The measurement.
         measure: usize,
     },
+    /// The variance of the time at which an event is told to have happened, in s².
+    EventTime {
+        /// The event.
+        event: usize,
+    },
+    /// The variance of an event's expression at the time at which it is told to have happened, in its unit².
+    Event {
+        /// The event.
+        event: usize,
+    },
 }
 
 /// A noise: what it is of, and its size as an expression of parameters.

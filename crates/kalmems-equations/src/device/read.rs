@@ -39,8 +39,8 @@ impl Device {
             }
         }
         let (measures, readings) = read.measures(&mut equations)?;
-        let (events, crossings) = read.events(&mut equations)?;
-        let noise = read.noise(&measures)?;
+        let (events, crossings) = read.events(&mut equations, &measures)?;
+        let noise = read.noise(&measures, &events)?;
         let periods = read.periods()?;
         let energy = match &description.energy {
             Some(entry) => {
@@ -214,7 +214,7 @@ impl<'a> Read<'a> {
         Ok((names, nodes))
     }
 
-    fn events(&mut self, equations: &mut Equations) -> Result<Nodes, EquationError> {
+    fn events(&mut self, equations: &mut Equations, measures: &[Named]) -> Result<Nodes, EquationError> {
         let (mut names, mut nodes) = (Vec::new(), Vec::new());
         for entry in &self.description.events {
             let text = Text::read(entry)?;
@@ -228,6 +228,14 @@ impl<'a> Read<'a> {
             }
             if names.iter().any(|named: &Named| *named.name == entry.name) {
                 return Err(twice(entry, "an event"));
+            }
+            let with_channels =
+                [("a state", &self.states[..]), ("an input", &self.inputs[..]), ("a measurement", measures)];
+            let is_named = |(_, all): &(&str, &[Named])| all.iter().any(|named| *named.name == entry.name);
+            if let Some((what, _)) = with_channels.iter().find(|with| is_named(with)) {
+                let why = format!("it is {what} already; take another one");
+                let fault = Fault::Name { name: entry.name.clone(), why };
+                return Err(EquationError::whole(&entry.place, "", fault));
             }
             let text_of_unit = value.quantity.to_string();
             let unit = Unit::parse(&text_of_unit).unwrap_or(Unit::ONE);

@@ -9,10 +9,9 @@ use crate::progress::Progress;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
+use kalmems_rigs::crossings::{Crossing, Rows, Sought, find as find_crossings};
 use kalmems_rigs::published;
-use kalmems_rigs::threshold_scanner::{
-    Crossing, FilterSettings, Hardware, Rows, Samples, Settings, Sought, estimate_segment, find_crossings,
-};
+use kalmems_rigs::threshold_scanner::{FilterSettings, Hardware, Samples, Settings, estimate_segment};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -212,13 +211,8 @@ pub fn estimate(
 pub fn crossings(settings: &Settings, decay: &Decay, signal: &[f64]) -> Option<Vec<Crossing>> {
     let device = &settings.hardware;
     let rows = Rows { time_s: &decay.time_s, volts: signal, first: 0 };
-    let sought = Sought {
-        interval_s: INTERVAL_S,
-        noise_variance: device.noise_variance,
-        offset: device.readout.offset,
-        comb: device.readout.comb,
-        resonator: device.mirror.resonator,
-    };
+    let samples = (INTERVAL_S, device.noise_variance, device.readout.offset);
+    let sought = Sought::of_comb(samples, device.readout.comb, device.mirror.resonator);
     find_crossings(rows, sought, settings.crossings.as_ref()?).ok()
 }
 

@@ -8,7 +8,7 @@ use crate::config::Timing;
 use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
-use kalmems_rigs::threshold_scanner::Acceptance;
+use kalmems_rigs::crossings::Acceptance;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// In a steady motion.

@@ -4,7 +4,7 @@
 use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
 use crate::config::Timing;
 use crate::progress::Silent;
-use kalmems_rigs::threshold_scanner::{Crossing, Instant};
+use kalmems_rigs::crossings::{Crossing, Instant};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 

@@ -9,7 +9,7 @@ use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceEr
 use kalmems_core::detect::{SlopeKernel, Threshold, peaks};
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
-use kalmems_rigs::threshold_scanner::Acceptance;
+use kalmems_rigs::crossings::Acceptance;
 
 /// What the Gaussian's width does to the detections.
 pub static VARIANCE: Head = Head {

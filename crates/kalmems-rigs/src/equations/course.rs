@@ -1,8 +1,11 @@
 //! A device of one's own on its way through one segment.
 
+use super::events::EventUse;
+use super::happened::{Happened, WayBack};
 use super::model::{EquationModel, Interval};
+use super::told::{EventTimes, Told, told};
 use crate::estimate::driven::Drive;
-use crate::estimate::{Bridge, Counts, Course, Filtering, Samples, by_signals};
+use crate::estimate::{Bridge, Counts, Course, Filtering, Samples, Trajectory, by_signals};
 use kalmems_core::{FilterError, Innovation, Nodes};
 
 /// A measured channel over a segment.
@@ -25,6 +28,8 @@ pub struct EquationSegment<'a> {
     pub inputs: Vec<Drive<'a>>,
     /// The measured channels that the recording has, in that order.
     pub channels: Vec<Channel<'a>>,
+    /// The events whose times are looked for, in the order of the settings.
+    pub events: Vec<EventTimes<'a>>,
     /// Which samples are new.
     pub samples: Samples,
 }
@@ -49,24 +54,59 @@ pub struct EquationCourse<'a> {
     further: Vec<[f64; 2]>,
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
     nodes: [Vec<f64>; 3],
+    /// What happened, by the row at which the filter is told or judged, and the way back to it.
+    told: Vec<(usize, Told)>,
+    way: WayBack,
+    log_likelihood: f64,
 }
+
+/// A normalised innovation squared that no innovation is below.
+const NEVER: f64 = -1.0;
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it.
 const SAME: f64 = 1e-6;
 
 impl<'a> EquationCourse<'a> {
-    /// A way through this segment.
+    /// A way through this segment, on which a filter uses these channels and these events.
     ///
     /// It takes so many steps from sample to sample.
     pub fn new(
         model: &'a EquationModel,
         data: &'a EquationSegment<'a>,
-        channels: &'a [usize],
+        (channels, events): (&'a [usize], &[EventUse]),
         steps: usize,
     ) -> Self {
         let parts = (steps, model.over(data.samples.interval_s / steps as f64));
         let nodes = [const { Vec::new() }; 3];
-        Self { model, data, channels, parts, further: Vec::new(), nodes }
+        let told = told(&data.events, events, (data.time_s, data.samples.interval_s));
+        let way = WayBack::default();
+        Self { model, data, channels, parts, further: Vec::new(), nodes, told, way, log_likelihood: 0.0 }
+    }
+
+    /// Corrects a filter by the events that it is told of at row `k`, and judges it by those that it could be told of.
+    ///
+    /// An event is the measurement g = 0 of its expression at its own time, and the standard deviation of that time is one of g by the
+    /// rate of g.
+    fn tell(&mut self, filter: &mut dyn Filtering, k: usize, counts: &mut Counts) -> Result<(), FilterError> {
+        let first = self.told.partition_point(|(row, _)| *row < k);
+        let here = self.told.iter().skip(first).take_while(|(row, _)| *row == k);
+        let (model, interval_s) = (self.model, self.data.samples.interval_s);
+        for (_, told) in here {
+            let rows = (self.data.time_s, k, told.time_s);
+            self.way.to(rows, (model.pace(), interval_s), &self.data.inputs);
+            let then = Happened { model, event: told.event, way: &self.way };
+            let variance = told.variance.unwrap_or_else(|| {
+                let [of_time, own] = told.variances;
+                then.rate(filter.mean()).powi(2) * of_time + own
+            });
+            let innovation = filter.update_within(&then, 0.0, variance, told.gate_nis.unwrap_or(NEVER))?;
+            self.log_likelihood += innovation.log_likelihood();
+            if told.gate_nis.is_some() {
+                counts.crossings += 1;
+                counts.crossings_refused += usize::from(!innovation.taken);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -98,6 +138,11 @@ impl Course for EquationCourse<'_> {
 
     fn further_innovations(&self) -> &[[f64; 2]] {
         &self.further
+    }
+
+    /// Σ ln p(g = 0 | what came before) over the events.
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        trajectory.crossings_log_likelihood = self.log_likelihood;
     }
 
     fn advance(
@@ -138,8 +183,9 @@ impl Course for EquationCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);
         let channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));

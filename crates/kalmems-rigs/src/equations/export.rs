@@ -5,7 +5,7 @@ use super::model::noises;
 use super::segment::OneFilter;
 use super::settings::{FilterSettings, OwnDevice, Settings};
 use super::table::refused;
-use super::{columns, names};
+use super::{Columns, names};
 use crate::Rig;
 use crate::config::{Experiment, Fault, Key, Method};
 use crate::estimate::driven::Drive;
@@ -206,7 +206,7 @@ fn vectors(
     count: usize,
 ) -> Result<TestVectors, ExportError> {
     let file = || recording.source().file.clone();
-    let (inputs, measured) = columns(experiment, 0)?;
+    let Columns { inputs, measured, .. } = Columns::of(experiment, 0)?;
     let Some(segment) = recording.segments().first() else {
         return Err(ExportError::NoInterval { file: file() });
     };
@@ -246,6 +246,7 @@ fn vectors(
     let data = EquationSegment {
         time_s: &time_s[..=count],
         inputs: drives,
+        events: Vec::new(),
         channels: signals
             .iter()
             .map(|(measure, signal)| Channel {

@@ -2,7 +2,10 @@
 
 mod course;
 mod curve;
+mod events;
 mod export;
+mod happened;
+mod kept;
 mod model;
 mod names;
 mod number;
@@ -12,7 +15,9 @@ mod segment;
 mod settings;
 mod simulation;
 mod table;
+mod told;
 mod visibility;
+mod watched;
 
 pub use table::EquationsTable;
 
@@ -57,29 +62,62 @@ static NO_METHODS: [(Method, &str); 3] = [
 const NO_INVERSE: &str =
     "its equations say what signal a state makes, and not what state a signal means; use `ekf`";
 
-/// The columns of a recording's inputs, in the order of the device, and those of its measurements, with their places.
-type Columns<'a> = (Vec<&'a str>, Vec<(usize, &'a str)>);
+/// The columns of a recording.
+struct Columns<'a> {
+    /// Those of the inputs, in the order of the device.
+    inputs: Vec<&'a str>,
+    /// Those of measurements, with their places.
+    measured: Vec<(usize, &'a str)>,
+    /// Those of events, with their places: how long before its row each was.
+    events: Vec<(usize, &'a str)>,
+}
 
-fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigError> {
-    let (_, device) = EquationsTable::of(experiment)?;
-    let key = Key::from("recording").index(index).child("channels");
-    let channels = &experiment.recording(index)?.channels;
-    let measures = device.measures().iter().enumerate();
-    let known: Vec<(usize, &str)> = measures
-        .filter(|(_, named)| channels.column(&named.name).is_some())
-        .map(|(place, named)| (place, &*named.name))
-        .collect();
-    if known.is_empty() {
-        let names: Vec<String> =
-            device.measures().iter().map(|named| format!("`{0} = \"{0}_V\"`", named.name)).collect();
-        let remedy = format!("name the column of a measurement, such as {}", names.join(" or "));
-        return Err(experiment.error(key, Fault::MissingKey { remedy }));
+impl<'a> Columns<'a> {
+    /// Of a recording of an experiment.
+    fn of(experiment: &'a Experiment, index: usize) -> Result<Self, ConfigError> {
+        let (_, device) = EquationsTable::of(experiment)?;
+        let key = Key::from("recording").index(index).child("channels");
+        let channels = &experiment.recording(index)?.channels;
+        let known = |all: &[Named]| -> Vec<usize> {
+            let there = |named: &Named| channels.column(&named.name).is_some();
+            all.iter().enumerate().filter(|(_, named)| there(named)).map(|(place, _)| place).collect()
+        };
+        let (measures, events) = (known(device.measures()), known(device.events()));
+        if measures.is_empty() {
+            let names: Vec<String> =
+                device.measures().iter().map(|named| format!("`{0} = \"{0}_V\"`", named.name)).collect();
+            let remedy = format!("name the column of a measurement, such as {}", names.join(" or "));
+            return Err(experiment.error(key, Fault::MissingKey { remedy }));
+        }
+        for settings in events::events(experiment, &OwnDevice::of(experiment)?)? {
+            settings.require_channel(experiment, &key, (&measures, &events))?;
+        }
+        let names = |all: &'_ [Named], places: &[usize]| -> Vec<String> {
+            places.iter().map(|place| all[*place].name.to_string()).collect()
+        };
+        let meanings: Vec<String> = device
+            .inputs()
+            .iter()
+            .map(|named| named.name.to_string())
+            .chain(names(device.measures(), &measures))
+            .chain(names(device.events(), &events))
+            .collect();
+        let meanings: Vec<&str> = meanings.iter().map(String::as_str).collect();
+        let mut columns = experiment.columns_of(key, channels, &meanings)?;
+        let mut others = columns.split_off(device.inputs().len());
+        let of_events = others.split_off(measures.len());
+        Ok(Self {
+            inputs: columns,
+            measured: measures.into_iter().zip(others).collect(),
+            events: events.into_iter().zip(of_events).collect(),
+        })
     }
-    let inputs = device.inputs().iter().map(|named| &*named.name);
-    let meanings: Vec<&str> = inputs.chain(known.iter().map(|(_, name)| *name)).collect();
-    let mut all = experiment.columns_of(key, channels, &meanings)?;
-    let measured = all.split_off(device.inputs().len());
-    Ok((all, known.iter().map(|(place, _)| *place).zip(measured).collect()))
+
+    /// All of them.
+    fn all(&self) -> Vec<&'a str> {
+        let others = self.measured.iter().chain(&self.events).map(|(_, column)| *column);
+        self.inputs.iter().copied().chain(others).collect()
+    }
 }
 
 impl Rig for EquationsRig {
@@ -96,7 +134,7 @@ impl Rig for EquationsRig {
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
-        Uses { several_signals: true, no_methods: &NO_METHODS, ..Uses::default() }
+        Uses { several_signals: true, events: true, no_methods: &NO_METHODS, ..Uses::default() }
     }
 
     fn channels(&self, experiment: &Experiment) -> Channels {
@@ -122,15 +160,13 @@ impl Rig for EquationsRig {
         Settings::of(experiment)?;
         let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
         for index in &wanted {
-            columns(experiment, *index)?;
+            Columns::of(experiment, *index)?;
         }
         Ok(wanted)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let (inputs, measured) = columns(experiment, index)?;
-        let all: Vec<&str> =
-            inputs.into_iter().chain(measured.into_iter().map(|(_, column)| column)).collect();
+        let all = Columns::of(experiment, index)?.all();
         // Where nothing moves by itself, a gap is bounded as if a cycle took a second.
         let cycle_s = OwnDevice::of(experiment)?.natural_hz().map_or(1.0, f64::recip);
         experiment.layout_to_estimate(index, &all, cycle_s)
@@ -157,9 +193,9 @@ impl Rig for EquationsRig {
         let settings = Settings::of(experiment)?;
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
-        let (inputs, measured) = columns(experiment, index)?;
+        let columns = Columns::of(experiment, index)?;
         let past = Past::default();
-        Ok(Box::new(EquationEstimator { experiment, settings, models, inputs, measured, past, progress }))
+        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, progress }))
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.

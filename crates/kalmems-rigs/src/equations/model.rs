@@ -24,6 +24,10 @@ pub enum Rule {
 pub struct EquationModel {
     motion: Motion,
     readouts: Vec<Readout>,
+    /// The expressions of all events.
+    events: Vec<Readout>,
+    /// Of each event, the states that it does not hang on, now or by its rates.
+    apart: Vec<Vec<bool>>,
     work: RefCell<Vec<Work>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
     free: Vec<(f64, AddedState<f64>)>,
@@ -37,6 +41,19 @@ pub struct EquationModel {
     rule: Rule,
     /// Steps per second that follow its motion.
     pace: f64,
+}
+
+/// The states that an event does not hang on: neither by its expression nor by the rates of those that it hangs on.
+fn apart(motion: &Motion, event: &Readout) -> Vec<bool> {
+    let mut apart = vec![true; motion.moving()];
+    let mut found: Vec<usize> = event.sparsity().collect();
+    while let Some(state) = found.pop() {
+        if let Some(is_apart) = apart.get_mut(state).filter(|is_apart| **is_apart) {
+            *is_apart = false;
+            found.extend(motion.sparsity().filter(|(row, _)| *row == state).map(|(_, column)| column));
+        }
+    }
+    apart
 }
 
 /// One number for each state, with those that are parameters.
@@ -61,11 +78,27 @@ impl EquationModel {
         let motion = device.motion(&places)?;
         let readouts: Vec<Readout> =
             (0..device.measures().len()).map(|k| device.readout(k, &places)).collect::<Result<_, _>>()?;
+        let events: Vec<Readout> =
+            (0..device.events().len()).map(|k| device.event(k, &places)).collect::<Result<_, _>>()?;
+        let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
-        work.extend(readouts.iter().map(|readout| readout.work(values)));
+        work.extend(readouts.iter().chain(&events).map(|readout| readout.work(values)));
         let rest = rest.iter().copied().chain(free.iter().map(|(value, _)| *value)).collect();
         let (periods, inputs) = (device.periods(values)?, device.inputs().len());
-        Ok(Self { motion, readouts, work: work.into(), free, density, periods, rest, inputs, rule, pace })
+        Ok(Self {
+            motion,
+            readouts,
+            events,
+            apart,
+            work: work.into(),
+            free,
+            density,
+            periods,
+            rest,
+            inputs,
+            rule,
+            pace,
+        })
     }
 
     /// The states that move by equations of their own.
@@ -145,12 +178,72 @@ impl EquationModel {
         Seen { model: self, measure, inputs }
     }
 
+    /// Steps per second that follow its motion.
+    pub fn pace(&self) -> f64 {
+        self.pace
+    }
+
+    /// The states that an event does not hang on.
+    pub fn apart_from(&self, event: usize) -> &[bool] {
+        self.apart.get(event).map_or(&[], Vec::as_slice)
+    }
+
+    /// One step of the motion back in time, by Runge and Kutta's method whatever the rule of the filter, with its derivatives where
+    /// there is room; parameters are states by their values.
+    pub fn step_back(
+        &self,
+        at: &[f64],
+        (inputs, step_s): (&Nodes<&[f64]>, f64),
+        to: &mut [f64],
+        jacobian: &mut [f64],
+    ) {
+        let finite = self.with_work(0, |work| {
+            if jacobian.is_empty() {
+                self.motion.step(work, at, inputs, step_s, to)
+            } else {
+                self.motion.linearized_step(work, at, inputs, step_s, to, jacobian)
+            }
+        });
+        if finite != Some(true) {
+            to.fill(f64::NAN);
+        }
+    }
+
+    /// The expression of an event at a state with parameters by their values, with its derivatives where there is room.
+    pub fn event(&self, event: usize, at: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
+        let of = |readout: &Readout| {
+            self.with_work(1 + self.readouts.len() + event, |work| {
+                if slopes.is_empty() {
+                    readout.read(work, at, inputs)
+                } else {
+                    readout.linearize(work, at, inputs, slopes)
+                }
+            })
+        };
+        self.events.get(event).and_then(of).unwrap_or(f64::NAN)
+    }
+
+    /// How fast what has these derivatives grows per s at a state with parameters by their values.
+    pub fn growth(&self, at: &[f64], inputs: &[f64], slopes: &[f64]) -> f64 {
+        let mut rates = [0.0; MOST_STATES];
+        let Some(rates) = rates.get_mut(..at.len()) else { return f64::NAN };
+        self.with_work(0, |work| self.motion.rates(work, at, inputs, rates));
+        rates.iter().zip(slopes).map(|(rate, slope)| rate * slope).sum()
+    }
+
+    /// Derivatives by the values of parameters that are states as those by their deviations.
+    pub fn scale_parameters(&self, slopes: &mut [f64]) {
+        for (slope, (_, added)) in slopes.iter_mut().skip(self.moving()).zip(&self.free) {
+            *slope *= added.scale;
+        }
+    }
+
     fn with_work<R>(&self, place: usize, with: impl FnOnce(&mut Work) -> R) -> Option<R> {
         self.work.borrow_mut().get_mut(place).map(with)
     }
 
     /// The states with the values of the parameters behind them.
-    fn valued(&self, x: &[f64]) -> Numbers {
+    pub fn valued(&self, x: &[f64]) -> Numbers {
         let mut valued = [0.0; MOST_STATES];
         for (to, x) in valued.iter_mut().zip(x) {
             *to = *x;
@@ -227,7 +320,6 @@ impl UnderInputs<'_> {
         let mut first = true;
         let mut one = [0.0; MOST_STATES * MOST_STATES];
         let one = one.get_mut(..jacobian.len()).unwrap_or_default();
-        let mut column = [0.0; MOST_STATES];
         for step in 0..*steps {
             let mut nodes = [[0.0; MOST_STATES]; 3];
             let inputs = self.inputs_of_part(step, *steps, &mut nodes);
@@ -238,16 +330,7 @@ impl UnderInputs<'_> {
                 first = false;
             } else {
                 finite &= motion.linearized_step(work, at, &inputs, step_s, to, one);
-                // The derivative of both: that of this step times that of those before, column by column.
-                for j in 0..size {
-                    for (k, entry) in column.iter_mut().enumerate().take(size) {
-                        *entry = jacobian[k * size + j];
-                    }
-                    for i in 0..self.model.moving() {
-                        let row = &one[i * size..(i + 1) * size];
-                        jacobian[i * size + j] = row.iter().zip(&column).map(|(a, b)| a * b).sum();
-                    }
-                }
+                chain(jacobian, one, self.model.moving(), size);
             }
             at.copy_from_slice(to);
         }
@@ -286,6 +369,21 @@ impl UnderInputs<'_> {
             }
         }
         finite
+    }
+}
+
+/// The derivatives of two steps, from those of the first and those of the one behind it, column by column; the rows of states that
+/// do not move stay.
+pub fn chain(before: &mut [f64], step: &[f64], moving: usize, size: usize) {
+    let mut column = [0.0; MOST_STATES];
+    for j in 0..size {
+        for (k, entry) in column.iter_mut().enumerate().take(size) {
+            *entry = before[k * size + j];
+        }
+        for i in 0..moving {
+            let row = &step[i * size..(i + 1) * size];
+            before[i * size + j] = row.iter().zip(&column).map(|(a, b)| a * b).sum();
+        }
     }
 }
 
@@ -337,9 +435,7 @@ impl Sensor for Seen<'_> {
 
     fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
         let read = self.of(x, |readout, work, x| readout.linearize(work, x, self.inputs, slopes));
-        for (slope, (_, added)) in slopes.iter_mut().skip(self.model.moving()).zip(&self.model.free) {
-            *slope *= added.scale;
-        }
+        self.model.scale_parameters(slopes);
         read.unwrap_or(f64::NAN)
     }
 }
@@ -383,6 +479,8 @@ pub fn noises(
             NoiseKind::Rate { state } => densities[state] = size,
             NoiseKind::Variance { measure } => variances[measure] = Some(size),
             NoiseKind::Density { measure } => variances[measure] = Some(0.5 * rate_hz * size),
+            // Those of events are with what filters are told of them.
+            NoiseKind::EventTime { .. } | NoiseKind::Event { .. } => {}
         }
     }
     Ok((densities, variances))

@@ -47,6 +47,11 @@ pub fn channels(all: &[Named]) -> Vec<Channel> {
     all.iter().map(of).collect()
 }
 
+/// The column of a recording that says how long before its row an event was: `crossing_ago_s`.
+pub fn event_channel(named: &Named) -> Channel {
+    Channel { meaning: name(&named.name), column: name(&format!("{}_ago_s", named.name)) }
+}
+
 /// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
 /// the turns.
 pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {

@@ -1,12 +1,15 @@
 //! The filters of one segment.
 
+use super::Columns;
 use super::course::{Channel, EquationCourse, EquationSegment};
+use super::kept::KeptEvents;
 use super::model::{EquationModel, noises, steps_over};
 use super::names;
 use super::settings::{FilterSettings, OwnDevice, Settings};
 use super::table::refused;
 use crate::Estimator;
 use crate::config::{Experiment, Fault, Key, Method};
+use crate::crossings::Needed;
 use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
 use crate::estimate::{
     AnyFilter, Around, Axis, Course, EstimateError, FilterPast, Known, Motion, Part, Past, SegmentEstimate,
@@ -16,8 +19,6 @@ use crate::progress::Progress;
 use kalmems_core::Nodes;
 use kalmems_equations::EquationError;
 
-/// Rows before the new ones that inputs are interpolated through.
-const INTERPOLATED: usize = 4;
 /// Cycles of the free motion that show how the device is driven, at least.
 const STARTING_CYCLES: f64 = 40.0;
 
@@ -29,10 +30,8 @@ pub struct EquationEstimator<'a> {
     pub settings: Settings,
     /// The models of each filter: one, but for a bank.
     pub models: Vec<Vec<EquationModel>>,
-    /// The columns of the inputs.
-    pub inputs: Vec<&'a str>,
-    /// The measurements that the recording has, each with its column.
-    pub measured: Vec<(usize, &'a str)>,
+    /// The columns of the recording.
+    pub columns: Columns<'a>,
     /// What is kept from one part to the next.
     pub past: Past,
     /// Who follows the work.
@@ -45,7 +44,8 @@ impl Estimator for EquationEstimator<'_> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before: INTERPOLATED, after: 1, smooths }
+        let Needed { before, after } = self.settings.needed(interval_s).with_a_margin();
+        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before, after, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -56,7 +56,7 @@ impl Estimator for EquationEstimator<'_> {
         let (settings, past) = (&self.settings, &mut self.past);
         let OwnDevice { device, values, .. } = &settings.own;
         let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
-        let Some((first, column)) = self.measured.first().copied() else {
+        let Some((first, column)) = self.columns.measured.first().copied() else {
             let why = "no channel of the recording is measured of the device".to_owned();
             return Err(self.experiment.error("recording", Fault::Value { why }).into());
         };
@@ -64,7 +64,7 @@ impl Estimator for EquationEstimator<'_> {
         let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
         let samples = segment.samples();
         let mut inputs = Vec::new();
-        for (index, (column, named)) in self.inputs.iter().zip(device.inputs()).enumerate() {
+        for (index, (column, named)) in self.columns.inputs.iter().zip(device.inputs()).enumerate() {
             let column_of = segment.recording.column_of(column, names::kind_of(named))?;
             let of = column_of.of(segment.segment);
             let drive = Drive::of(&segment.time_s, of, &samples, past.input(index));
@@ -76,7 +76,7 @@ impl Estimator for EquationEstimator<'_> {
         }
         let (_, variances) = noises(device, values, segment.interval_s.recip()).map_err(wrong)?;
         let mut channels = Vec::new();
-        for (measure, column) in &self.measured {
+        for (measure, column) in &self.columns.measured {
             let named = &device.measures()[*measure];
             let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
             let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) else {
@@ -103,7 +103,13 @@ impl Estimator for EquationEstimator<'_> {
             Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
             None => Motion { frequency_hz: natural_hz, is_driven: false },
         };
-        let data = EquationSegment { time_s: &segment.time_s, inputs, channels, samples };
+        let mut kept = KeptEvents::of(settings, &variances, &segment, past)?;
+        kept.look(settings, &self.columns, &segment)?;
+        let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
+        let said = events.iter().flat_map(|event| event.said(&segment.fresh, segment.ends));
+        let mut crossings: Vec<_> = said.collect();
+        crossings.sort_by_key(|(row, _)| *row);
+        let data = EquationSegment { time_s: &segment.time_s, inputs, channels, events, samples };
         let states = settings.own.states();
         let judged = states[settings.own.judged()].0;
         let axes = [(judged, motion)];
@@ -121,9 +127,14 @@ impl Estimator for EquationEstimator<'_> {
             }
             all.append(&mut found);
         }
-        let drive_column = self.inputs.first().copied().unwrap_or_default();
+        let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
         let axis = Axis { angle: judged, motion, drive };
-        Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
+        let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
+        estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
+        kept.pass(&segment);
+        past.numbers = kept.numbers();
+        past.rig.put(Box::new(kept));
+        Ok(estimate)
     }
 }
 
@@ -147,16 +158,16 @@ impl OneFilter<'_> {
         let basics = &self.filter.basics;
         let states = basics.states(&self.own.states());
         let channels = self.channels();
+        let used = (&*channels, &*self.filter.events);
         if basics.method == Method::Bank {
-            let course = |model| -> Box<dyn Course + '_> {
-                Box::new(EquationCourse::new(model, self.data, &channels, 1))
-            };
+            let course =
+                |model| -> Box<dyn Course + '_> { Box::new(EquationCourse::new(model, self.data, used, 1)) };
             let way = (self.models.iter().map(course).collect(), &self.data.samples);
             return answers_of_bank((basics, past), |_| Ok(self.filter.known()), way, &states, self.progress);
         }
         let Some(model) = self.models.first() else { return Ok(Vec::new()) };
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
-        let mut course = EquationCourse::new(model, self.data, &channels, steps);
+        let mut course = EquationCourse::new(model, self.data, used, steps);
         let way = (&mut course as _, &self.data.samples);
         let begin = |left| self.begin(left, model, &channels);
         let mut all = follow((basics, past), begin, way, &states, self.progress)?;

@@ -1,5 +1,6 @@
 //! From an experiment file to SI.
 
+use super::events::{self, EventSettings, EventUse};
 use super::model::{EquationModel, Rule, noises, pace};
 use super::names;
 use super::table::{EquationsTable, refused};
@@ -108,6 +109,8 @@ pub struct Settings {
     pub own: OwnDevice,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
+    /// The events whose times are looked for.
+    pub events: Vec<EventSettings>,
     /// The filters.
     pub filters: Vec<FilterSettings>,
 }
@@ -118,6 +121,8 @@ pub struct FilterSettings {
     pub basics: FilterBasics,
     /// The measurements that correct it, by their places; none for all that the recording has.
     pub measures: Vec<usize>,
+    /// How it uses the events.
+    pub events: Vec<EventUse>,
     start: Vec<f64>,
     start_sd: Vec<f64>,
     /// The density of the noise of each state's rate, where the file says one here.
@@ -132,9 +137,10 @@ impl Settings {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
             return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
         };
-        let of = |index| FilterSettings::of(experiment, estimate, &own, index);
+        let events = events::events(experiment, &own)?;
+        let of = |index| FilterSettings::of(experiment, estimate, (&own, &events), index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
-        Ok(Self { skip_s: estimate.skip.si(), filters, own })
+        Ok(Self { skip_s: estimate.skip.si(), events, filters, own })
     }
 }
 
@@ -159,7 +165,7 @@ impl FilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        own: &OwnDevice,
+        (own, events): (&OwnDevice, &[EventSettings]),
         index: usize,
     ) -> Result<Self, ConfigError> {
         let (device, filter) = (&own.device, &estimate.filters[index]);
@@ -207,7 +213,8 @@ impl FilterSettings {
             .collect();
         let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
         let measures = measures(experiment, &at, filter, device)?;
-        Ok(Self { basics, measures, start, start_sd, density })
+        let events = events::uses(experiment, own, events, (&at, filter))?;
+        Ok(Self { basics, measures, events, start, start_sd, density })
     }
 
     /// What is known at the first sample.

@@ -4,6 +4,7 @@ use super::model::{noises, steps_over};
 use super::names;
 use super::settings::OwnDevice;
 use super::table::{EquationsTable, refused};
+use super::watched::{Watched, recorded_events};
 use crate::config::{Experiment, Fault, Simulate};
 use crate::recording::Source;
 use crate::simulate::{Channel, Converter, Drive, Sample, SimulateError, Simulation, WhiteNoise, drive_of};
@@ -22,6 +23,8 @@ pub struct EquationSimulation {
     /// The density of the noise of each state's rate, and the variance of a sample of each measurement.
     noises: (Vec<f64>, Vec<f64>),
     periods: Vec<(usize, f64)>,
+    /// The events that are recorded, behind what is measured: their places, and the variances of their times and their expressions.
+    events: Vec<(usize, [f64; 2])>,
     recorded: Vec<Channel>,
     truth: Vec<Channel>,
     /// The states that they are.
@@ -78,13 +81,17 @@ impl EquationSimulation {
         let (densities, variances) = noises(device, &own.values, rate_hz).map_err(wrong)?;
         let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
         let periods = device.periods(&own.values).map_err(wrong)?;
-        let recorded = [names::channels(device.inputs()), names::channels(device.measures())].concat();
+        let events = recorded_events(&own).map_err(wrong)?;
+        let of_events = events.iter().map(|(event, _)| names::event_channel(&device.events()[*event]));
+        let recorded =
+            [names::channels(device.inputs()), names::channels(device.measures()), of_events.collect()]
+                .concat();
         let known = names::values(&*experiment.device::<EquationsTable>()?, device);
         let truth_of: Vec<usize> = known.iter().filter_map(|value| device.state(value.name)).collect();
         let truth =
             truth_of.iter().flat_map(|place| names::channels(&device.states()[*place..=*place])).collect();
         let (simulate, noises) = (simulate.clone(), (densities, variances));
-        Ok(Self { own, drive, sources, start, simulate, noises, periods, recorded, truth, truth_of })
+        Ok(Self { own, drive, sources, start, simulate, noises, periods, events, recorded, truth, truth_of })
     }
 }
 
@@ -123,6 +130,13 @@ impl Simulation for EquationSimulation {
         };
         let mut of_samples = streams(0, readouts.len());
         let mut of_rates = streams(readouts.len(), self.start.len());
+        let of_events = streams(readouts.len() + self.start.len(), self.events.len());
+        let mut watched = Vec::new();
+        for ((event, variances), noise) in self.events.iter().zip(of_events) {
+            let noise = simulate.noise.then_some(noise);
+            let watch = Watched::of(&own.device, *event, &own.values, (*variances, noise));
+            watched.push(watch.map_err(too_large)?);
+        }
         let converter = simulate.adc.as_ref().map(Converter::of);
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
         let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
@@ -136,6 +150,7 @@ impl Simulation for EquationSimulation {
         let mut state = self.start.clone();
         let mut next = state.clone();
         let mut recorded = vec![0.0; self.recorded.len()];
+        let measured = self.recorded.len() - self.events.len();
         let mut truth = vec![0.0; self.truth.len()];
         let mut step_count = 0_u64;
         for k in 0..self.samples() {
@@ -150,8 +165,11 @@ impl Simulation for EquationSimulation {
                 recorded[inputs.len() + place] =
                     converter.map_or(analogue, |converter| converter.round(analogue));
             }
-            if !state.iter().chain(&recorded).all(|x| x.is_finite()) {
+            if !state.iter().chain(&recorded[..measured]).all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s });
+            }
+            for (to, watched) in recorded[measured..].iter_mut().zip(&mut watched) {
+                *to = watched.ago(time_s);
             }
             for (to, place) in truth.iter_mut().zip(&self.truth_of) {
                 *to = state[*place];
@@ -161,6 +179,10 @@ impl Simulation for EquationSimulation {
             }
             for _ in 0..steps {
                 let (from_s, to_s) = (step_count as f64 / rate_hz, (step_count + 1) as f64 / rate_hz);
+                let inputs_at = |time_s| self.drive.as_ref().map(|drive| drive.at(time_s));
+                for watched in &mut watched {
+                    watched.begin((&motion, &mut work), &state, (from_s, inputs_at(from_s).as_slice()));
+                }
                 let mut over = |from_s: f64, to_s: f64, nodes: &Nodes<&[f64]>| {
                     motion.step(&mut work, &state, nodes, to_s - from_s, &mut next);
                     std::mem::swap(&mut state, &mut next);
@@ -179,6 +201,9 @@ impl Simulation for EquationSimulation {
                             *state += sd * noise.sample();
                         }
                     }
+                }
+                for watched in &mut watched {
+                    watched.end((&motion, &mut work), &state, (to_s, inputs_at(to_s).as_slice()));
                 }
             }
             for (place, period) in &self.periods {

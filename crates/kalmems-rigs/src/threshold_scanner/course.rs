@@ -1,9 +1,9 @@
 //! The scanner's way through one segment: the signal at each sample, and the crossings when they are told.
 
-use super::crossings::{Crossing, Instant};
 use super::filters::{FilterSettings, ThresholdSettings};
 use super::plant::MirrorPlant;
-use crate::config::{Applied, Method, Timing, Variant};
+use crate::config::{Method, Timing, Variant};
+use crate::crossings::{Crossing, Instant, Telling};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
 use crate::estimate::{Counts, Course, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
 use crate::signal::cubic_between;
@@ -156,16 +156,11 @@ fn told(
     data: &DrivenSegment,
     first: usize,
 ) -> Option<(usize, Told)> {
-    // A time that rounding puts behind a sample is that sample's.
-    let sample_at = |time_s: f64| data.time_s.partition_point(|t| *t < time_s - 1e-6 * data.interval_s);
     let taken = crossing.at(threshold.map_or(Timing::default(), |threshold| threshold.timing))?;
     let judged = crossing.at(Timing::default()).or(crossing.fallback).unwrap_or(taken);
-    let sample = match threshold.map(|threshold| (threshold.applied, threshold.lag_s)) {
-        None | Some((Applied::Late, None)) => crossing.known_at.checked_sub(first)?,
-        Some((Applied::Late, Some(lag_s))) => sample_at(taken.time_s + lag_s),
-        Some((Applied::InPlace, _)) => sample_at(taken.time_s),
-    };
-    (sample > 0 || first == 0).then_some((sample, Told { taken, judged }))
+    let telling = threshold.map_or(Telling::default(), |threshold| threshold.telling);
+    let sample = telling.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
+    Some((sample, Told { taken, judged }))
 }
 
 impl Course for ThresholdCourse<'_> {

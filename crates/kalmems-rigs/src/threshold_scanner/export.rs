@@ -1,8 +1,9 @@
 //! Which filter can be exported, and what of it.
 
 use super::course::LEAST_VARIANCE;
-use super::settings::{Acceptance, Settings};
+use super::settings::Settings;
 use crate::config::{Applied, Experiment, Method, Timing, Variant};
+use crate::crossings::Acceptance;
 use crate::export::{CrossingSettings, ExportError, Filter, ThresholdFilter};
 
 /// The filter at this place of the file.
@@ -30,7 +31,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "its crossings are accepted by a rate of false alarms; give `threshold` in `[estimate.crossings]`",
         );
     };
-    let told = (threshold.timing, threshold.applied, threshold.lag_s, threshold.angle_sd);
+    let told = (threshold.timing, threshold.telling.applied, threshold.telling.lag_s, threshold.angle_sd);
     let (Timing::ZeroCrossing, Applied::Late, None, None) = told else {
         return refuse(
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",

@@ -6,6 +6,7 @@ use crate::config::{
     Applied, ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start, Timing,
     Variant,
 };
+use crate::crossings::Telling;
 use crate::estimate::{FilterBasics, Known, Parameter, StateName, process_noise};
 use crate::units::kind;
 
@@ -34,9 +35,7 @@ pub struct ThresholdSettings {
     /// Where in time a crossing lies.
     pub timing: Timing,
     /// When the filter is told.
-    pub applied: Applied,
-    /// How long after a crossing it is told late, in s; `None` for as long as the detector takes.
-    pub lag_s: Option<f64>,
+    pub telling: Telling,
     /// The angle in rad.
     pub angle: f64,
     /// Its standard deviation in rad; `None` takes that which follows from the crossing's time.
@@ -140,8 +139,10 @@ impl FilterSettings {
             signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
             threshold: filter.threshold.as_ref().map(|threshold| ThresholdSettings {
                 timing: threshold.timing,
-                applied: threshold.applied,
-                lag_s: threshold.lag.as_ref().map(Quantity::si),
+                telling: Telling {
+                    applied: threshold.applied,
+                    lag_s: threshold.lag.as_ref().map(Quantity::si),
+                },
                 angle: threshold.angle.as_ref().map_or(hardware.readout.comb.centre, Quantity::si),
                 angle_sd: threshold.angle_sd.as_ref().map(Quantity::si),
                 gate_nis: threshold.gate.map_or(f64::INFINITY, |sds| sds * sds),

@@ -5,20 +5,14 @@
 //! and resonance drift. Filters take the signal sample by sample, and the times at which that angle is passed.
 
 mod course;
-mod crossings;
 pub mod device;
 mod expanded;
 mod export;
-mod fallback;
 mod filters;
 mod hardware;
 pub mod identification;
-mod kept;
-mod kernel;
-mod line;
 mod lock_in;
 mod plant;
-mod search;
 mod segment;
 mod settings;
 mod simulation;
@@ -27,6 +21,7 @@ mod verdict;
 use super::{Estimator, Form, LeftOut, Rig};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
+use crate::crossings::{Crossing, Instant, Kept, Needed, Sought};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
     self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
@@ -41,13 +36,10 @@ use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::threshold_scanner::device::ThresholdScanner;
 use crate::units::kind;
-pub use crossings::{Crossing, Instant, find as find_crossings};
 pub use filters::{FilterSettings, ThresholdSettings};
 pub use hardware::Hardware;
-use kept::{Kept, Needed};
-pub use search::{Rows, Sought};
 pub use segment::{Samples, estimate as estimate_segment};
-pub use settings::{Acceptance, DetectorSettings, Settings};
+pub use settings::Settings;
 use simulation::ThresholdSimulation;
 
 /// The rig.
@@ -187,7 +179,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let start_s = settings.skip_s + STARTING_CYCLES / settings.hardware.natural_hz();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let head = ((start_s / interval_s).ceil() as usize).max(BLOCK);
-        let Needed { before, after } = Needed::by(settings, interval_s).with_a_margin();
+        let Needed { before, after } = needed(settings, interval_s).with_a_margin();
         let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
         Around { head, before, after, smooths }
     }
@@ -207,8 +199,11 @@ impl Estimator for ThresholdEstimator<'_> {
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
         let first = kept.first(&segment);
-        kept.require_around(settings, &segment)?;
-        let found = kept.look(&segment, &data, &without_drive(settings, &data, &drive_slope));
+        kept.require_around(needed(settings, kept.interval_s), &segment)?;
+        let volts = without_drive(settings, &data, &drive_slope);
+        // The drive's slope at the last row hangs on the next one, but at the end of a segment.
+        let until = if segment.ends { volts.len() } else { volts.len().saturating_sub(1) };
+        let found = kept.look(&segment, &data.time_s[..until], &volts[..until]);
         if let Some((_, tally)) = found
             && let Some(why) = verdict::judge(tally, &segment, place)?
         {
@@ -247,7 +242,12 @@ fn told(crossings: &[Crossing], angle: f64, passes_hz: f64) -> (Vec<estimate::Cr
     let largest_s = LARGEST_SHARE * 0.5 / passes_hz / 3.0_f64.sqrt();
     let told = |crossing: &Crossing| {
         let Instant { time_s, sd_s, .. } = crossing.best();
-        estimate::Crossing { angle, time_s, sd_s, is_fallback: crossing.fallback.is_some() }
+        estimate::Crossing {
+            of: estimate::Passed::Angle(angle),
+            time_s,
+            sd_s,
+            is_fallback: crossing.fallback.is_some(),
+        }
     };
     let (told, refused): (Vec<_>, Vec<_>) =
         crossings.iter().map(told).partition(|crossing| !crossing.is_fallback || crossing.sd_s <= largest_s);
@@ -268,12 +268,24 @@ const STARTING_CYCLES: f64 = 4.0;
 const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`, are not given of a recording that is taken in \
                              parts: its duration is not known before its end.";
 
+/// Rows of a recording of this interval in s that the search and the filters need around the new ones.
+fn needed(settings: &Settings, interval_s: f64) -> Needed {
+    Needed::by(settings.detector().as_ref(), settings.tellings(), interval_s)
+}
+
 /// What is kept of the segment until now.
 fn kept(settings: &Settings, segment: &SignalSegment, past: &mut Past) -> Result<Kept, EstimateError> {
     if let Some(kept) = past.rig.take::<Kept>() {
         return Ok(*kept);
     }
-    Kept::of(settings, segment, &past.numbers)
+    let Hardware { noise_variance, readout, mirror, .. } = settings.hardware;
+    let sought = |interval_s| {
+        let samples = (interval_s, noise_variance, readout.offset);
+        settings
+            .detector()
+            .map(|detector| (Sought::of_comb(samples, readout.comb, mirror.resonator), detector))
+    };
+    Kept::of(sought, segment, &past.numbers)
         .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })
 }
 

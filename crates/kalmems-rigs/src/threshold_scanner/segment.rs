@@ -1,13 +1,13 @@
 //! The estimates of one segment.
 
 use super::course::ThresholdCourse;
-use super::crossings::Crossing;
 use super::filters::FilterSettings;
 use super::lock_in::swing;
 use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
 use super::without_drive;
 use crate::config::Method;
+use crate::crossings::Crossing;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
     AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, Swing, Trajectory, answers,

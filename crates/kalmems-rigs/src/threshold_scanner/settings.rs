@@ -2,8 +2,8 @@
 
 use super::filters::FilterSettings;
 use super::hardware::Hardware;
-use super::kernel::Window;
-use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Quantity, Sign, Values};
+use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Sign, Values};
+use crate::crossings::{DetectorSettings, Telling};
 use crate::units::kind;
 
 /// What an experiment says of a threshold-sensing scanner, of the detector of its crossings and of its filters, checked and in SI.
@@ -19,46 +19,6 @@ pub struct Settings {
     pub crossings: Option<DetectorSettings>,
     /// The filters, in the order of the file.
     pub filters: Vec<FilterSettings>,
-}
-
-/// How crossings of the threshold are found: by the derivative of the signal averaged by a Gaussian, above a limit.
-#[derive(Clone, Copy, Debug)]
-pub struct DetectorSettings {
-    /// The standard deviation of the Gaussian in s.
-    pub width_s: f64,
-    /// The least distance between crossings in s.
-    pub separation_s: f64,
-    /// Which responses count.
-    pub acceptance: Acceptance,
-}
-
-impl DetectorSettings {
-    /// What suits a mirror of this resonance: in parts of its cycle as the published detector at 625 Hz.
-    pub fn usual(hardware: &Hardware) -> Self {
-        let cycle_s = 1.0 / hardware.natural_hz();
-        Self { width_s: 0.02 * cycle_s, separation_s: 0.2 * cycle_s, acceptance: Acceptance::Deviations(4.0) }
-    }
-}
-
-impl DetectorSettings {
-    /// How many samples of this interval in s it needs around a crossing.
-    pub(super) fn window(&self, interval_s: f64) -> Window {
-        Window::of(self.width_s / interval_s, self.separation_s / interval_s)
-    }
-}
-
-/// Which responses of the detector count.
-#[derive(Clone, Copy, Debug)]
-pub enum Acceptance {
-    /// From so many standard deviations of the response to noise on.
-    Deviations(f64),
-    /// As many as give this rate of false alarms.
-    FalseAlarms {
-        /// Per second of noise without motion.
-        per_s: f64,
-        /// The standard deviations that are enough while crossings follow each other.
-        keep: Option<f64>,
-    },
 }
 
 impl Settings {
@@ -77,18 +37,7 @@ impl Settings {
                 return Err(experiment.error(Key::from("estimate").child(name), Fault::Value { why }));
             }
         }
-        let crossings = estimate.crossings.as_ref().map(|crossings| DetectorSettings {
-            width_s: crossings.width.si(),
-            separation_s: crossings.separation.si(),
-            acceptance: match (crossings.threshold, &crossings.false_alarms) {
-                (Some(deviations), _) => Acceptance::Deviations(deviations),
-                // The file was refused where it states neither.
-                (None, rate) => Acceptance::FalseAlarms {
-                    per_s: rate.as_ref().map_or(1.0, Quantity::si),
-                    keep: crossings.keep,
-                },
-            },
-        });
+        let crossings = estimate.crossings.as_ref().map(DetectorSettings::from);
         let filters =
             (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
         let filters = filters.collect::<Result<Vec<_>, _>>()?;
@@ -110,11 +59,17 @@ impl Settings {
 }
 
 impl Settings {
+    /// How filters are told of crossings.
+    pub fn tellings(&self) -> impl Iterator<Item = Telling> + '_ {
+        self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.telling))
+    }
+
     /// How crossings are looked for. Where the file asks for none they are looked for all the same, to see that the signal is
     /// the comb's, as soon as a filter relies on it.
     pub fn detector(&self) -> Option<DetectorSettings> {
         let relied_on = self.filters.iter().any(|filter| filter.basics.method != Method::Model);
-        self.crossings.or_else(|| relied_on.then(|| DetectorSettings::usual(&self.hardware)))
+        self.crossings
+            .or_else(|| relied_on.then(|| DetectorSettings::usual(1.0 / self.hardware.natural_hz())))
     }
 
     /// The angle in rad by which every filter is judged at a crossing: the first that one is told, or the comb's.

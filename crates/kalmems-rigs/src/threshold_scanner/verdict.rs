@@ -1,7 +1,6 @@
 //! Whether a signal is that of the comb.
 
-use super::fallback::LOUD;
-use super::search::Tally;
+use crate::crossings::{LOUD, Tally};
 use crate::estimate::{EstimateError, SignalSegment};
 use crate::recording::{Finding, FindingKind};
 

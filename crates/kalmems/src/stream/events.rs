@@ -1,7 +1,7 @@
 //! What happens in a trajectory that goes on.
 
 use super::supervision::{FilterHealth, LockState};
-use crate::estimate::{Crossing, Foretold, LockEvent, Trajectory};
+use crate::estimate::{Crossing, Foretold, LockEvent, Passed, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -32,6 +32,15 @@ pub enum Event {
         /// Whether the signal shows it by its steepest slope and not by passing its offset; left out where it is not so.
         #[serde(skip_serializing_if = "std::ops::Not::not")]
         fallback: bool,
+    },
+    /// The recording shows that an event of the device happened, whatever the filters say.
+    DeviceEvent {
+        /// The event, by its name.
+        of: &'static str,
+        /// When, in s.
+        time_s: f64,
+        /// The standard deviation of that, in s.
+        sd_s: f64,
     },
     /// An angle will pass zero.
     ZeroPhaseAhead {
@@ -73,6 +82,7 @@ impl Event {
             Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
+            | Self::DeviceEvent { time_s, .. }
             | Self::Alarm { time_s, .. }
             | Self::AlarmOver { time_s, .. }
             | Self::Stopped { time_s, .. } => *time_s,
@@ -83,8 +93,13 @@ impl Event {
 
 impl From<&Crossing> for Event {
     fn from(crossing: &Crossing) -> Self {
-        let Crossing { angle, time_s, sd_s, is_fallback } = *crossing;
-        Self::Crossing { threshold_rad: angle, time_s, sd_s, fallback: is_fallback }
+        let Crossing { of, time_s, sd_s, is_fallback } = *crossing;
+        match of {
+            Passed::Angle(threshold_rad) => {
+                Self::Crossing { threshold_rad, time_s, sd_s, fallback: is_fallback }
+            }
+            Passed::Event(of) => Self::DeviceEvent { of, time_s, sd_s },
+        }
     }
 }
 

@@ -1,11 +1,11 @@
-//! When the signal passes the threshold.
+//! When a signal crosses a level.
 
 use super::search::{Rows, Search, Sought};
 use super::settings::DetectorSettings;
 use crate::config::Timing;
 use kalmems_core::detect::DetectError;
 
-/// A crossing of the threshold.
+/// A crossing of the level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
     /// At the sample of the steepest slope.
@@ -30,9 +30,9 @@ pub struct Instant {
     pub time_s: f64,
     /// The standard deviation of that, in s.
     pub sd_s: f64,
-    /// The variance of the angle then, in rad²: that of the time, by the square of the rate.
+    /// The variance of the angle then, in rad²: that of the time, by the square of the rate; not a number without a model of the signal.
     pub angle_variance: f64,
-    /// How fast the signal rises, in V/s.
+    /// How fast the signal rises, in its unit per s.
     pub volts_per_s: f64,
 }
 

@@ -1,6 +1,6 @@
 //! The search for crossings while the rows of a segment come.
 
-use super::crossings::{Crossing, Instant};
+use super::crossing::{Crossing, Instant};
 use super::fallback::{Fallback, Place};
 use super::kernel::{Kernel, Window, kernel};
 use super::line::Line;
@@ -10,24 +10,49 @@ use kalmems_core::detect::{DetectError, Hold, Peak, Threshold, angle_variance, p
 use kalmems_models::capacitance::CombCurve;
 use kalmems_models::dynamics::MirrorResonator;
 
-/// What is known of a signal in which crossings are looked for.
+/// What is known of a signal in which crossings of a level are looked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Sought {
     /// The usual interval in s.
     pub interval_s: f64,
-    /// The variance of one sample in V².
+    /// The variance of one sample in the signal's unit².
     pub noise_variance: f64,
-    /// What it is without motion, in V, as far as is known.
-    pub offset: f64,
-    /// The comb that makes it.
-    pub comb: CombCurve<f64>,
-    /// The free motion of the mirror.
-    pub resonator: MirrorResonator<f64>,
+    /// The level that is crossed.
+    pub level: Level,
+    /// Whether the signal falls where it crosses the level.
+    pub falls: bool,
+    /// How often it crosses the level while the device moves, per s.
+    pub passes_hz: f64,
+    /// The signal around a crossing as a model gives it, where there is one.
+    pub line: Option<Line>,
+}
+
+/// The level that a signal crosses.
+#[derive(Clone, Copy, Debug)]
+pub struct Level {
+    /// What it is, as far as is known.
+    pub value: f64,
+    /// Whether it is, from the first crossing on, the mean of the signal since then: of a current, which adds up to nothing from one
+    /// crossing to the next, the offset.
+    pub follows_mean: bool,
 }
 
 impl Sought {
-    fn line(&self) -> Line {
-        Line { resonator: self.resonator, comb: self.comb, interval_s: self.interval_s }
+    /// In the signal of a comb, with this interval in s, variance of one sample in V² and offset in V.
+    pub fn of_comb(
+        (interval_s, noise_variance, offset): (f64, f64, f64),
+        comb: CombCurve<f64>,
+        resonator: MirrorResonator<f64>,
+    ) -> Self {
+        let line = Line { resonator, comb, interval_s };
+        Self {
+            interval_s,
+            noise_variance,
+            level: Level { value: offset, follows_mean: true },
+            falls: comb.steepest() < 0.0,
+            passes_hz: line.passes_hz(),
+            line: Some(line),
+        }
     }
 }
 
@@ -36,7 +61,7 @@ impl Sought {
 pub struct Rows<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
-    /// In V, without what the drive adds.
+    /// The signal, without what the drive adds.
     pub volts: &'a [f64],
     /// Which row of the segment the first one is.
     pub first: usize,
@@ -75,7 +100,7 @@ pub struct Search {
     sought: Sought,
     kernel: Box<dyn Kernel + Send>,
     window: Window,
-    fallback: Fallback,
+    fallback: Option<Fallback>,
     threshold: Threshold<f64>,
     /// The standard deviation of the response to noise.
     deviation: f64,
@@ -125,26 +150,26 @@ impl Search {
             Acceptance::Deviations(deviations) => Threshold::fixed(deviations * deviation),
             Acceptance::FalseAlarms { per_s, keep } => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
-                let samples = (2.0 / (sought.line().passes_hz() * sought.interval_s)) as u32;
+                let samples = (2.0 / (sought.passes_hz * sought.interval_s)) as u32;
                 let hold = keep.map(|deviations| Hold { deviations, samples });
                 kernel.threshold(noise, per_s * sought.interval_s, window.reach, hold)?
             }
         };
-        if sought.comb.steepest() < 0.0 {
+        if sought.falls {
             kernel.falling();
         }
-        let fallback = Fallback::new(sought.line(), (window, width), (sought.noise_variance, deviation));
+        let of_line = |line| Fallback::new(line, (window, width), (sought.noise_variance, deviation));
         Ok(Self {
             sought,
             kernel,
             window,
-            fallback,
+            fallback: sought.line.map(of_line),
             threshold,
             deviation,
             rows: 0,
             decided: 0,
             last: None,
-            offset: Offset::new(sought.offset),
+            offset: Offset::new(sought.level),
             responses: Vec::new(),
             first_response: 0,
             spare: Vec::new(),
@@ -260,8 +285,8 @@ impl Search {
 
     /// The crossing at a maximum.
     fn crossing(&mut self, peak: &Peak<f64>, rows: &Rows) -> Crossing {
-        let Sought { interval_s, noise_variance, comb, .. } = self.sought;
-        let (line, sign) = (self.sought.line(), comb.steepest().signum());
+        let Sought { interval_s, noise_variance, line, falls, .. } = self.sought;
+        let sign = if falls { -1.0 } else { 1.0 };
         #[allow(clippy::cast_possible_truncation)] // an index of the signal
         let index = peak.index as usize;
         let offset = self.offset.at(rows, self.decided, index);
@@ -269,7 +294,8 @@ impl Search {
         let instant = |after: f64, slope: f64, variance: f64| Instant {
             time_s: here_s + after * interval_s,
             sd_s: variance.sqrt() * interval_s,
-            angle_variance: angle_variance(variance, line.rate(slope), interval_s),
+            angle_variance: line
+                .map_or(f64::NAN, |line| angle_variance(variance, line.rate(slope), interval_s)),
             volts_per_s: slope * sign / interval_s,
         };
         let jitter = self.kernel.timing_variance(noise_variance, peak.curvature);
@@ -289,8 +315,10 @@ impl Search {
         let fitted = rows.volts(fitted_from, until);
         let zero = self.kernel.crossing(fitted, index - fitted_from, offset, noise_variance);
         let kernel = &*self.kernel;
-        let is_told = zero.is_some() && self.fallback.is_clear(kernel, peak.height);
-        let fallback = (!is_told).then(|| self.fallback.place(kernel, peak, near, index - from));
+        let fallback = self.fallback.as_mut().and_then(|fallback| {
+            let is_told = zero.is_some() && fallback.is_clear(kernel, peak.height);
+            (!is_told).then(|| fallback.place(kernel, peak, near, index - from))
+        });
         Crossing {
             sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
             parabola: instant(peak.fraction, peak.height, jitter),
@@ -303,13 +331,13 @@ impl Search {
     }
 }
 
-/// What the signal is without motion, from what came before.
+/// The level of a signal, from what came before.
 ///
-/// From one crossing to the next the capacitance returns to its peak, so that the current in between adds up to nothing:
+/// From one crossing of a comb to the next the capacitance returns to its peak, so that the current in between adds up to nothing:
 /// the mean of the signal from the first crossing on is its offset.
 #[derive(Clone, Copy)]
 struct Offset {
-    known: f64,
+    known: Level,
     /// Whether there was a crossing.
     begun: bool,
     sum: f64,
@@ -319,7 +347,7 @@ struct Offset {
 }
 
 impl Offset {
-    fn new(known: f64) -> Self {
+    fn new(known: Level) -> Self {
         Self { known, begun: false, sum: 0.0, count: 0, next: 0 }
     }
 
@@ -328,15 +356,15 @@ impl Offset {
         if !self.begun {
             self.begun = true;
             self.next = index;
-            return self.known;
+            return self.known.value;
         }
         self.advance(rows, decided, index);
-        if self.count == 0 { self.known } else { self.sum / self.count as f64 }
+        if self.count == 0 { self.known.value } else { self.sum / self.count as f64 }
     }
 
     /// Adds the rows before one.
     fn advance(&mut self, rows: &Rows, decided: usize, until: usize) {
-        if !self.begun {
+        if !(self.begun && self.known.follows_mean) {
             return;
         }
         for y in rows.volts(self.next.max(decided), until) {
@@ -352,8 +380,8 @@ impl Offset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::crossings::find;
     use crate::simulate::WhiteNoise;
-    use crate::threshold_scanner::crossings::find;
     use kalmems_core::detect::{CubicFit, Detector, SlopeKernel};
     use kalmems_models::capacitance::CurveShape;
 
@@ -363,18 +391,13 @@ mod tests {
 
     fn sought() -> Sought {
         let comb = CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
-        Sought {
-            interval_s: 2e-6,
-            noise_variance: NOISE * NOISE,
-            offset: 0.0,
-            comb,
-            resonator: MirrorResonator { natural_rate: RATE, damping_ratio: DECAY / RATE },
-        }
+        let resonator = MirrorResonator { natural_rate: RATE, damping_ratio: DECAY / RATE };
+        Sought::of_comb((2e-6, NOISE * NOISE, 0.0), comb, resonator)
     }
 
     /// Times in s and volts of a decay with a gap.
     fn decay() -> (Vec<f64>, Vec<f64>) {
-        let Sought { interval_s, comb, .. } = sought();
+        let (interval_s, comb) = (sought().interval_s, sought().line.unwrap().comb);
         let mut white = WhiteNoise::new(3, 0);
         let time_s: Vec<f64> = (0..40_000).map(|k| f64::from(k) * interval_s).collect();
         let volts = |t: &f64| {
@@ -408,7 +431,7 @@ mod tests {
                 Acceptance::Deviations(sds) => Threshold::fixed(sds * kernel.noise_deviation(NOISE)),
                 Acceptance::FalseAlarms { per_s, keep } => {
                     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some hundreds
-                    let samples = (2.0 / (sought().line().passes_hz() * interval_s)) as u32;
+                    let samples = (2.0 / (sought().passes_hz * interval_s)) as u32;
                     let hold = keep.map(|deviations| Hold { deviations, samples });
                     Threshold::for_false_alarms(&kernel, NOISE, per_s * interval_s, 150, hold).unwrap()
                 }

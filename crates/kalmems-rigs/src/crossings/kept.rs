@@ -1,10 +1,10 @@
-//! What the rig keeps of a segment from one part to the next: its search for crossings, and those that were found.
+//! What is kept of a segment from one part to the next: the search for crossings, and those that were found.
 
-use super::crossings::{self, Crossing};
+use super::crossing::{self, Crossing};
 use super::search::{self, Rows, Search, Sought, Tally};
-use super::settings::Settings;
+use super::settings::DetectorSettings;
+use super::telling::Telling;
 use crate::config::Applied;
-use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{EstimateError, SignalSegment};
 use kalmems_core::detect::DetectError;
 
@@ -21,15 +21,19 @@ pub struct Needed {
 const INTERPOLATED: usize = 5;
 
 impl Needed {
-    /// In a recording of this interval in s.
-    pub fn by(settings: &Settings, interval_s: f64) -> Self {
-        let Some(detector) = settings.detector() else { return Self { before: INTERPOLATED, after: 1 } };
+    /// For this detector, and filters that are told as these say, in a recording of this interval in s.
+    pub fn by(
+        detector: Option<&DetectorSettings>,
+        tellings: impl Iterator<Item = Telling>,
+        interval_s: f64,
+    ) -> Self {
+        let Some(detector) = detector else { return Self::of_rows(0) };
         let window = detector.window(interval_s);
         let known_after = window.look_ahead();
         let (mut before, mut after) = (window.look_back(), 1);
-        for threshold in settings.filters.iter().filter_map(|filter| filter.threshold) {
+        for telling in tellings {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
-            let told_after = match (threshold.applied, threshold.lag_s) {
+            let told_after = match (telling.applied, telling.lag_s) {
                 (Applied::Late, None) => continue,
                 (Applied::Late, Some(lag_s)) => (lag_s / interval_s) as usize,
                 (Applied::InPlace, _) => 0,
@@ -38,7 +42,17 @@ impl Needed {
             before = before.max(told_after.saturating_add(2 * window.fit));
             after = after.max((known_after + window.fit).saturating_sub(told_after) + 1);
         }
-        Self { before: before.saturating_add(INTERPOLATED), after }
+        Self { after, ..Self::of_rows(before) }
+    }
+
+    /// For so many rows before the new ones.
+    pub fn of_rows(before: usize) -> Self {
+        Self { before: before.saturating_add(INTERPOLATED), after: 1 }
+    }
+
+    /// What both need.
+    pub fn and(self, other: Self) -> Self {
+        Self { before: self.before.max(other.before), after: self.after.max(other.after) }
     }
 
     /// What to ask for where the interval may be a little other than is thought.
@@ -57,42 +71,38 @@ pub struct Kept {
     /// Rows of the segment before the new ones of the present part.
     rows: usize,
     /// The usual interval in s, as the beginning of the segment showed it: how many samples a search needs hangs on it.
-    interval_s: f64,
+    pub interval_s: f64,
 }
 
 impl Kept {
     /// At the beginning of a segment, or where another run left it with these [`numbers`](Self::numbers), of a part with so many
-    /// rows before its new ones.
-    pub fn of(settings: &Settings, segment: &SignalSegment, numbers: &[f64]) -> Result<Self, DetectError> {
+    /// rows before its new ones; `sought` says for an interval in s what is looked for, and how.
+    pub fn of(
+        sought: impl Fn(f64) -> Option<(Sought, DetectorSettings)>,
+        segment: &SignalSegment,
+        numbers: &[f64],
+    ) -> Result<Self, DetectError> {
+        let begun = |interval_s: f64| -> Result<Self, DetectError> {
+            let search =
+                sought(interval_s).map(|(sought, detector)| Search::new(sought, &detector)).transpose()?;
+            Ok(Self { search, crossings: Vec::new(), rows: 0, interval_s })
+        };
         match numbers {
             [rows, interval_s, rest @ ..] => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows
                 let rows = *rows as usize;
-                let begun = Self { rows, ..Self::begun(settings, *interval_s)? };
+                let begun = Self { rows, ..begun(*interval_s)? };
                 Ok(begun.resumed(rest, rows.saturating_sub(segment.fresh.start)))
             }
-            _ => Self::begun(settings, segment.interval_s),
+            _ => begun(segment.interval_s),
         }
-    }
-
-    fn begun(settings: &Settings, interval_s: f64) -> Result<Self, DetectError> {
-        let hardware = &settings.hardware;
-        let sought = Sought {
-            interval_s,
-            noise_variance: hardware.noise_variance,
-            offset: hardware.readout.offset,
-            comb: hardware.readout.comb,
-            resonator: hardware.mirror.resonator,
-        };
-        let search = settings.detector().map(|detector| Search::new(sought, &detector)).transpose()?;
-        Ok(Self { search, crossings: Vec::new(), rows: 0, interval_s })
     }
 
     /// With what another run found, of rows of which `first` is the first one there is.
     fn resumed(mut self, numbers: &[f64], first: usize) -> Self {
         if let Some((search, rest)) = numbers.split_first_chunk::<{ search::NUMBERS }>() {
             self.search = self.search.map(|fresh| fresh.resumed(search, first));
-            let (crossings, _) = rest.as_chunks::<{ crossings::NUMBERS }>();
+            let (crossings, _) = rest.as_chunks::<{ crossing::NUMBERS }>();
             self.crossings = crossings.iter().map(Crossing::of_numbers).collect();
         }
         self
@@ -111,8 +121,8 @@ impl Kept {
     }
 
     /// Refuses a part with fewer rows around the new ones than are needed.
-    pub fn require_around(&self, settings: &Settings, segment: &SignalSegment) -> Result<(), EstimateError> {
-        let Needed { before, after } = Needed::by(settings, self.interval_s);
+    pub fn require_around(&self, needed: Needed, segment: &SignalSegment) -> Result<(), EstimateError> {
+        let Needed { before, after } = needed;
         let held_after = segment.time_s.len() - segment.fresh.end;
         let found =
             [(segment.fresh.start, before, self.first(segment) > 0), (held_after, after, !segment.ends)];
@@ -124,21 +134,18 @@ impl Kept {
         }
     }
 
-    /// Looks for crossings in the rows of a part, as far as the drive's slope is known in them, and keeps them; how many there
-    /// are, and what was found until now.
+    /// Looks for crossings in the rows of a part, and keeps them; how many there are, and what was found until now. The rows are
+    /// all that are there, or, while the segment goes on, fewer at the end.
     pub fn look(
         &mut self,
         segment: &SignalSegment,
-        data: &DrivenSegment,
-        volts: &[f64],
+        time_s: &[f64],
+        signal: &[f64],
     ) -> Option<(usize, Tally)> {
         let first = self.first(segment);
         self.crossings.retain(|crossing| crossing.index >= first);
         let search = self.search.as_mut()?;
-        // The slope at the last row hangs on the next one, but at the end of a segment.
-        let until = if segment.ends { volts.len() } else { volts.len().saturating_sub(1) };
-        let rows = Rows { time_s: &data.time_s[..until], volts: &volts[..until], first };
-        let mut found = search.take(&rows, segment.ends);
+        let mut found = search.take(&Rows { time_s, volts: signal, first }, segment.ends);
         let count = found.len();
         self.crossings.append(&mut found);
         Some((count, search.tally()))

@@ -1,6 +1,5 @@
+use crate::crossings::{Acceptance, Crossing, DetectorSettings, Rows, Sought, find};
 use crate::simulate::WhiteNoise;
-use crate::threshold_scanner::settings::{Acceptance, DetectorSettings};
-use crate::threshold_scanner::{Crossing, Rows, Sought, find_crossings};
 use kalmems_core::Process;
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use kalmems_models::dynamics::MirrorResonator;
@@ -60,16 +59,10 @@ fn found(
     told: (CombCurve<f64>, MirrorResonator<f64>),
     least: f64,
 ) -> Vec<Crossing> {
-    let sought = Sought {
-        interval_s: INTERVAL_S,
-        noise_variance: noise * noise,
-        offset: 0.0,
-        comb: told.0,
-        resonator: told.1,
-    };
+    let sought = Sought::of_comb((INTERVAL_S, noise * noise, 0.0), told.0, told.1);
     let acceptance = Acceptance::Deviations(least);
     let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
-    find_crossings(Rows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
+    find(Rows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
 }
 
 /// Errors over the standard deviations that are claimed of them.

@@ -1,0 +1,164 @@
+//! What is kept of the events of a segment from one part to the next, and when they happened in a part.
+
+use super::Columns;
+use super::events::{EventSettings, EventSource};
+use super::names;
+use super::settings::Settings;
+use super::told::{EventTimes, Found};
+use crate::config::{Experiment, Fault, Key};
+use crate::crossings::{Kept, Needed, Sought};
+use crate::estimate::{EstimateError, Past, SignalSegment};
+use crate::units::kind;
+
+/// The searches for the events that a signal shows, in the order of the settings; none for one that is recorded.
+pub struct KeptEvents(Vec<Option<Kept>>);
+
+impl Settings {
+    /// The rows that events need around the new ones in a recording of this interval in s.
+    pub fn needed(&self, interval_s: f64) -> Needed {
+        let of = |(place, event): (usize, &EventSettings)| self.needed_by(place, event, interval_s);
+        self.events.iter().enumerate().map(of).fold(Needed::of_rows(0), Needed::and)
+    }
+
+    fn needed_by(&self, place: usize, event: &EventSettings, interval_s: f64) -> Needed {
+        let uses = self.filters.iter().flat_map(|filter| &filter.events);
+        event.needed(uses.filter(|used| used.event == place).map(|used| used.telling), interval_s)
+    }
+}
+
+impl KeptEvents {
+    /// As the part before left them, or another run, or at the beginning of a segment; `variances` are those of a sample of each
+    /// measurement.
+    pub fn of(
+        settings: &Settings,
+        variances: &[Option<f64>],
+        segment: &SignalSegment,
+        past: &mut Past,
+    ) -> Result<Self, EstimateError> {
+        if let Some(kept) = past.rig.take::<Self>() {
+            return Ok(*kept);
+        }
+        let mut numbers = past.numbers.as_slice();
+        let mut searches = Vec::new();
+        for event in &settings.events {
+            let EventSource::Signal { measure, level, falls, detector } = event.source else {
+                searches.push(None);
+                continue;
+            };
+            let noise_variance = variances.get(measure).copied().flatten().unwrap_or(0.0);
+            // Of a device that does not oscillate, crossings follow each other as far apart as its detector tells them apart.
+            let passes_hz = settings
+                .own
+                .natural_hz()
+                .map_or(detector.separation_s.recip(), |natural_hz| 2.0 * natural_hz);
+            let sought = |interval_s| {
+                let sought = Sought { interval_s, noise_variance, level, falls, passes_hz, line: None };
+                Some((sought, detector))
+            };
+            let kept = Kept::of(sought, segment, written(&mut numbers));
+            let kept = kept.map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
+            searches.push(Some(kept));
+        }
+        Ok(Self(searches))
+    }
+
+    /// Looks for events in the rows of a part.
+    pub fn look(
+        &mut self,
+        settings: &Settings,
+        columns: &Columns<'_>,
+        segment: &SignalSegment,
+    ) -> Result<(), EstimateError> {
+        for (place, (kept, event)) in self.0.iter_mut().zip(&settings.events).enumerate() {
+            let (Some(kept), EventSource::Signal { measure, .. }) = (kept.as_mut(), event.source) else {
+                continue;
+            };
+            kept.require_around(settings.needed_by(place, event, kept.interval_s), segment)?;
+            let Some((_, column)) = columns.measured.iter().find(|(known, _)| *known == measure) else {
+                continue;
+            };
+            let kind = names::kind_of(&settings.own.device.measures()[measure]);
+            let signal = segment.recording.column_of(column, kind)?.of(segment.segment);
+            kept.look(segment, &segment.time_s, signal);
+        }
+        Ok(())
+    }
+
+    /// When the events happened, as far as it is known in a part.
+    pub fn times(
+        &self,
+        experiment: &Experiment,
+        settings: &Settings,
+        columns: &Columns<'_>,
+        segment: &SignalSegment,
+    ) -> Result<Vec<EventTimes<'_>>, EstimateError> {
+        let mut times = Vec::new();
+        for (event, kept) in settings.events.iter().zip(&self.0) {
+            let found = match kept {
+                Some(kept) => Found::Crossed(&kept.crossings, kept.first(segment)),
+                None => Found::Recorded(recorded(experiment, event, columns, segment)?),
+            };
+            times.push(EventTimes { settings: *event, found });
+        }
+        Ok(times)
+    }
+
+    /// Goes on behind a part.
+    pub fn pass(&mut self, segment: &SignalSegment) {
+        self.0.iter_mut().flatten().for_each(|kept| kept.pass(segment));
+    }
+
+    /// What another run needs to go on from here: of each search how many numbers it has, and these.
+    pub fn numbers(&self) -> Vec<f64> {
+        let mut all = Vec::new();
+        for numbers in self.0.iter().flatten().map(Kept::numbers) {
+            all.push(numbers.len() as f64);
+            all.extend(numbers);
+        }
+        all
+    }
+}
+
+/// The numbers of the next search.
+fn written<'a>(numbers: &mut &'a [f64]) -> &'a [f64] {
+    let Some((count, rest)) = numbers.split_first() else { return &[] };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, and saturating
+    let (own, rest) = rest.split_at((*count as usize).min(rest.len()));
+    *numbers = rest;
+    own
+}
+
+/// The rows that tell of an event, with the times of it in s: each row says how long before it the event was.
+fn recorded(
+    experiment: &Experiment,
+    event: &EventSettings,
+    columns: &Columns<'_>,
+    segment: &SignalSegment,
+) -> Result<Vec<(usize, f64)>, EstimateError> {
+    let Some((_, column)) = columns.events.iter().find(|(place, _)| *place == event.event) else {
+        return Ok(Vec::new());
+    };
+    let ago = segment.recording.column_of(column, &kind::TIME)?.of(segment.segment);
+    let within_s = event.known_within_s(segment.interval_s);
+    let mut rows = Vec::new();
+    for row in segment.fresh.clone() {
+        let Some((ago_s, time_s)) = ago.get(row).zip(segment.time_s.get(row)) else { continue };
+        if !ago_s.is_finite() {
+            continue;
+        }
+        if !(0.0..=within_s).contains(ago_s) {
+            let why = format!(
+                "{}: the row at {} s has an event {} s before it; expected 0 to {} s, and no number where there was none; correct \
+                 the column `{column}`, or state how late an event may be recorded",
+                segment.place,
+                super::short(*time_s),
+                super::short(*ago_s),
+                super::short(within_s)
+            );
+            let key = Key::from("estimate.events").child(event.name).child("known_within");
+            return Err(experiment.error(key, Fault::Value { why }).into());
+        }
+        rows.push((row, time_s - ago_s));
+    }
+    Ok(rows)
+}

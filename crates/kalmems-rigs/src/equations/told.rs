@@ -1,0 +1,108 @@
+//! The events of a part of a segment, and which of them a filter is told at which row.
+
+use super::events::{EventSettings, EventUse};
+use crate::config::Timing;
+use crate::crossings::{Crossing, Telling};
+use crate::estimate::{self, Passed};
+use std::ops::Range;
+
+/// The times of an event in a part of a segment.
+pub struct EventTimes<'a> {
+    /// What is known of the event.
+    pub settings: EventSettings,
+    /// When it happened.
+    pub found: Found<'a>,
+}
+
+/// When an event happened.
+pub enum Found<'a> {
+    /// By a channel: the rows that tell of it, and the times in s.
+    Recorded(Vec<(usize, f64)>),
+    /// By crossings of a signal, and which row of the segment the first one of the part is.
+    Crossed(&'a [Crossing], usize),
+}
+
+/// An event as a filter is told of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Told {
+    /// Its place among those of the device.
+    pub event: usize,
+    /// When it happened, in s.
+    pub time_s: f64,
+    /// The variance of that in s², and what the expression has beside it, in its unit².
+    pub variances: [f64; 2],
+    /// The variance of the expression, where the file states it for this filter.
+    pub variance: Option<f64>,
+    /// The largest normalised innovation squared that is believed; `None` where the filter is judged by it and not corrected.
+    pub gate_nis: Option<f64>,
+}
+
+impl EventTimes<'_> {
+    /// What a filter is told, or judged by, at which row.
+    fn told(
+        &self,
+        used: Option<&EventUse>,
+        (time_s, interval_s): (&[f64], f64),
+        told: &mut Vec<(usize, Told)>,
+    ) {
+        let settings = &self.settings;
+        let one = |time_s: f64, variance: f64| Told {
+            event: settings.event,
+            time_s,
+            variances: [variance + settings.time_variance, settings.variance],
+            variance: used.and_then(|used| used.variance),
+            gate_nis: used.map(|used| used.gate_nis),
+        };
+        match &self.found {
+            Found::Recorded(rows) => told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0)))),
+            Found::Crossed(crossings, first) => {
+                let timing = used.map_or(Timing::default(), |used| used.timing);
+                let telling = used.map_or(Telling::default(), |used| used.telling);
+                told.extend(crossings.iter().filter_map(|crossing| {
+                    let at = crossing.at(timing)?;
+                    let row = telling.row(at.time_s, (crossing.known_at, *first), (time_s, interval_s))?;
+                    Some((row, one(at.time_s, at.sd_s * at.sd_s)))
+                }));
+            }
+        }
+    }
+
+    /// What is said of these rows beside the filters, each with the row at which it is known; of the last ones of a segment what they
+    /// would have told as well.
+    pub fn said(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::Crossing)> {
+        let one = |row, time_s, sd_s: f64| {
+            let (of, sd_s) =
+                (Passed::Event(self.settings.name), sd_s.hypot(self.settings.time_variance.sqrt()));
+            (row, estimate::Crossing { of, time_s, sd_s, is_fallback: false })
+        };
+        match &self.found {
+            Found::Recorded(rows) => rows.iter().map(|(row, at_s)| one(*row, *at_s, 0.0)).collect(),
+            Found::Crossed(crossings, first) => {
+                let of = |crossing: &Crossing| {
+                    let row = crossing.known_at.checked_sub(*first)?;
+                    let is_new = fresh.contains(&row) || (ends && row >= fresh.end);
+                    let at = crossing.at(Timing::default()).filter(|_| is_new)?;
+                    Some(one(row, at.time_s, at.sd_s))
+                };
+                crossings.iter().filter_map(of).collect()
+            }
+        }
+    }
+}
+
+/// What a filter is told of all events, row by row; events before the first row of the segment are not.
+pub fn told(
+    events: &[EventTimes<'_>],
+    uses: &[EventUse],
+    (time_s, interval_s): (&[f64], f64),
+) -> Vec<(usize, Told)> {
+    let mut told = Vec::new();
+    for (place, event) in events.iter().enumerate() {
+        let used = uses.iter().find(|used| used.event == place);
+        event.told(used, (time_s, interval_s), &mut told);
+    }
+    let first_s = time_s.first().copied().unwrap_or(f64::NAN);
+    told.retain(|(row, told)| *row < time_s.len() && told.time_s >= first_s);
+    told.sort_by(|(a, first), (b, second)| a.cmp(b).then(first.time_s.total_cmp(&second.time_s)));
+    told
+}
