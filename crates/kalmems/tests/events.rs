@@ -34,12 +34,18 @@ fn trajectories(experiment: &Experiment) -> Vec<Trajectory> {
     rig.estimate(experiment, 0, &recorded(experiment), &Silent).unwrap().swap_remove(0).trajectories
 }
 
-/// The largest differences of means and of standard deviations, in standard deviations of the first.
-fn apart(rig: &Trajectory, text: &Trajectory, state: &str) -> [f64; 2] {
+/// The largest differences of means, in the largest of the first and in standard deviations, and of standard deviations.
+fn apart(rig: &Trajectory, text: &Trajectory, state: &str) -> [f64; 3] {
     let (a, b) = (rig.state(state).unwrap(), text.state(state).unwrap());
     assert!(a.mean.len() == b.mean.len() && a.mean.iter().chain(&b.mean).all(|x| x.is_finite()));
     let largest = |of: &dyn Fn(usize) -> f64| (0..a.mean.len()).map(of).fold(0.0_f64, f64::max);
-    [largest(&|k| (a.mean[k] - b.mean[k]).abs() / a.sd[k]), largest(&|k| (a.sd[k] / b.sd[k] - 1.0).abs())]
+    let difference = |k: usize| (a.mean[k] - b.mean[k]).abs();
+    let size = largest(&|k| a.mean[k].abs());
+    [
+        largest(&difference) / size,
+        largest(&|k| difference(k) / a.sd[k]),
+        largest(&|k| (a.sd[k] / b.sd[k] - 1.0).abs()),
+    ]
 }
 
 /// The example of the threshold scanner with a filter for each of these: its name, its method and how it is told of crossings.
@@ -101,6 +107,7 @@ fn an_expanded_threshold_scanner_is_corrected_by_its_crossings_as_by_its_rig() {
     ]);
     let (rig, text) = (trajectories(&experiment), trajectories(&by_equations(&experiment)));
     assert_eq!(rig.len(), text.len());
+    let mut faults = Vec::new();
     for (rig, text) in rig.iter().zip(&text) {
         assert_eq!(rig.key, text.key);
         let told = rig.key != "untold";
@@ -112,18 +119,23 @@ fn an_expanded_threshold_scanner_is_corrected_by_its_crossings_as_by_its_rig() {
             rig.counts.crossings
         );
         for state in ["angle", "rate"] {
-            let [mean, sd] = apart(rig, text, state);
-            println!("{:24} {state:6} mean {mean:.1e} sd, sd {sd:.1e}", rig.key);
-            let most = match rig.key.as_str() {
-                "untold" => 1e-9,
+            let [mean, of_sd, sd] = apart(rig, text, state);
+            println!("{:24} {state:6} {mean:.1e} of the largest, {of_sd:.1e} sd, sd {sd:.1e}", rig.key);
+            let holds = match rig.key.as_str() {
+                // One step back, which both take alike.
+                "untold" | "in_place" | "parabola" => mean < 1e-12 && sd < 1e-12,
                 // The rig takes the rate of the angle from the slope of the signal, equations from the filter.
-                key if key.starts_with("own_sd") => 0.5,
-                // Equations go back in steps that follow the motion ten times as closely.
-                _ => 1e-4,
+                key if key.starts_with("own_sd") => of_sd < 0.5 && sd < 0.5,
+                // The rig goes back in steps of 32 us, which are right to 1e-6 of the amplitude over a quarter of a cycle; equations in
+                // those of the samples.
+                _ => mean < 2e-6 && sd < 1e-5,
             };
-            assert!(mean < most && sd < most, "{} {state}: {mean:e} {sd:e}", rig.key);
+            if !holds {
+                faults.push(format!("{} {state}: {mean:e} {of_sd:e} {sd:e}", rig.key));
+            }
         }
     }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 /// An oscillator without damping that tells when it passes a place, and whose signal tells next to nothing.
@@ -144,7 +156,7 @@ signal = "x/1[m/V] in V"
 pass = "x - place"
 [device.equations.noise]
 signal = "1[V^2]"
-pass = "4e-12[s^2]"
+pass = "4e-14[s^2]"
 [estimate]
 skip = "1 ms"
 "#;
@@ -155,30 +167,30 @@ name = "ekf"
 method = "ekf"
 events = { pass = {} }
 start = { x = "X0 m", v = "V0 m/s" }
-start_sd = { x = "20 um", v = "0.12 m/s" }
+start_sd = { x = "2 um", v = "0.012 m/s" }
 [[estimate.filter]]
 name = "ukf"
 method = "ukf"
 events = { pass = {} }
 start = { x = "X0 m", v = "V0 m/s" }
-start_sd = { x = "20 um", v = "0.12 m/s" }
+start_sd = { x = "2 um", v = "0.012 m/s" }
 [[estimate.filter]]
 name = "iterated"
 method = "iterated_ekf"
 events = { pass = {} }
 start = { x = "X0 m", v = "V0 m/s" }
-start_sd = { x = "20 um", v = "0.12 m/s" }
+start_sd = { x = "2 um", v = "0.012 m/s" }
 [[estimate.filter]]
 name = "root"
 method = "square_root_ukf"
 events = { pass = {} }
 start = { x = "X0 m", v = "V0 m/s" }
-start_sd = { x = "20 um", v = "0.12 m/s" }
+start_sd = { x = "2 um", v = "0.012 m/s" }
 [[estimate.filter]]
 name = "untold"
 method = "ekf"
 start = { x = "X0 m", v = "V0 m/s" }
-start_sd = { x = "20 um", v = "0.12 m/s" }
+start_sd = { x = "2 um", v = "0.012 m/s" }
 "#;
 
 const RECORDING: &str = r#"
@@ -194,33 +206,37 @@ const AMPLITUDE: f64 = 1e-3;
 const PLACE: f64 = 0.3e-3;
 const INTERVAL_S: f64 = 20e-6;
 const ROWS: usize = 500;
-const TIME_SD_S: f64 = 2e-6;
-const START_SD: [f64; 2] = [20e-6, 0.12];
+const TIME_SD_S: f64 = 2e-7;
+const START_SD: [f64; 2] = [2e-6, 0.012];
 
 /// Twelve uniform numbers less six: as good as normal within three standard deviations.
 fn normal(chance: &mut Pcg64) -> f64 {
     (0..12).map(|_| (chance.next_u64() >> 11) as f64 / (1_u64 << 53) as f64).sum::<f64>() - 6.0
 }
 
-/// The true times at which x = A·sin(ωt + φ) is where it is looked for, in closed form, until the last row.
-fn passes(phase: f64) -> Vec<f64> {
+/// The true times at which x = A·sin(ωt + φ) is where it is looked for, in closed form, from behind the first row, so that none is told as
+/// before it, until the last one.
+fn passes(phase: f64, rows: usize) -> Vec<f64> {
     let up = (PLACE / AMPLITUDE).asin();
-    let mut times: Vec<f64> = (-2..20)
+    let mut times: Vec<f64> = (-2..70)
         .flat_map(|turn| {
             [up, std::f64::consts::PI - up].map(|at| (at + TAU * f64::from(turn) - phase) / RATE)
         })
-        .filter(|t| (0.0..(ROWS - 4) as f64 * INTERVAL_S).contains(t))
+        .filter(|t| (10.0 * TIME_SD_S..(rows - 4) as f64 * INTERVAL_S).contains(t))
         .collect();
     times.sort_by(f64::total_cmp);
     times
 }
 
 /// A recording of such passes, each recorded at the row behind its time; the state at the end, and the experiment.
-fn oscillator(seed: u64, folder: &Path) -> (Experiment, [f64; 2], f64) {
+fn oscillator((seed, rows): (u64, usize), folder: &Path) -> (Experiment, [f64; 2], f64) {
     let mut chance = Pcg64::new(seed.into(), 31);
     let phase = TAU * (chance.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-    let mut told: Vec<f64> =
-        passes(phase).iter().map(|t| t + TIME_SD_S * normal(&mut chance)).filter(|t| *t >= 0.0).collect();
+    let mut told: Vec<f64> = passes(phase, rows)
+        .iter()
+        .map(|t| t + TIME_SD_S * normal(&mut chance))
+        .filter(|t| *t >= 0.0)
+        .collect();
     told.sort_by(f64::total_cmp);
     let mut told = told.into_iter().peekable();
     let state = |t: f64| {
@@ -228,7 +244,7 @@ fn oscillator(seed: u64, folder: &Path) -> (Experiment, [f64; 2], f64) {
         [AMPLITUDE * sine, AMPLITUDE * RATE * cosine]
     };
     let mut csv = "time_s,signal_V,pass_ago_s\n".to_owned();
-    for row in 0..ROWS {
+    for row in 0..rows {
         let t = row as f64 * INTERVAL_S;
         let ago = told.next_if(|at| *at <= t).map_or(String::new(), |at| format!("{:.15e}", t - at));
         writeln!(csv, "{t:.9},{:.9},{ago}", state(t)[0] + normal(&mut chance)).unwrap();
@@ -240,7 +256,7 @@ fn oscillator(seed: u64, folder: &Path) -> (Experiment, [f64; 2], f64) {
     let filters = FILTERS.replace("X0", &format!("{:e}", start[0])).replace("V0", &format!("{:e}", start[1]));
     let text = format!("{OSCILLATOR}{filters}{RECORDING}");
     let experiment = published().parse(&text, &folder.join("experiment.toml")).unwrap();
-    (experiment, state((ROWS - 1) as f64 * INTERVAL_S), phase)
+    (experiment, state((rows - 1) as f64 * INTERVAL_S), phase)
 }
 
 /// The variances that the start and the passes leave of the state at the end, by the inverse of the information, summed up over the
@@ -261,7 +277,7 @@ fn theory(phase: f64) -> [f64; 2] {
     let [cosine, sine] = of(0.0);
     add([cosine, sine], START_SD[0].powi(2));
     add([-sine, cosine], (START_SD[1] / RATE).powi(2));
-    for at_s in passes(phase) {
+    for at_s in passes(phase, ROWS) {
         let speed = AMPLITUDE * RATE * (RATE * at_s + phase).cos();
         add(of(at_s), (speed * TIME_SD_S).powi(2));
     }
@@ -284,7 +300,7 @@ fn events_tell_what_theory_says_and_errors_are_as_large_as_is_claimed() {
     let mut found = [(0_usize, 0.0_f64); 4];
     let mut largest = 0.0_f64;
     for seed in SEEDS {
-        let (experiment, truth, phase) = oscillator(seed, folder.path());
+        let (experiment, truth, phase) = oscillator((seed, ROWS), folder.path());
         let all = trajectories(&experiment);
         let variances = theory(phase);
         for (trajectory, found) in all.iter().zip(&mut found) {
@@ -305,8 +321,8 @@ fn events_tell_what_theory_says_and_errors_are_as_large_as_is_claimed() {
     }
     let count = 2 * SEEDS.count();
     println!("{count} numbers: {found:?}; claims are off theory by {largest:.1e} at most");
-    // The rate at an event is that of the filter and not the true one.
-    assert!(largest < 0.02, "{largest}");
+    // The rate at an event is that of the filter and not the true one: it begins with an error of 0.2 %, 0.7 % at most of so many.
+    assert!(largest < 0.007, "{largest}");
     for (within, squares) in found {
         assert!(is_share(within, count, 0.95), "{within} of {count}");
         // Half of them are correlated with the other half at worst.
@@ -323,6 +339,8 @@ integration_rate = "200 kHz"
 start = { x = "0 m", v = "6.283185307179586 m/s" }
 seed = SEED
 noise = NOISE
+[simulate.drive.constant]
+voltage = "0 V"
 "#;
 
 /// The times at which a simulated recording says that the oscillator passed.
@@ -372,35 +390,106 @@ fn a_simulation_records_events_at_their_own_times_with_the_noise_that_is_stated(
     assert!((mean - 1.0).abs() < 4.0 * (2.0 / f64::from(count)).sqrt(), "{mean} of {count}");
 }
 
+/// The driven scanner with these filters, by its rig and by its equations, each with a simulation of it.
+fn simulated_scanners(noise: bool, filters: &[(&str, &str, &str)]) -> [Experiment; 2] {
+    let experiment = threshold_scanner(filters);
+    let mut text: Table = experiment.to_toml().unwrap().parse().unwrap();
+    let mut simulate = "duration = \"90 ms\"\nsampling_rate = \"250 kHz\"\nintegration_rate = \"500 kHz\"\n\
+                        start = { angle = \"-0.102 rad\", rate = \"413 rad/s\" }\nseed = 5\n\
+                        drive = { sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1276 Hz\" } }\n"
+        .to_owned();
+    writeln!(simulate, "noise = {noise}").unwrap();
+    text.insert("simulate".into(), Value::Table(simulate.parse().unwrap()));
+    let device = text["device"]["threshold_scanner"].as_table_mut().unwrap();
+    device.insert("drive".into(), Value::Table("gain = \"60 rad/s^2/V^2\"".parse().unwrap()));
+    device.remove("position_detector");
+    let recording = text["recording"][0].as_table_mut().unwrap();
+    recording.remove("reference");
+    recording.insert("role".into(), Value::from("test"));
+    let rig = published().parse(&toml::to_string(&text).unwrap(), experiment.path()).unwrap();
+    let equations = by_equations(&rig);
+    [rig, equations]
+}
+
+/// Times, and what is recorded and true then, of a simulation.
+fn simulated(experiment: &Experiment) -> Vec<(f64, Vec<f64>, f64)> {
+    let simulation = published().rig(experiment).unwrap().simulate(experiment).unwrap();
+    let mut rows = Vec::new();
+    let each = &mut |sample: &kalmems::simulate::Sample<'_>| {
+        rows.push((sample.time_s, sample.recorded.to_vec(), sample.truth[0]));
+        ControlFlow::Continue(())
+    };
+    Simulation::run(&*simulation, each).unwrap();
+    rows
+}
+
+#[test]
+fn an_expanded_threshold_scanner_is_simulated_as_by_its_rig_and_tells_when_it_crossed() {
+    let [rig, text] =
+        simulated_scanners(false, &[("told", "ekf", TOLD)]).map(|experiment| simulated(&experiment));
+    assert_eq!(rig.len(), text.len());
+    let size =
+        |of: &dyn Fn(&(f64, Vec<f64>, f64)) -> f64| rig.iter().map(of).fold(0.0_f64, |a, b| a.max(b.abs()));
+    let (signal, angle) = (size(&|row| row.1[1]), size(&|row| row.2));
+    let (mut told, mut passes, mut worst) = (0, Vec::new(), [0.0_f64; 2]);
+    for (k, (rig_row, text_row)) in rig.iter().zip(&text).enumerate() {
+        worst[0] = worst[0].max((rig_row.1[1] - text_row.1[1]).abs() / signal);
+        worst[1] = worst[1].max((rig_row.2 - text_row.2).abs() / angle);
+        if let Some((before_s, _, before)) = k.checked_sub(1).map(|k| &rig[k])
+            && (before - 3.7e-3) * (rig_row.2 - 3.7e-3) < 0.0
+        {
+            passes.push(before_s + (rig_row.0 - before_s) * (3.7e-3 - before) / (rig_row.2 - before));
+        }
+        if text_row.1[2].is_finite() {
+            // A straight line between two samples is off by 0.15 rad*(3924/s*4 us)^2/8 at most, 5e-6 rad at 400 rad/s.
+            assert!((text_row.0 - text_row.1[2] - passes[told]).abs() < 2e-8, "{k}");
+            told += 1;
+        }
+    }
+    println!("{told} crossings; signals differ by {:.1e}, angles by {:.1e}", worst[0], worst[1]);
+    assert!(told > 100 && told == passes.len(), "{told} {}", passes.len());
+    assert!(worst.iter().all(|worst| *worst < 1e-12), "{worst:?}");
+}
+
 #[test]
 fn events_of_a_signal_correct_a_stream_to_the_last_bit_as_an_estimate() {
     let states = format!("{TOLD}\nstates = {{ natural_frequency = {{ start_sd = \"1 %\" }} }}");
     let in_place = TOLD.replace(" }", ", applied = \"in_place\" }");
     let lag = TOLD.replace(" }", ", lag = \"500 us\", gate = 4 }");
-    let experiment = threshold_scanner(&[
+    let filters = [
         ("untold", "ekf", ""),
-        ("told", "ekf", &states),
+        ("told", "ekf", &*states),
         ("in_place", "ukf", &in_place),
         ("lag", "square_root_ekf", &lag),
-    ]);
-    let mut text: Table = by_equations(&experiment).to_toml().unwrap().parse().unwrap();
-    let stream =
-        "rate = \"500 kHz\"\n[input.text]\ncolumns = [\"time_s\", \"drive_V\", \"cap_V\", \"psd_V\"]\n";
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let [_, experiment] = simulated_scanners(true, &filters);
+    // Longer than the forty cycles that an estimate begins with.
+    let mut csv = "time_s,drive_V,cap_V\n".to_owned();
+    for (time_s, recorded, _) in simulated(&experiment) {
+        writeln!(csv, "{time_s:.9},{:.6},{:.6}", recorded[0], recorded[1]).unwrap();
+    }
+    std::fs::write(folder.path().join("recording.csv"), &csv).unwrap();
+    let mut text: Table = experiment.to_toml().unwrap().parse().unwrap();
+    text.remove("simulate");
+    let stream = "rate = \"250 kHz\"\n[input.text]\ncolumns = [\"time_s\", \"drive_V\", \"cap_V\"]\n";
     text.insert("stream".into(), Value::Table(stream.parse().unwrap()));
-    let own = published().parse(&toml::to_string(&text).unwrap(), experiment.path()).unwrap();
+    let path = folder.path().join("experiment.toml");
+    let own = published().parse(&toml::to_string(&text).unwrap(), &path).unwrap();
     let recording = recorded(&own);
-    same_bits_in_parts(&own, &recording, &[1, 40, 5000]);
-    let bytes = std::fs::read(own.resolve(&own.recording(0).unwrap().file)).unwrap();
-    let (events, _) = same_bits_in_a_stream(&own, &recording, (&bytes, 4000));
+    same_bits_in_parts(&own, &recording, &[150, 4096]);
+    let (events, _) = same_bits_in_a_stream(&own, &recording, (csv.as_bytes(), 4000));
     let passes: Vec<_> = events.iter().filter(|event| event["event"] == "device_event").collect();
-    assert!(passes.len() > 25 && passes.iter().all(|event| event["of"] == "crossing"), "{}", passes.len());
-    goes_on_after_a_kill(&own, &bytes, 0.6, 3e-3);
+    assert!(passes.len() > 100 && passes.iter().all(|event| event["of"] == "crossing"), "{}", passes.len());
+    goes_on_after_a_kill(&own, csv.as_bytes(), 0.85, 0.06);
 }
 
 #[test]
 fn recorded_events_correct_a_stream_to_the_last_bit_as_an_estimate() {
     let folder = tempfile::tempdir().unwrap();
-    let (experiment, ..) = oscillator(12, folder.path());
+    // Longer than the forty cycles that an estimate begins with.
+    let rows = 3000;
+    let (experiment, ..) = oscillator((12, rows), folder.path());
     let text = experiment.to_toml().unwrap()
         + "\n[stream]\nrate = \"50 kHz\"\n[stream.input.text]\ncolumns = [\"time_s\", \"signal_V\", \"pass_ago_s\"]\n";
     let experiment = published().parse(&text, experiment.path()).unwrap();
@@ -408,7 +497,7 @@ fn recorded_events_correct_a_stream_to_the_last_bit_as_an_estimate() {
     same_bits_in_parts(&experiment, &recording, &[1, 7, 300]);
     let bytes = std::fs::read(folder.path().join("recording.csv")).unwrap();
     let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, 100));
-    assert_eq!(summary.estimated, ROWS as u64);
+    assert_eq!(summary.estimated, rows as u64);
     let told = events.iter().filter(|event| event["event"] == "device_event" && event["of"] == "pass");
     assert_eq!(told.count(), trajectories(&experiment)[0].counts.crossings);
     let rig = published().rig(&experiment).unwrap();
@@ -420,7 +509,7 @@ fn recorded_events_correct_a_stream_to_the_last_bit_as_an_estimate() {
 #[test]
 fn what_an_event_lacks_is_told_with_what_to_write() {
     let folder = tempfile::tempdir().unwrap();
-    let (experiment, ..) = oscillator(3, folder.path());
+    let (experiment, ..) = oscillator((3, ROWS), folder.path());
     let text = experiment.to_toml().unwrap();
     let with = |from: &str, to: &str| {
         assert!(text.contains(from), "{from}\n{text}");
@@ -434,8 +523,8 @@ fn what_an_event_lacks_is_told_with_what_to_write() {
             with("[estimate.filter.events.pass]", "[estimate.filter.events.past]"),
         ),
         ("no channel", with("pass = \"pass_ago_s\"\n", "")),
-        ("no noise", with("pass = \"4e-12[s^2]\"\n", "")),
-        ("noise of another unit", with("4e-12[s^2]", "4e-12[V^2]")),
+        ("no noise", with("pass = \"4e-14[s^2]\"\n", "")),
+        ("noise of another unit", with("4e-14[s^2]", "4e-12[V^2]")),
         ("a constant gain", with("method = \"ekf\"", "method = \"steady_state\"")),
         (
             "a recorded event with a lag",
