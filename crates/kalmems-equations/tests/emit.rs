@@ -308,6 +308,7 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
         }
     };
     let every = host::EVENT_EVERY;
+    let ago_s = host::EVENT_AGO * request.interval_s;
     if has("gcc") {
         let folder = folder("adjustable");
         let emitted = case.device.emit(&request, EmitLanguage::C).unwrap();
@@ -320,7 +321,7 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
         let main = main
             .replace("    unsigned k;\n", &format!("    unsigned k;\n{change}"))
             .replace("    while (", "    if (!adjustable_configure(&filter, &other)) {\n        return 1;\n    }\n    while (")
-            .replace("        for (k", &format!("        if (++count % {every}U == 0U && !adjustable_update_crossing(&filter)) {{\n            return 1;\n        }}\n        for (k"));
+            .replace("        for (k", &format!("        if (++count % {every}U == 0U && !adjustable_update_crossing(&filter, given[2], {ago_s:e}F)) {{\n            return 1;\n        }}\n        for (k"));
         fs::write(folder.join("main.c"), main).unwrap();
         compile(&folder, "gcc", &[&GCC[..], &["-o", "program", "main.c", "adjustable.c", "-lm"]].concat());
         hold("C", &run(&folder, "program", &[], &input));
@@ -339,7 +340,7 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
             )
             .replace(
                 "        let values",
-                &format!("        count += 1;\n        assert!(count % {every} != 0 || filter.update_crossing());\n        let values"),
+                &format!("        count += 1;\n        assert!(count % {every} != 0 || filter.update_crossing(given[2], {ago_s:e}));\n        let values"),
             );
         fs::write(folder.join("main.rs"), main).unwrap();
         compile(

@@ -298,3 +298,132 @@ fn what_is_faster_than_the_samples_is_predicted_in_parts() {
         export(&experiment, &Request { adjustable: vec!["q".to_owned()], ..request(Target::C, "EKF") });
     assert!(refused.unwrap_err().to_string().contains("unknown word `q`"));
 }
+
+/// An oscillator whose passes of a place are recorded, with filters that they correct and filters with a constant gain.
+const OSCILLATOR: &str = r#"
+name = "oscillator"
+[device.equations.states]
+x = "m"
+v = "m/s"
+[device.equations.parameters]
+rate = "6283.185307179586 rad/s"
+place = "0.3 mm"
+[device.equations.derivative]
+x = "v"
+v = "-0.02*rate*v - rate^2*x"
+[device.equations.measure]
+signal = "x/1[mm/V] in V"
+[device.equations.events]
+pass = "x - place"
+[device.equations.noise]
+v = "1e-3[m^2/s^3]"
+signal = "1e-4[V^2]"
+pass = "1e-14[s^2]"
+[simulate]
+duration = "20 ms"
+sampling_rate = "50 kHz"
+integration_rate = "200 kHz"
+start = { x = "0 m", v = "6.283185307179586 m/s" }
+seed = 4
+[simulate.drive.constant]
+voltage = "0 V"
+"#;
+
+const OSCILLATOR_FILTERS: [(&str, &str); 6] = [
+    ("told", "method = \"ekf\"\nevents = { pass = { sd = \"2 um\" } }"),
+    ("told by Euler", "method = \"euler_ekf\"\nevents = { pass = { sd = \"2 um\" } }"),
+    ("settled", "method = \"steady_state\""),
+    ("placed", "method = \"luenberger\"\nobserver_bandwidth = \"1 kHz\""),
+    ("by its time", "method = \"ekf\"\nevents = { pass = {} }"),
+    ("gated", "method = \"ekf\"\nevents = { pass = { sd = \"2 um\", gate = 4 } }"),
+];
+
+fn oscillator(folder: &Path) -> Experiment {
+    use std::fmt::Write as _;
+    let simulated = published().parse(OSCILLATOR, &folder.join("oscillator.toml")).unwrap();
+    let simulation = published().rig(&simulated).unwrap().simulate(&simulated).unwrap();
+    let mut csv = "time_s,signal_V,pass_ago_s\n".to_owned();
+    simulation
+        .run(&mut |sample| {
+            let [signal, ago] = sample.recorded else { panic!("{:?}", sample.recorded) };
+            let ago = if ago.is_finite() { format!("{ago:e}") } else { String::new() };
+            writeln!(csv, "{:.9},{signal:e},{ago}", sample.time_s).unwrap();
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap();
+    fs::write(folder.join("recording.csv"), csv).unwrap();
+    let mut text = OSCILLATOR.split("[simulate]").next().unwrap().to_owned()
+        + "[[recording]]\nrole = \"test\"\nfile = \"recording.csv\"\nclock = { column = \"time_s\" }\n\
+           channels = { signal = \"signal_V\", pass = \"pass_ago_s\" }\n[estimate]\nskip = \"1 ms\"\n";
+    for (name, what) in OSCILLATOR_FILTERS {
+        write!(
+            text,
+            "[[estimate.filter]]\nname = \"{name}\"\n{what}\nstart = {{ x = \"20 um\", v = \"6.2 m/s\" }}\n\
+             start_sd = {{ x = \"30 um\", v = \"0.1 m/s\" }}\n"
+        )
+        .unwrap();
+    }
+    published().parse(&text, &folder.join("oscillator.toml")).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn filters_with_events_and_with_a_constant_gain_test_themselves_against_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = oscillator(folder.path());
+    for (filter, _) in OSCILLATOR_FILTERS.iter().take(4) {
+        let wanted = Request { samples: 900, ..request(Target::C, filter) };
+        let mut exported = export(&experiment, &wanted).unwrap();
+        let is_told = filter.starts_with("told");
+        assert_eq!(file(&exported, "oscillator.h").contains("oscillator_update_pass"), is_told);
+        let count = file(&exported, "oscillator_self_test.c").matches("-1.0F}").count();
+        // 18 ms are 36 passes.
+        assert!(!is_told || (900 - 38..=900 - 34).contains(&count), "{filter}: {count}");
+        // The program says how far the source is off.
+        let (_, main) = exported.files.iter_mut().find(|(name, _)| name == "main.c").unwrap();
+        *main = "#include \"oscillator_self_test.h\"\n#include <stdio.h>\nint main(void)\n{\n    float worst;\n    \
+                 const int passes = oscillator_self_test(&worst);\n    printf(\"%g\\n\", (double)worst);\n    return !passes;\n}\n"
+            .to_owned();
+        let made = tempfile::tempdir().unwrap();
+        if let Some(run) = compiled(&exported.files, made.path()) {
+            let worst: f64 = String::from_utf8_lossy(&run.stdout).trim().parse().unwrap();
+            println!("{filter}: C is off by {worst:.1e} of the largest value of a state");
+            assert!(run.status.success() && worst < 1e-4, "{filter}: {worst:e}");
+        }
+        let rust = export(&experiment, &Request { target: Target::Rust, ..wanted }).unwrap();
+        let made = tempfile::tempdir().unwrap();
+        for (name, content) in &rust.files {
+            fs::write(made.path().join(name), content).unwrap();
+        }
+        let compiler = std::process::Command::new("rustc")
+            .current_dir(made.path())
+            .args(["--edition=2024", "-Dwarnings", "-Copt-level=1", "-o", "program", "main.rs"])
+            .output()
+            .unwrap();
+        assert!(compiler.status.success(), "{filter}: {}", String::from_utf8_lossy(&compiler.stderr));
+        let mut program = std::process::Command::new(made.path().join("program"));
+        let run = program.stdin(std::process::Stdio::null()).output().unwrap();
+        assert!(run.status.success(), "{filter}: {}", String::from_utf8_lossy(&run.stderr));
+    }
+}
+
+#[test]
+fn events_that_a_source_cannot_have_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = oscillator(folder.path());
+    let refused = |experiment: &Experiment, filter: &str| {
+        export(experiment, &request(Target::C, filter)).unwrap_err().to_string()
+    };
+    let said = refused(&experiment, "by its time");
+    assert!(said.contains("event `pass`") && said.contains("a constant one by `sd`"), "{said}");
+    let said = refused(&experiment, "gated");
+    assert!(said.contains("leave `gate` out"), "{said}");
+    let detector = "detector = { width = \"60 us\", separation = \"300 us\", threshold = 4 }";
+    let text = experiment.to_toml().unwrap().replacen(
+        "[estimate]\n",
+        &format!("[estimate]\nevents = {{ pass = {{ signal = \"signal\", {detector} }} }}\n"),
+        1,
+    );
+    let shown = published().parse(&text, experiment.path()).unwrap();
+    let said = refused(&shown, "told");
+    assert!(said.contains("the detector is not part of the source"), "{said}");
+}

@@ -293,6 +293,19 @@ macro_rules! for_each_size {
                 }
             }
 
+            /// The gain of such a filter, for each state what it adds of a residual.
+            pub fn constant_gain_of(
+                gain: (GainOf, f64),
+                (at, start): (&Known, &Known),
+                (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
+            ) -> Result<Vec<f64>, String> {
+                match start.mean.len() {
+                    $($states => constant_gain::<$states>(gain, at, start, (transition, sensor, variance))
+                        .map(|filter| filter.gain().to_vec()),)*
+                    states => Err(format!("there are no filters of {states} states")),
+                }
+            }
+
             /// As a course leads it.
             pub(super) fn on_its_way(self) -> Box<dyn Filtering + Send> {
                 match self {

@@ -35,6 +35,11 @@ impl<const N: usize> ConstantGain<N> {
         }
     }
 
+    /// What of a residual it adds to each state.
+    pub fn gain(&self) -> &[f64; N] {
+        &self.gain
+    }
+
     /// No correction at all: for a process that is an observer itself and has the last sample as an input.
     ///
     /// `point` is that process, what each sample's noise does to it included in the noise of the process. Refused

@@ -2,6 +2,7 @@
 
 use super::error::EmitError;
 use super::laws::expanded;
+use super::names::Names;
 use super::request::EmitRequest;
 use super::rewrite::{copied, distributed, substituted};
 use super::scale::Units;
@@ -59,7 +60,11 @@ impl Model {
             factors.push(1.0 / variance.sqrt());
         }
         let values = in_units(device, request, units, &mut graph, &roots)?;
-        let values: Vec<_> = values.iter().zip(&factors).map(|(v, by)| graph.scaled(*by, *v)).collect();
+        let mut values: Vec<_> = values.iter().zip(&factors).map(|(v, by)| graph.scaled(*by, *v)).collect();
+        let (rates, readings) = values.split_at_mut(moving);
+        for event in readings.iter_mut().skip(request.measures.len()) {
+            *event = taken_back(&mut graph, *event, rates, request.interval_s);
+        }
         let values = tidied(&mut graph, &values, moving)?;
 
         let size = request.size();
@@ -114,6 +119,27 @@ impl Model {
             }
         }
     }
+}
+
+/// The terms of a series in time behind its first one.
+const SERIES: [f64; 3] = [-1.0, 0.5, -1.0 / 6.0];
+
+/// What an expression was so long before the sample as a correction is handed: its series in time, with these gains of the states in one
+/// interval of so many s.
+fn taken_back(graph: &mut Graph, value: NodeId, rates: &[NodeId], interval_s: f64) -> NodeId {
+    let seconds = graph.variable(Names::MEASURED);
+    let ago = graph.scaled(interval_s.recip(), seconds);
+    let (mut terms, mut grown) = (vec![(value, 1.0)], value);
+    for (power, coefficient) in (1..).zip(SERIES) {
+        let mut growth = Vec::with_capacity(rates.len());
+        for (state, rate) in rates.iter().enumerate() {
+            let slope = graph.derivative(grown, Variable::State(state));
+            growth.push((graph.product(&[(slope, 1), (*rate, 1)]), 1.0));
+        }
+        grown = graph.sum(0.0, &growth);
+        terms.push((graph.product(&[(grown, 1), (ago, power)]), coefficient));
+    }
+    graph.sum(0.0, &terms)
 }
 
 /// How rarely each node of a graph changes, of those that these are made of.

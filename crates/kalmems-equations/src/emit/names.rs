@@ -14,10 +14,12 @@ pub(super) struct Names {
     parameters: Vec<String>,
     /// The measurements of the request, and behind them its events.
     measures: Vec<String>,
+    /// How many measurements there are.
+    measured: usize,
 }
 
 impl Names {
-    /// What a correction sees. Behind the inputs of every device.
+    /// What a correction is handed: what is measured, or how long ago in s an event was. Behind the inputs of every device.
     pub(super) const MEASURED: Variable = Variable::Input(usize::MAX);
 
     pub(super) fn of(device: &Device, request: &EmitRequest) -> Self {
@@ -30,6 +32,7 @@ impl Names {
             inputs: unique(device.inputs.iter()),
             parameters: unique(device.parameters.iter().map(|parameter| &parameter.named)),
             measures: unique(measures.chain(events)),
+            measured: request.measures.len(),
         }
     }
 
@@ -52,9 +55,10 @@ impl Names {
         format!("p_{}", Self::at(&self.parameters, index))
     }
 
-    /// What is measured.
+    /// What is measured, or how long ago in s an event was.
     pub(super) fn measured(&self, index: usize) -> String {
-        format!("y_{}", Self::at(&self.measures, index))
+        let of = if index < self.measured { "y" } else { "ago" };
+        format!("{of}_{}", Self::at(&self.measures, index))
     }
 
     /// The part of a function's name that says of which measurement or event it is.

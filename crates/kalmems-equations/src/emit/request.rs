@@ -75,7 +75,10 @@ pub struct EmitMeasure {
     pub variance: f64,
 }
 
-/// An event that corrects the filter when its caller says that it happened: its expression was zero then.
+/// An event that corrects the filter when its caller says how long before the sample it happened: its expression was zero then.
+///
+/// The expression is taken back along the motion by the first three terms of its series in time, inputs held as at the sample: what is
+/// left out of a motion at ω is (ω·t)⁴/24 of its size, so that events are for times of a sample or a few.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmitEvent {
     /// Its place among the device's events.
@@ -103,7 +106,9 @@ pub struct TestSample {
     pub inputs: [Vec<f64>; 3],
     /// The measurements in the order of the request.
     pub measured: Vec<f64>,
-    /// The states that are expected behind the sample.
+    /// How long before the sample each event of the request happened, in s; `None` where it did not in the interval.
+    pub events: Vec<Option<f64>>,
+    /// The states that are expected behind the sample: predicted, corrected by the events and then by the measurements.
     pub expected: Vec<f64>,
 }
 
@@ -261,8 +266,10 @@ impl EmitRequest {
                 finite("vectors", inputs.iter().copied())?;
             }
             count("vectors", sample.measured.len(), self.measures.len())?;
+            count("vectors", sample.events.len(), self.events.len())?;
             count("vectors", sample.expected.len(), self.size())?;
-            finite("vectors", sample.measured.iter().chain(&sample.expected).copied())?;
+            let numbers = sample.measured.iter().chain(sample.events.iter().flatten());
+            finite("vectors", numbers.chain(&sample.expected).copied())?;
         }
         Ok(())
     }

@@ -8,24 +8,88 @@ use super::{c, rust};
 use crate::device::Device;
 use std::fmt::Write as _;
 
-/// The numbers of a sample that a step takes, in its order.
-fn taken(device: &Device, program: &Program, interface: &Interface, vectors: &TestVectors) -> Vec<Vec<f64>> {
-    let points = ["start", "middle", "end"];
-    let inputs = (0..device.inputs.len()).flat_map(|k| (0..points.len()).map(move |point| (k, point)));
-    let places: Vec<(usize, usize)> = {
+/// What a test hands to a filter, and how it calls it.
+struct Given {
+    /// The numbers of each sample: inputs, measurements, and how long ago each event was, below 0 where it was not.
+    rows: Vec<Vec<f64>>,
+    /// The functions of a sample in their order, with the places of what they take; of an event, that is called where it was.
+    calls: Vec<GivenCall>,
+}
+
+struct GivenCall {
+    of: String,
+    places: Vec<usize>,
+    is_event: bool,
+}
+
+impl Given {
+    fn of(
+        device: &Device,
+        program: &Program,
+        interface: &Interface,
+        request: &EmitRequest,
+        vectors: &TestVectors,
+    ) -> Self {
+        let mut inputs = interface.step.clone();
+        let of_updates: Vec<Vec<String>> =
+            program.updates.iter().map(|update| Interface::inputs_of(device, program, update)).collect();
+        for input in of_updates.iter().flatten() {
+            if !inputs.contains(input) {
+                inputs.push(input.clone());
+            }
+        }
+        let places: Vec<usize> = (0..request.measures.len() + request.events.len()).collect();
+        let columns: Vec<String> =
+            inputs.iter().cloned().chain(places.iter().map(|k| program.names.measured(*k))).collect();
+        let find = |of: &String| columns.iter().position(|column| column == of);
+        let call = |of: String, arguments: &[String], is_event: bool| GivenCall {
+            of,
+            places: arguments.iter().filter_map(find).collect(),
+            is_event,
+        };
+        let mut calls = Vec::new();
+        if request.events.is_empty() {
+            let step: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
+            calls.push(call("step".to_owned(), &step, false));
+        } else {
+            calls.push(call("predict".to_owned(), &interface.predict, false));
+            // Events come before what is measured at the sample.
+            let (measures, events) = places.split_at(request.measures.len());
+            for place in events.iter().chain(measures) {
+                let mut arguments = of_updates.get(*place).cloned().unwrap_or_default();
+                arguments.push(program.names.measured(*place));
+                let of = format!("update_{}", program.names.measure(*place));
+                calls.push(call(of, &arguments, *place >= request.measures.len()));
+            }
+        }
+        let points = ["start", "middle", "end"];
+        let all: Vec<(usize, usize)> =
+            (0..device.inputs.len()).flat_map(|k| (0..points.len()).map(move |point| (k, point))).collect();
         let name =
             |(k, point): (usize, usize)| program.names.input(k, points.get(point).copied().unwrap_or(""));
-        let all: Vec<_> = inputs.collect();
-        let find = |wanted: &String| all.iter().copied().find(|place| name(*place) == *wanted);
-        interface.step.iter().filter_map(find).collect()
-    };
-    let of = |sample: &super::request::TestSample| {
-        let at = |(k, point): &(usize, usize)| {
-            sample.inputs.get(*point).and_then(|inputs| inputs.get(*k)).copied()
+        let from = |wanted: &String| all.iter().copied().find(|place| name(*place) == *wanted);
+        let sources: Vec<(usize, usize)> = inputs.iter().filter_map(from).collect();
+        let row = |sample: &super::request::TestSample| {
+            let at = |(k, point): &(usize, usize)| {
+                sample.inputs.get(*point).and_then(|inputs| inputs.get(*k)).copied()
+            };
+            let ago = sample.events.iter().map(|ago_s| ago_s.unwrap_or(-1.0));
+            sources.iter().filter_map(at).chain(sample.measured.iter().copied()).chain(ago).collect()
         };
-        places.iter().filter_map(at).chain(sample.measured.iter().copied()).collect()
-    };
-    vectors.samples.iter().map(of).collect()
+        Self { rows: vectors.samples.iter().map(row).collect(), calls }
+    }
+}
+
+impl GivenCall {
+    /// What it takes of the numbers of a sample with this name.
+    fn arguments(&self, given: &str) -> String {
+        self.places.iter().map(|k| format!("{given}[{k}]")).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The one of an event that says whether it was.
+    fn ago(&self, given: &str) -> Option<String> {
+        self.places.last().filter(|_| self.is_event).map(|k| format!("{given}[{k}]"))
+    }
 }
 
 /// The largest expected size of each state.
@@ -64,7 +128,7 @@ pub(super) fn files(
     let arguments = interface.step.len() + interface.measured.len();
     let mut files = Vec::new();
     if let Some(vectors) = &request.vectors {
-        let given = taken(device, program, &interface, vectors);
+        let given = Given::of(device, program, &interface, request, vectors);
         let expected: Vec<Vec<f64>> = vectors.samples.iter().map(|sample| sample.expected.clone()).collect();
         let sizes = sizes(vectors, request.size());
         match language {
@@ -95,7 +159,7 @@ fn indexed(count: usize, of: &str) -> String {
     (0..count).map(|k| format!("{of}[{k}]")).collect::<Vec<_>>().join(", ")
 }
 
-type Vectors<'a> = (&'a [Vec<f64>], &'a [Vec<f64>], &'a [f64]);
+type Vectors<'a> = (&'a Given, &'a [Vec<f64>], &'a [f64]);
 
 fn self_test_in_c(
     request: &EmitRequest,
@@ -105,7 +169,17 @@ fn self_test_in_c(
 ) -> Result<Vec<(String, String)>, EmitError> {
     let name = &request.name;
     let upper = name.to_uppercase();
-    let (count, arguments, states) = (given.len(), given.first().map_or(0, Vec::len), request.size());
+    let (count, arguments, states) =
+        (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
+    let call = |call: &GivenCall| {
+        let (of, arguments) = (&call.of, call.arguments("GIVEN[k]"));
+        let arguments = if arguments.is_empty() { arguments } else { format!(", {arguments}") };
+        let where_it_was = call.ago("GIVEN[k]").map_or(String::new(), |ago| format!("{ago} >= 0.0F && "));
+        format!(
+            "        if ({where_it_was}!{name}_{of}(&filter{arguments})) {{\n            return 0;\n        }}\n"
+        )
+    };
+    let calls: String = given.calls.iter().map(call).collect();
     let header = format!(
         "{comment}#ifndef {upper}_SELF_TEST_H\n#define {upper}_SELF_TEST_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          /*\n * Runs the filter over {count} samples. 1 where every state stays within {tolerance:e} of what is expected, relative to its\n \
@@ -120,16 +194,16 @@ fn self_test_in_c(
          /* The states in SI that are expected behind each sample. */\nstatic const float EXPECTED[{count}][{states}] = {{\n{expected}}};\n\n\
          /* The largest expected size of each state. */\nstatic const float SIZE[{states}] = {{\n{sizes}}};\n\n\
          int {name}_self_test(float *worst)\n{{\n    {name}_t filter;\n    unsigned k, i;\n    *worst = 0.0F;\n    {name}_start(&filter);\n    \
-         for (k = 0; k < {count}U; k++) {{\n        if (!{name}_step(&filter, {call})) {{\n            return 0;\n        }}\n        \
+         for (k = 0; k < {count}U; k++) {{\n{calls}        \
          for (i = 0; i < {states}U; i++) {{\n            const float difference = {name}_value(&filter, i) - EXPECTED[k][i];\n            \
              const float error = (difference < 0.0F ? -difference : difference) / SIZE[i];\n            \
              if (!(error <= *worst)) {{\n                *worst = error;\n            }}\n        }}\n    }}\n    \
          return *worst <= {tolerance};\n}}\n",
         comment = c::comment(&interface.heading),
-        given = table(given, ['{', '}'], EmitLanguage::C)?,
+        given = table(&given.rows, ['{', '}'], EmitLanguage::C)?,
         expected = table(expected, ['{', '}'], EmitLanguage::C)?,
         sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::C)?.replace(" ,\n", "\n"),
-        call = indexed(arguments, "GIVEN[k]"),
+        calls = calls,
         tolerance = c::float(vectors.tolerance)?
     );
     Ok(vec![(format!("{name}_self_test.h"), header), (format!("{name}_self_test.c"), source)])
@@ -142,7 +216,16 @@ fn self_test_in_rust(
     vectors: &TestVectors,
 ) -> Result<(String, String), EmitError> {
     let name = &request.name;
-    let (count, arguments, states) = (given.len(), given.first().map_or(0, Vec::len), request.size());
+    let (count, arguments, states) =
+        (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
+    let call = |call: &GivenCall| {
+        let (of, arguments) = (&call.of, call.arguments("given"));
+        let where_it_was = call.ago("given").map_or(String::new(), |ago| format!("{ago} >= 0.0 && "));
+        format!(
+            "        if {where_it_was}!filter.{of}({arguments}) {{\n            return Err(f32::INFINITY);\n        }}\n"
+        )
+    };
+    let calls: String = given.calls.iter().map(call).collect();
     let text = format!(
         "{comment}\nuse super::{name}::Filter;\n\n\
          /// Inputs and measurements in SI.\nstatic GIVEN: [[f32; {arguments}]; {count}] = [\n{given}];\n\n\
@@ -150,17 +233,17 @@ fn self_test_in_rust(
          /// The largest expected size of each state.\nstatic SIZE: [f32; {states}] = [\n{sizes}];\n\n\
          /// Runs the filter over the samples. The largest difference from what is expected, relative to the largest expected size of\n\
          /// each state: in `Ok` where it is within {tolerance}.\npub fn self_test() -> Result<f32, f32> {{\n    \
-         let mut filter = Filter::new();\n    let mut worst = 0.0;\n    for (given, expected) in GIVEN.iter().zip(&EXPECTED) {{\n        \
-         if !filter.step({call}) {{\n            return Err(f32::INFINITY);\n        }}\n        \
+         let mut filter = Filter::new();\n    let mut worst = 0.0;\n    for (given, expected) in GIVEN.iter().zip(&EXPECTED) {{\n\
+         {calls}        \
          for ((value, expected), size) in filter.values().iter().zip(expected).zip(&SIZE) {{\n            \
          let difference = value - expected;\n            let error = (if difference < 0.0 {{ -difference }} else {{ difference }}) / size;\n            \
          if !(error <= worst) {{\n                worst = error;\n            }}\n        }}\n    }}\n    \
          if worst <= {tolerance} {{ Ok(worst) }} else {{ Err(worst) }}\n}}\n",
         comment = rust::comment(&interface.heading),
-        given = table(given, ['[', ']'], EmitLanguage::Rust)?,
+        given = table(&given.rows, ['[', ']'], EmitLanguage::Rust)?,
         expected = table(expected, ['[', ']'], EmitLanguage::Rust)?,
         sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::Rust)?.replace(" ,\n", "\n"),
-        call = indexed(arguments, "given"),
+        calls = calls,
         tolerance = rust::float(vectors.tolerance)?
     );
     Ok((format!("{name}_self_test.rs"), text))

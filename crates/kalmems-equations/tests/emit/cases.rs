@@ -355,7 +355,12 @@ impl Case {
                 "{}, sample {k}: {measured:?} at {x:?}",
                 request.name
             );
-            samples.push(TestSample { inputs, measured, expected: vec![] });
+            samples.push(TestSample {
+                inputs,
+                measured,
+                events: vec![None; request.events.len()],
+                expected: vec![],
+            });
         }
         let states = host::states(&self.device, request, &samples);
         let mut deviations = Vec::new();

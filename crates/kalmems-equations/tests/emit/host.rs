@@ -6,6 +6,8 @@ use std::cell::RefCell;
 
 /// Every how many samples the events of a request are said to happen.
 pub const EVENT_EVERY: usize = 400;
+/// How long before a sample they were, in intervals.
+pub const EVENT_AGO: f64 = 0.75;
 
 /// The states behind each sample, of which the inputs and measurements are given, and their standard deviations.
 pub fn states(device: &Device, request: &EmitRequest, samples: &[TestSample]) -> Vec<[Vec<f64>; 2]> {
@@ -112,6 +114,31 @@ impl<const N: usize> NumericMeasurement<f64, N, 1> for Sensor<'_> {
     }
 }
 
+/// The expression of an event some time before, as the state now says it by a step back.
+struct Then<'a> {
+    of: Sensor<'a>,
+    motion: Motion,
+    work: RefCell<Work>,
+    ago_s: f64,
+}
+
+impl<const N: usize> NumericMeasurement<f64, N, 1> for Then<'_> {
+    fn expected(&self, x: &[f64; N]) -> [f64; 1] {
+        self.linearized(x).0
+    }
+
+    fn linearized(&self, x: &[f64; N]) -> ([f64; 1], Mat<f64, 1, N>) {
+        let inputs = self.of.inputs.to_vec();
+        let inputs = [inputs.clone(), inputs.clone(), inputs];
+        let mut work = self.work.borrow_mut();
+        let (then, back) =
+            moved(&self.motion, &mut work, (x, &inputs), (StepMethod::RungeKutta, -self.ago_s));
+        let (value, slopes): ([f64; 1], Mat<f64, 1, N>) = self.of.linearized(&then.try_into().unwrap());
+        let slope = |j: usize| (0..N).map(|i| slopes.0[0][i] * back[i * N + j]).sum();
+        (value, Mat([std::array::from_fn(slope)]))
+    }
+}
+
 /// A covariance of the device's states with variances of the parameters behind.
 fn covariance<const N: usize>(states: &[f64], count: usize, behind: &[f64]) -> Covariance<f64, N> {
     let entry = |i: usize, j: usize| {
@@ -154,8 +181,14 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
     let measures = request.measures.iter();
     let mut sensors: Vec<Sensor<'_>> =
         measures.map(|m| sensor(device.readout(m.measure, &free).unwrap(), m.variance)).collect();
-    let mut events: Vec<Sensor<'_>> =
-        request.events.iter().map(|e| sensor(device.event(e.event, &free).unwrap(), e.variance)).collect();
+    let then = |of: Sensor<'static>| {
+        let motion = device.motion(&free).unwrap();
+        let work = RefCell::new(motion.work(&request.parameters));
+        Then { of, motion, work, ago_s: EVENT_AGO * request.interval_s }
+    };
+    let events = request.events.iter().map(|e| (device.event(e.event, &free).unwrap(), e.variance));
+    let mut events: Vec<Then<'_>> =
+        events.map(|(readout, variance)| then(sensor(readout, variance))).collect();
     let mut states = Vec::with_capacity(samples.len());
     for (k, sample) in samples.iter().enumerate() {
         filter.predict(&process, &k).unwrap();
@@ -170,7 +203,7 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
         }
         if (k + 1) % EVENT_EVERY == 0 {
             for event in &mut events {
-                event.inputs = &sample.inputs[2];
+                event.of.inputs = &sample.inputs[2];
                 filter.update(event, &[0.0], &Covariance::from_variances([1.0])).unwrap();
             }
         }

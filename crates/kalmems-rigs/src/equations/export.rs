@@ -1,21 +1,24 @@
 //! A filter of a device of one's own as source code for a microcontroller.
 
 use super::course::{Channel, EquationSegment};
-use super::model::noises;
-use super::segment::OneFilter;
+use super::events::{EventSettings, EventSource, EventUse};
+use super::model::{EquationModel, noises};
+use super::segment::{OneFilter, at_rest};
 use super::settings::{FilterSettings, OwnDevice, Settings};
 use super::table::refused;
+use super::told::{EventTimes, Found};
 use super::{Columns, names};
 use crate::Rig;
 use crate::config::{Experiment, Fault, Key, Method};
 use crate::estimate::driven::Drive;
-use crate::estimate::{FilterPast, Samples, Tracked};
+use crate::estimate::{AnyFilter, FilterPast, GainOf, Known, Samples, Sensor, Tracked, Transition};
 use crate::export::{ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
 use crate::progress::Silent;
 use crate::recording::Recording;
+use crate::units::kind;
 use kalmems_equations::{
-    EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod, TestSample,
-    TestVectors,
+    EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod,
+    TestSample, TestVectors,
 };
 
 /// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
@@ -35,9 +38,11 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
     let method = match filter.basics.method {
         Method::Ekf => StepMethod::RungeKutta,
         Method::EulerEkf => StepMethod::Euler,
+        Method::SteadyState | Method::Luenberger => StepMethod::RungeKutta,
         _ => {
             return refuse(
-                "of a device that is described by equations, the methods `ekf` and `euler_ekf` can be exported",
+                "of a device that is described by equations, the methods `ekf`, `euler_ekf`, `steady_state` and `luenberger` can be \
+                 exported",
             );
         }
     };
@@ -81,6 +86,12 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         (0..states).flat_map(|i| (0..states).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
     };
     let measures = measures(experiment, (own, filter), interval_s)?;
+    let events = events(&settings, filter)?;
+    let gain = match (filter.basics.gain(), measures.as_slice()) {
+        (None, _) => EmitGain::Covariance,
+        (Some(gain), [measure]) => settled((own, filter, model), gain, *measure, interval_s)?,
+        (Some(_), _) => return refuse("its gain is that of one measurement; name it in `channels`"),
+    };
     let emitted = EmitRequest {
         heading,
         interval_s: each_s,
@@ -99,13 +110,13 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
             .collect(),
         vectors: match &recording {
             Some(recording) if request.samples > 0 => {
-                Some(vectors(experiment, (own, filter), recording, &measures, request.samples)?)
+                Some(vectors(experiment, (&settings, filter), recording, &measures, request.samples)?)
             }
             _ => None,
         },
         measures,
-        events: Vec::new(),
-        gain: EmitGain::Covariance,
+        events,
+        gain,
         name,
     };
     let language = match request.target {
@@ -171,6 +182,52 @@ fn measures(
     all.into_iter().map(of).collect()
 }
 
+/// The events that correct the filter.
+fn events(settings: &Settings, filter: &FilterSettings) -> Result<Vec<EmitEvent>, ExportError> {
+    let of = |used: &EventUse| {
+        let event = &settings.events[used.event];
+        let refuse = |why: &str| {
+            let why = format!("of the event `{}`, {why}", event.name);
+            Err(ExportError::Filter { filter: filter.basics.name.clone(), why })
+        };
+        if matches!(event.source, EventSource::Signal { .. }) {
+            return refuse(
+                "the detector is not part of the source; leave `signal` out of `[estimate.events]`, and the source is told of it by its \
+                 caller",
+            );
+        }
+        if used.gate_nis.is_finite() {
+            return refuse("the source believes every one; leave `gate` out");
+        }
+        let own = (event.time_variance == 0.0).then_some(event.variance);
+        match used.variance.or(own) {
+            Some(variance) => Ok(EmitEvent { event: event.event, variance }),
+            None => refuse(
+                "the standard deviation hangs on the rate of its expression in each sample; give the filter a constant one by `sd`",
+            ),
+        }
+    };
+    filter.events.iter().map(of).collect()
+}
+
+/// The constant gain of a filter, in SI.
+fn settled(
+    (own, filter, model): (&OwnDevice, &FilterSettings, &EquationModel),
+    gain: GainOf,
+    EmitMeasure { measure, variance }: EmitMeasure,
+    interval_s: f64,
+) -> Result<EmitGain, ExportError> {
+    let known = filter.known();
+    let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
+        AnyFilter::constant_gain_of((gain, interval_s), (rest, &known), (step, sensor, variance))
+    };
+    let mut gain = at_rest(own, model, (measure, interval_s), made)
+        .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why })?;
+    let parameters = gain.iter_mut().skip(own.device.states().len());
+    parameters.zip(filter.basics.parameters()).for_each(|(gain, tracked)| *gain *= tracked.added.scale);
+    Ok(EmitGain::Settled(vec![gain]))
+}
+
 /// The first recording, where there is one, and the interval in s between samples.
 fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Recording>, f64), ExportError> {
     if let Some(interval_s) = request.interval_s {
@@ -200,13 +257,15 @@ fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Record
 /// are those behind it.
 fn vectors(
     experiment: &Experiment,
-    (own, filter): (&OwnDevice, &FilterSettings),
+    (settings, filter): (&Settings, &FilterSettings),
     recording: &Recording,
     measures: &[EmitMeasure],
     count: usize,
 ) -> Result<TestVectors, ExportError> {
+    let own = &settings.own;
     let file = || recording.source().file.clone();
-    let Columns { inputs, measured, .. } = Columns::of(experiment, 0)?;
+    let columns = Columns::of(experiment, 0)?;
+    let Columns { inputs, measured, .. } = &columns;
     let Some(segment) = recording.segments().first() else {
         return Err(ExportError::NoInterval { file: file() });
     };
@@ -232,6 +291,20 @@ fn vectors(
         }
         signals.push((*measure, signal));
     }
+    let mut ago: Vec<Vec<Option<f64>>> = Vec::new();
+    for event in &settings.events {
+        let column = columns.events.iter().find(|(place, _)| *place == event.event);
+        let values = column.map(|(_, column)| recording.column_of(column, &kind::TIME)).transpose()?;
+        let values = values.map_or(Vec::new(), |values| values.of(segment).to_vec());
+        // The first row is where the filter starts.
+        let known = |(row, ago_s): (usize, f64)| Some(ago_s).filter(|ago_s| row > 0 && ago_s.is_finite());
+        ago.push(values.into_iter().enumerate().map(known).collect());
+    }
+    let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
+        let rows = rows.iter().take(count + 1).enumerate();
+        let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
+        EventTimes { settings: *event, found: Found::Recorded(told) }
+    };
     let whole = |k: &usize| {
         let finite = |values: &[f64]| values.get(*k).is_some_and(|value| value.is_finite());
         volts.iter().all(|values| finite(values))
@@ -246,7 +319,7 @@ fn vectors(
     let data = EquationSegment {
         time_s: &time_s[..=count],
         inputs: drives,
-        events: Vec::new(),
+        events: settings.events.iter().zip(&ago).map(happened).collect(),
         channels: signals
             .iter()
             .map(|(measure, signal)| Channel {
@@ -284,6 +357,7 @@ fn vectors(
                 nodes.iter().map(|n| n.end).collect(),
             ],
             measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
+            events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
             expected: expected(k),
         }
     };

@@ -13,7 +13,7 @@ use crate::crossings::Needed;
 use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
 use crate::estimate::{
     AnyFilter, Around, Axis, Course, EstimateError, FilterPast, Known, Motion, Part, Past, SegmentEstimate,
-    SignalSegment, Trajectory, answers_of_bank, follow,
+    Sensor, SignalSegment, Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Nodes;
@@ -197,17 +197,28 @@ impl OneFilter<'_> {
         let basics = &self.filter.basics;
         let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.filter.known())) };
         let interval_s = self.data.samples.interval_s;
-        let interval = model.over(interval_s);
-        let inputs = vec![0.0; self.data.inputs.len()];
-        let rest = Known::apart(self.own.rest.iter().map(|at| (*at, 0.0)));
-        let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);
         let Some(channel) = channels.first().and_then(|place| self.data.channels.get(*place)) else {
             return Err(basics.no_gain(&"it has no channel"));
         };
-        let sensor = model.sensor(channel.measure, &inputs);
         let known = left.unwrap_or_else(|| self.filter.known());
-        let point = (&step as _, &sensor as _, channel.variance);
-        AnyFilter::of_constant_gain((gain, interval_s), (&rest, &known), point)
-            .map_err(|why| basics.no_gain(&why))
+        let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
+            let point = (step, sensor, channel.variance);
+            AnyFilter::of_constant_gain((gain, interval_s), (rest, &known), point)
+        };
+        at_rest(self.own, model, (channel.measure, interval_s), made).map_err(|why| basics.no_gain(&why))
     }
+}
+
+/// What is made of a model at rest under no input: of where that is, of the step over an interval in s, and of a measurement.
+pub fn at_rest<R>(
+    own: &OwnDevice,
+    model: &EquationModel,
+    (measure, interval_s): (usize, f64),
+    made: impl FnOnce(&Known, &dyn Transition, &dyn Sensor) -> R,
+) -> R {
+    let interval = model.over(interval_s);
+    let inputs = vec![0.0; own.device.inputs().len()];
+    let rest = Known::apart(own.rest.iter().map(|at| (*at, 0.0)));
+    let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);
+    made(&rest, &step, &model.sensor(measure, &inputs))
 }

@@ -74,11 +74,14 @@ pub(super) fn header(
     for (place, update) in program.updates.iter().enumerate() {
         let is_event = place >= request.measures.len();
         let what = if is_event {
-            "Corrects where the event happened: its expression was zero.".to_owned()
+            format!(
+                "Corrects by an event {} s before the sample, where its expression was zero.",
+                program.names.measured(place)
+            )
         } else {
             format!("Corrects by a measurement in {}.", interface.unit_of(place))
         };
-        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let measured = [program.names.measured(place)];
         let _ = write!(
             text,
             "/* {what} 1 where it was taken; 0 where it is refused, and nothing has changed. */\n\

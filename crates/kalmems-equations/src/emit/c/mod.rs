@@ -193,8 +193,7 @@ fn source(
         };
     core(&program.predict, "predict", &interface.predict, &[])?;
     for (place, update) in program.updates.iter().enumerate() {
-        let measured =
-            if place < request.measures.len() { vec![program.names.measured(place)] } else { vec![] };
+        let measured = [program.names.measured(place)];
         let inputs = Interface::inputs_of(device, program, update);
         core(update, &format!("update_{}", program.names.measure(place)), &inputs, &measured)?;
     }

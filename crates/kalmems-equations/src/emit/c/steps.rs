@@ -119,7 +119,7 @@ fn steps(
     for (place, update) in program.updates.iter().enumerate() {
         let inputs = Interface::inputs_of(device, program, update);
         let is_event = place >= request.measures.len();
-        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let measured = [program.names.measured(place)];
         let of = format!("update_{}", program.names.measure(place));
         let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
         let one = call(update, &of, &arguments);

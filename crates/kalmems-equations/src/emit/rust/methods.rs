@@ -130,11 +130,14 @@ fn steps(
     for (place, update) in program.updates.iter().enumerate() {
         let inputs = Interface::inputs_of(device, program, update);
         let is_event = place >= request.measures.len();
-        let (measured, what) = if is_event {
-            (vec![], "Corrects where the event happened: its expression was zero.".to_owned())
+        let measured = [program.names.measured(place)];
+        let what = if is_event {
+            format!(
+                "Corrects by an event `{}` s before the sample, where its expression was zero.",
+                measured[0]
+            )
         } else {
-            let what = format!("Corrects by a measurement in {}.", interface.unit_of(place));
-            (vec![program.names.measured(place)], what)
+            format!("Corrects by a measurement in {}.", interface.unit_of(place))
         };
         let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
         let of = format!("update_{}", program.names.measure(place));

@@ -151,8 +151,7 @@ pub(super) fn files(
     }
     core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.predict, &[]))?;
     for (place, update) in program.updates.iter().enumerate() {
-        let is_event = place >= request.measures.len();
-        let measured = if is_event { vec![] } else { vec![program.names.measured(place)] };
+        let measured = [program.names.measured(place)];
         let inputs = Interface::inputs_of(device, program, update);
         let of = format!("update_{}", program.names.measure(place));
         core(&mut text, program, &interface, (update, &of), (&inputs, &measured))?;
