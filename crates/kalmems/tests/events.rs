@@ -368,7 +368,7 @@ fn simulated_passes(seed: u64, noise: bool) -> Vec<f64> {
 fn a_simulation_records_events_at_their_own_times_with_the_noise_that_is_stated() {
     let up = (PLACE / AMPLITUDE).asin();
     let truth = |k: usize| {
-        let at = if k % 2 == 0 { up } else { std::f64::consts::PI - up };
+        let at = if k.is_multiple_of(2) { up } else { std::f64::consts::PI - up };
         (at + TAU * (k / 2) as f64) / RATE
     };
     let quiet = simulated_passes(1, false);
@@ -411,8 +411,11 @@ fn simulated_scanners(noise: bool, filters: &[(&str, &str, &str)]) -> [Experimen
     [rig, equations]
 }
 
-/// Times, and what is recorded and true then, of a simulation.
-fn simulated(experiment: &Experiment) -> Vec<(f64, Vec<f64>, f64)> {
+/// A time, and what is recorded and true then.
+type Row = (f64, Vec<f64>, f64);
+
+/// The rows of a simulation.
+fn simulated(experiment: &Experiment) -> Vec<Row> {
     let simulation = published().rig(experiment).unwrap().simulate(experiment).unwrap();
     let mut rows = Vec::new();
     let each = &mut |sample: &kalmems::simulate::Sample<'_>| {
@@ -428,8 +431,7 @@ fn an_expanded_threshold_scanner_is_simulated_as_by_its_rig_and_tells_when_it_cr
     let [rig, text] =
         simulated_scanners(false, &[("told", "ekf", TOLD)]).map(|experiment| simulated(&experiment));
     assert_eq!(rig.len(), text.len());
-    let size =
-        |of: &dyn Fn(&(f64, Vec<f64>, f64)) -> f64| rig.iter().map(of).fold(0.0_f64, |a, b| a.max(b.abs()));
+    let size = |of: &dyn Fn(&Row) -> f64| rig.iter().map(of).fold(0.0_f64, |a, b| a.max(b.abs()));
     let (signal, angle) = (size(&|row| row.1[1]), size(&|row| row.2));
     let (mut told, mut passes, mut worst) = (0, Vec::new(), [0.0_f64; 2]);
     for (k, (rig_row, text_row)) in rig.iter().zip(&text).enumerate() {

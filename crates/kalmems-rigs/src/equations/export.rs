@@ -36,9 +36,8 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
     let method = match filter.basics.method {
-        Method::Ekf => StepMethod::RungeKutta,
+        Method::Ekf | Method::SteadyState | Method::Luenberger => StepMethod::RungeKutta,
         Method::EulerEkf => StepMethod::Euler,
-        Method::SteadyState | Method::Luenberger => StepMethod::RungeKutta,
         _ => {
             return refuse(
                 "of a device that is described by equations, the methods `ekf`, `euler_ekf`, `steady_state` and `luenberger` can be \
