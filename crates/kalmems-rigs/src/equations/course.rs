@@ -1,9 +1,9 @@
 //! A device of one's own on its way through one segment.
 
+use super::event_sensor::{EventSensor, WayBack};
+use super::event_times::{EventMeasurement, EventTimes, told};
 use super::events::EventUse;
-use super::happened::{Happened, WayBack};
 use super::model::{EquationModel, Interval};
-use super::told::{EventTimes, Told, told};
 use crate::estimate::driven::Drive;
 use crate::estimate::{Bridge, Counts, Course, Filtering, Samples, Trajectory, by_signals};
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -55,7 +55,7 @@ pub struct EquationCourse<'a> {
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
     nodes: [Vec<f64>; 3],
     /// What happened, by the row at which the filter is told or judged, and the way back to it.
-    told: Vec<(usize, Told)>,
+    told: Vec<(usize, EventMeasurement)>,
     way: WayBack,
     log_likelihood: f64,
 }
@@ -94,7 +94,7 @@ impl<'a> EquationCourse<'a> {
         for (_, told) in here {
             let rows = (self.data.time_s, k, told.time_s);
             self.way.to(rows, (model.pace(), interval_s), &self.data.inputs);
-            let then = Happened { model, event: told.event, way: &self.way };
+            let then = EventSensor { model, event: told.event, way: &self.way };
             let variance = told.variance.unwrap_or_else(|| {
                 let [of_time, own] = told.variances;
                 then.rate(filter.mean()).powi(2) * of_time + own

@@ -1,12 +1,12 @@
 //! A filter of a device of one's own as source code for a microcontroller.
 
 use super::course::{Channel, EquationSegment};
+use super::event_times::{EventTimes, Found};
 use super::events::{EventSettings, EventSource, EventUse};
 use super::model::{EquationModel, noises};
 use super::segment::{OneFilter, at_rest};
 use super::settings::{FilterSettings, OwnDevice, Settings};
 use super::table::refused;
-use super::told::{EventTimes, Found};
 use super::{Columns, names};
 use crate::Rig;
 use crate::config::{Experiment, Fault, Key, Method};

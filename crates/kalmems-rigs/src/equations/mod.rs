@@ -2,10 +2,11 @@
 
 mod course;
 mod curve;
+mod event_search;
+mod event_sensor;
+mod event_times;
 mod events;
 mod export;
-mod happened;
-mod kept;
 mod model;
 mod names;
 mod number;
@@ -13,11 +14,10 @@ mod ordered;
 mod outlook;
 mod segment;
 mod settings;
+mod simulated_event;
 mod simulation;
 mod table;
-mod told;
 mod visibility;
-mod watched;
 
 pub use table::EquationsTable;
 

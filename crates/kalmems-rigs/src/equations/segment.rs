@@ -2,7 +2,7 @@
 
 use super::Columns;
 use super::course::{Channel, EquationCourse, EquationSegment};
-use super::kept::KeptEvents;
+use super::event_search::EventSearches;
 use super::model::{EquationModel, noises, steps_over};
 use super::names;
 use super::settings::{FilterSettings, OwnDevice, Settings};
@@ -103,7 +103,7 @@ impl Estimator for EquationEstimator<'_> {
             Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
             None => Motion { frequency_hz: natural_hz, is_driven: false },
         };
-        let mut kept = KeptEvents::of(settings, &variances, &segment, past)?;
+        let mut kept = EventSearches::of(settings, &variances, &segment, past)?;
         kept.look(settings, &self.columns, &segment)?;
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
         let said = events.iter().flat_map(|event| event.said(&segment.fresh, segment.ends));

@@ -3,8 +3,8 @@
 use super::model::{noises, steps_over};
 use super::names;
 use super::settings::OwnDevice;
+use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
-use super::watched::{Watched, recorded_events};
 use crate::config::{Experiment, Fault, Simulate};
 use crate::recording::Source;
 use crate::simulate::{Channel, Converter, Drive, Sample, SimulateError, Simulation, WhiteNoise, drive_of};
@@ -134,7 +134,7 @@ impl Simulation for EquationSimulation {
         let mut watched = Vec::new();
         for ((event, variances), noise) in self.events.iter().zip(of_events) {
             let noise = simulate.noise.then_some(noise);
-            let watch = Watched::of(&own.device, *event, &own.values, (*variances, noise));
+            let watch = SimulatedEvent::of(&own.device, *event, &own.values, (*variances, noise));
             watched.push(watch.map_err(too_large)?);
         }
         let converter = simulate.adc.as_ref().map(Converter::of);

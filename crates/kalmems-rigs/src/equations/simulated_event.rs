@@ -20,7 +20,7 @@ pub fn recorded_events(own: &OwnDevice) -> Result<Vec<(usize, [f64; 2])>, Equati
 }
 
 /// An event on the way of a simulation.
-pub struct Watched {
+pub struct SimulatedEvent {
     readout: Readout,
     work: Work,
     variances: [f64; 2],
@@ -34,7 +34,7 @@ pub struct Watched {
 /// Halvings by which a zero between two steps is found: to the last bit of the step.
 const HALVINGS: usize = 60;
 
-impl Watched {
+impl SimulatedEvent {
     /// The event at this place, with these variances of its time and its expression, and what its noise is made of, where there is any.
     pub fn of(
         device: &Device,

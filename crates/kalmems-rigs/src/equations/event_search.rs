@@ -1,17 +1,17 @@
 //! What is kept of the events of a segment from one part to the next, and when they happened in a part.
 
 use super::Columns;
+use super::event_times::{EventTimes, Found};
 use super::events::{EventSettings, EventSource};
 use super::names;
 use super::settings::Settings;
-use super::told::{EventTimes, Found};
 use crate::config::{Experiment, Fault, Key};
 use crate::crossings::{Kept, Needed, Sought};
 use crate::estimate::{EstimateError, Past, SignalSegment};
 use crate::units::kind;
 
 /// The searches for the events that a signal shows, in the order of the settings; none for one that is recorded.
-pub struct KeptEvents(Vec<Option<Kept>>);
+pub struct EventSearches(Vec<Option<Kept>>);
 
 impl Settings {
     /// The rows that events need around the new ones in a recording of this interval in s.
@@ -26,7 +26,7 @@ impl Settings {
     }
 }
 
-impl KeptEvents {
+impl EventSearches {
     /// As the part before left them, or another run, or at the beginning of a segment; `variances` are those of a sample of each
     /// measurement.
     pub fn of(

@@ -58,7 +58,7 @@ impl WayBack {
 /// The expression of an event at its time, as a function of the present state: the motion is taken back to it.
 ///
 /// States that the event does not hang on stay as they are on the way back: a fast pole behind the motion would grow without bound.
-pub struct Happened<'a> {
+pub struct EventSensor<'a> {
     /// The equations.
     pub model: &'a EquationModel,
     /// The event, by its place among those of the model.
@@ -70,7 +70,7 @@ pub struct Happened<'a> {
 /// The largest matrix of derivatives.
 type Square = [f64; MOST_STATES * MOST_STATES];
 
-impl Happened<'_> {
+impl EventSensor<'_> {
     /// How fast the expression grows at the time of the event, per s, for this present state.
     pub fn rate(&self, x: &[f64]) -> f64 {
         let mut slopes = [0.0; MOST_STATES];
@@ -113,7 +113,7 @@ impl Happened<'_> {
     }
 }
 
-impl Sensor for Happened<'_> {
+impl Sensor for EventSensor<'_> {
     fn read(&self, x: &[f64]) -> f64 {
         let then = self.then(x, &mut []);
         let inputs = self.way.at(2 * self.way.steps);

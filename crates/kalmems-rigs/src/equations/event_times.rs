@@ -24,7 +24,7 @@ pub enum Found<'a> {
 
 /// An event as a filter is told of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Told {
+pub struct EventMeasurement {
     /// Its place among those of the device.
     pub event: usize,
     /// When it happened, in s.
@@ -43,10 +43,10 @@ impl EventTimes<'_> {
         &self,
         used: Option<&EventUse>,
         (time_s, interval_s): (&[f64], f64),
-        told: &mut Vec<(usize, Told)>,
+        told: &mut Vec<(usize, EventMeasurement)>,
     ) {
         let settings = &self.settings;
-        let one = |time_s: f64, variance: f64| Told {
+        let one = |time_s: f64, variance: f64| EventMeasurement {
             event: settings.event,
             time_s,
             variances: [variance + settings.time_variance, settings.variance],
@@ -95,7 +95,7 @@ pub fn told(
     events: &[EventTimes<'_>],
     uses: &[EventUse],
     (time_s, interval_s): (&[f64], f64),
-) -> Vec<(usize, Told)> {
+) -> Vec<(usize, EventMeasurement)> {
     let mut told = Vec::new();
     for (place, event) in events.iter().enumerate() {
         let used = uses.iter().find(|used| used.event == place);
