@@ -69,7 +69,7 @@ pub use emit::{
 };
 pub use energy::{EnergyCheck, Power};
 pub use error::{EquationError, Fault, Notice};
-pub use modes::{Mode, modes};
+pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion};
 pub use program::Work;
 pub use readout::Readout;

@@ -96,6 +96,68 @@ impl Div for Complex {
     }
 }
 
+/// The shape of a mode of a square matrix, row by row: real and imaginary part of the v with A·v = λ·v whose largest entry is 1.
+/// `None` for what is not finite.
+///
+/// By inverse iteration (Wilkinson, chapter 9): two solutions with a matrix that is singular but for a shift by rounding. Where an
+/// eigenvalue is a multiple one, it is one of the shapes.
+pub fn shape(matrix: &[f64], size: usize, mode: &Mode) -> Option<[Vec<f64>; 2]> {
+    const SHIFT: f64 = 1e-10;
+    if size == 0 || matrix.len() != size * size || !matrix.iter().all(|entry| entry.is_finite()) {
+        return None;
+    }
+    let shift = Complex(mode.growth, mode.rate) + Complex(SHIFT * mode.size().max(f64::MIN_POSITIVE), 0.0);
+    let mut v = vec![Complex(1.0, 0.0); size];
+    for _ in 0..3 {
+        let shifted = |i: usize, j: usize| {
+            let entry = Complex(matrix[i * size + j], 0.0);
+            if i == j { entry - shift } else { entry }
+        };
+        let mut rows: Vec<Vec<Complex>> =
+            (0..size).map(|i| (0..size).map(|j| shifted(i, j)).chain([v[i]]).collect()).collect();
+        v = solved(&mut rows)?;
+        let largest = v.iter().copied().reduce(|a, b| if b.size() > a.size() { b } else { a })?;
+        for entry in &mut v {
+            *entry = *entry / largest;
+        }
+        if !v.iter().all(|entry| entry.0.is_finite() && entry.1.is_finite()) {
+            return None;
+        }
+    }
+    Some([v.iter().map(|entry| entry.0).collect(), v.iter().map(|entry| entry.1).collect()])
+}
+
+/// The solution of rows of a system with its right side behind them, by elimination with row pivots.
+fn solved(rows: &mut [Vec<Complex>]) -> Option<Vec<Complex>> {
+    let size = rows.len();
+    for column in 0..size {
+        // The largest pivot for the size of its row.
+        let of = |row: &Vec<Complex>| {
+            let most = row[..size].iter().fold(0.0_f64, |most, entry| most.max(entry.size()));
+            if most > 0.0 { row[column].size() / most } else { 0.0 }
+        };
+        let pivot = (column..size).max_by(|a, b| of(&rows[*a]).total_cmp(&of(&rows[*b])))?;
+        rows.swap(column, pivot);
+        let (above, below) = rows.split_at_mut(column + 1);
+        let row = &above[column];
+        if row[column].size() == 0.0 {
+            return None;
+        }
+        for other in below {
+            let factor = other[column] / row[column];
+            for j in column..=size {
+                other[j] = other[j] - factor * row[j];
+            }
+        }
+    }
+    let mut x = vec![Complex::ZERO; size];
+    for i in (0..size).rev() {
+        let known = (i + 1..size).fold(rows[i][size], |left, j| left - rows[i][j] * x[j]);
+        x[i] = known / rows[i][i];
+    }
+    Some(x)
+}
+
 /// Steps for one eigenvalue at most; a handful is usual.
 const MOST_STEPS: usize = 200;
 

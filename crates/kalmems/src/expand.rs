@@ -79,6 +79,7 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
     let mut removed: Vec<&str> =
         OF_ESTIMATE.into_iter().filter(|key| estimate.remove(*key).is_some()).collect();
     rename_noise(estimate, expansion);
+    let mut found = false;
     if let Some(Value::Array(filters)) = estimate.get_mut("filter") {
         for (index, filter) in filters.iter_mut().filter_map(Value::as_table_mut).enumerate() {
             removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
@@ -86,11 +87,19 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
             if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
                 filter.insert("events".to_owned(), Value::Table(events.clone()));
             }
+            let from_signal = filter.get("start").and_then(Value::as_str).is_some();
+            // There it would say how far from rest the device is, and not how well its rig finds the start.
+            found |= from_signal && filter.remove("start_sd").is_some();
         }
     }
     if !expansion.events.is_empty() {
         estimate.insert("events".to_owned(), Value::Table(expansion.events.clone()));
         removed.retain(|key| !AS_EVENTS.contains(key));
+    }
+    if found {
+        notes.push(
+            "A start from the signal says itself how good it is: `start_sd` was left out with `start = \"from_signal\"`.".to_owned(),
+        );
     }
     removed.sort_unstable();
     removed.dedup();

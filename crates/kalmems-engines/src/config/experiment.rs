@@ -1,6 +1,7 @@
 //! The whole file.
 
 use super::device::DeviceTable;
+use super::inputs::InputSource;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
@@ -165,8 +166,16 @@ impl Experiment {
                 reference.move_file(place);
             }
         }
-        if let Some(Simulate { drive: DriveSource::Recorded(recorded), .. }) = &mut moved.simulate {
-            recorded.file = place(&recorded.file);
+        match moved.simulate.as_mut().map(|simulate| &mut simulate.drive) {
+            Some(DriveSource::Recorded(recorded)) => recorded.file = place(&recorded.file),
+            Some(DriveSource::Inputs(inputs)) => {
+                for source in inputs.values_mut() {
+                    if let InputSource::Recorded(recorded) = source {
+                        recorded.file = place(&recorded.file);
+                    }
+                }
+            }
+            _ => {}
         }
         moved.device.move_files(place);
         moved

@@ -25,11 +25,13 @@ pub struct Filter {
     #[schemars(example = &"ekf")]
     pub method: Method,
     /// The first mean of each state, or the word `from_signal`: the filter then starts from the amplitude and phase
-    /// that the first cycles of the signal show. Not for `lock_in`, which has no start.
+    /// that the first cycles of the signal show; one of a device that equations describe from the states by which its first samples
+    /// are likeliest. Not for `lock_in`, which has no start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
     /// The first standard deviation of each state, such as `{ angle = "0.15 rad", rate = "15e3 rad/s" }`. Not for
-    /// `model` and `lock_in`, which claim none.
+    /// `model` and `lock_in`, which claim none. Of a device that equations describe, with a start from the signal: how far from rest a
+    /// state may be, where that is known.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     #[schemars(example = start_sd())]
     pub start_sd: Values,

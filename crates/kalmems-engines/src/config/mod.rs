@@ -26,6 +26,7 @@ mod format;
 mod gaps;
 mod hybrid;
 mod identify;
+mod inputs;
 mod key;
 pub mod kinds;
 mod name;
@@ -57,6 +58,10 @@ pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
 pub use hybrid::{Applied, Threshold, Timing, Variant};
 pub use identify::{FeedthroughBy, Identify, Trusted};
+pub use inputs::{
+    ChannelAdc, ConstantInput, InputSource, InputSources, InputStep, InputTone, RingDownInput,
+    SimulatedChannel, SineInput, SquareInput, StepsInput, SweepInput, TonesInput,
+};
 pub use key::Key;
 pub use key::Step;
 pub use name::Name;

@@ -3,6 +3,7 @@
 use super::Clock;
 use super::column::FileColumns;
 use super::format::FileFormat;
+use super::inputs::{InputSources, SimulatedChannel};
 use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
@@ -13,6 +14,7 @@ use crate::recording::Layout;
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A recording that is computed instead of taken. Which states there are, the rig knows.
@@ -41,6 +43,9 @@ pub struct Simulate {
     /// A converter that rounds the signal; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adc: Option<Adc>,
+    /// How the measurements of a device that equations describe are recorded, by their names; each row, and as they are, if left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub channels: BTreeMap<String, SimulatedChannel>,
     /// What is added to the feedback of an accelerometer, so that its parameters can be identified; nothing if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dither: Option<Dither>,
@@ -146,6 +151,8 @@ pub enum DriveSource {
     Acceleration(AccelerationDrive),
     /// None: the motion is what `start` says, with constant rates.
     Prescribed(PrescribedMotion),
+    /// Each input of a device that equations describe by itself, such as `[simulate.drive.inputs.force.sine]`.
+    Inputs(InputSources),
 }
 
 /// What a prescribed motion has beside its start.
@@ -260,9 +267,9 @@ pub struct RecordedDrive {
 }
 
 impl RecordedDrive {
-    /// How to read its file.
-    pub fn layout(&self) -> Layout {
-        let columns = vec![("column", &self.column, Some("V"))];
+    /// How to read its file, where a column that states no unit would usually be in this one.
+    pub fn layout(&self, usual_unit: &'static str) -> Layout {
+        let columns = vec![("column", &self.column, Some(usual_unit))];
         FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
             .layout(None)
     }
@@ -342,7 +349,7 @@ const SETTLED: f64 = 20.0;
 
 impl CutOff {
     /// What is wrong with one of its keys.
-    fn check(&self) -> Result<(), (&'static str, String)> {
+    pub(crate) fn check(&self) -> Result<(), (&'static str, String)> {
         let transient = self.transient.si();
         let Some(lasting) = &self.lasting else {
             return match &self.every {
@@ -495,7 +502,7 @@ fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     u64::try_from(number).map_err(|_| D::Error::custom(format!("`{number}` is below 0; write `0` or more")))
 }
 
-fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+pub(super) fn bits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
     let number = i64::deserialize(deserializer)?;
     u32::try_from(number)
         .ok()

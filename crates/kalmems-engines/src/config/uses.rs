@@ -19,6 +19,8 @@ pub struct Uses {
     pub acceleration: bool,
     /// The dither of a simulation, which is added to a feedback.
     pub feedback: bool,
+    /// The `channels` of a simulation: its measurements have names of their own.
+    pub simulated_channels: bool,
 }
 
 impl Uses {
@@ -62,6 +64,12 @@ impl Uses {
             let why = "a dither is added to the feedback of a device, and there is none; leave it out, or describe a feedback \
                        in the device's table";
             return refuse(Key::from("simulate.dither"), why);
+        }
+        let named = experiment.simulate.as_ref().is_some_and(|simulate| !simulate.channels.is_empty());
+        if named && !self.simulated_channels {
+            let why = "it is for a device that equations describe; leave it out, or write the device as equations \
+                       (`kalmems expand`)";
+            return refuse(Key::from("simulate.channels"), why);
         }
         Ok(())
     }

@@ -390,6 +390,7 @@ impl<const N: usize> Followed<N> {
             self.entry.clone_from(filter);
         }
         let before = self.errors.is_following().then(|| filter.gaussian().covariance);
+        let for_start = trajectory.counts.for_start;
         match course.correct(filter, first + k, &mut trajectory.counts)? {
             Some(innovation) => {
                 trajectory.innovation[k] = innovation.residual[0];
@@ -398,6 +399,7 @@ impl<const N: usize> Followed<N> {
                 trajectory.log_likelihood[k] = innovation.log_likelihood();
                 trajectory.counts.updates += usize::from(innovation.taken);
             }
+            None if trajectory.counts.for_start > for_start => {}
             None => trajectory.counts.without_signal += 1,
         }
         for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {

@@ -5,6 +5,7 @@
 mod answers;
 mod any_filter;
 mod bank;
+mod batch_start;
 mod bridge;
 mod considered;
 mod constant_gain;
@@ -31,6 +32,7 @@ mod transition;
 pub use answers::{Samples, answers, follow};
 pub use any_filter::{AnyFilter, FilterKind, Known, MOST_STATES, StateFilter, butterworth};
 pub use bank::{MOST_MODELS, answers_of_bank};
+pub use batch_start::{BatchStart, NoBatchStart, Prior, StartSearch, batch_start};
 pub use bridge::{Bridge, MOST_STEPS};
 pub use considered::Contribution;
 pub(crate) use considered::Learnt;
@@ -49,7 +51,7 @@ pub(crate) use past::Bits;
 pub use past::{FilterPast, Past, PastState, Slot};
 pub use segments::{Axis, Crossing, Passed, SegmentEstimate, SignalSegment};
 pub use stretches::{LeftOut, StretchJudge, StretchSummary};
-pub use taken_over::TakenOver;
+pub use taken_over::{TakenOver, TakenOverTo};
 pub use tracked::{Parameter, Tracked};
 pub use trajectory::{
     Consistency, Counts, Failure, FurtherSignal, ParameterCorrelation, StateSeries, TrackedPrior, Trajectory,

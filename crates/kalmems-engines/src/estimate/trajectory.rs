@@ -143,6 +143,9 @@ pub struct Counts {
     /// Samples at which the drive bends too sharply for what it adds to the signal to be known: not corrected either.
     #[serde(skip_serializing_if = "is_zero")]
     pub drive_bends: usize,
+    /// Samples of the beginning that told where the filter starts: not corrected by once more.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub for_start: usize,
     /// Crossings of a threshold that the filter was told of.
     #[serde(skip_serializing_if = "is_zero")]
     pub crossings: usize,
@@ -160,6 +163,7 @@ impl Counts {
         self.bridged += later.bridged;
         self.drive_from_sine += later.drive_from_sine;
         self.drive_bends += later.drive_bends;
+        self.for_start += later.for_start;
         self.crossings += later.crossings;
         self.crossings_refused += later.crossings_refused;
     }

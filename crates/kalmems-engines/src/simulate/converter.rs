@@ -2,7 +2,7 @@
 
 use crate::config::Adc;
 
-/// A converter of equidistant levels, which clips what lies beyond them.
+/// A converter of equidistant levels, in V or whatever is measured, which clips what lies beyond them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Converter {
     low: f64,
@@ -13,10 +13,15 @@ pub struct Converter {
 impl Converter {
     /// As the experiment file describes it.
     pub fn of(adc: &Adc) -> Self {
-        Self { low: adc.low.si(), high: adc.high.si(), steps: ((1_u64 << adc.bits) - 1) as f64 }
+        Self::new(adc.bits, [adc.low.si(), adc.high.si()])
     }
 
-    /// The nearest level in V.
+    /// Of `bits` bits between two levels, the lower one first.
+    pub fn new(bits: u32, [low, high]: [f64; 2]) -> Self {
+        Self { low, high, steps: ((1_u64 << bits.min(32)) - 1) as f64 }
+    }
+
+    /// The nearest level.
     #[must_use]
     pub fn round(self, volts: f64) -> f64 {
         let step = (self.high - self.low) / self.steps;

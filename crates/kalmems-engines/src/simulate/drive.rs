@@ -1,10 +1,11 @@
 //! What drives a device, at any time.
 
+use crate::config::{CutOff, Quantity};
 use crate::signal::cubic_between;
 use kalmems_core::{Nodes, Scalar};
 use std::f64::consts::{PI, TAU};
 
-/// A drive voltage over time, in V and s.
+/// A drive over time: a voltage in V, or an input of a device of one's own in its SI unit, as the numbers below are then.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Drive {
     /// The same at all times.
@@ -61,6 +62,29 @@ pub enum Drive {
         /// When.
         off: Interruptions,
     },
+    /// A level that jumps.
+    Steps {
+        /// The level before the first jump.
+        first: f64,
+        /// When it jumps in s, rising, and the level from then on.
+        steps: Vec<(f64, f64)>,
+    },
+    /// One drive until a time, and another from then on.
+    Switched {
+        /// The time.
+        at_s: f64,
+        /// The drive until then.
+        before: Box<Drive>,
+        /// The drive from then on.
+        after: Box<Drive>,
+    },
+    /// Another drive that is later.
+    Late {
+        /// The drive.
+        drive: Box<Drive>,
+        /// By how much; negative for one that is earlier.
+        by_s: f64,
+    },
     /// Samples, with a cubic between them. Before the first and after the last they count as held.
     Recorded {
         /// When, rising.
@@ -81,6 +105,17 @@ pub struct Interruptions {
     pub every_s: f64,
     /// τ, with which the voltage follows: short against both.
     pub transient_s: f64,
+}
+
+impl From<&CutOff> for Interruptions {
+    fn from(cut_off: &CutOff) -> Self {
+        Self {
+            first_s: cut_off.at.as_ref().map_or(0.0, Quantity::si),
+            lasting_s: cut_off.lasting.as_ref().map_or(f64::INFINITY, Quantity::si),
+            every_s: cut_off.every.as_ref().map_or(f64::INFINITY, Quantity::si),
+            transient_s: cut_off.transient.si(),
+        }
+    }
 }
 
 impl Interruptions {
@@ -147,12 +182,25 @@ impl Drive {
                 if cycles - cycles.floor() < *duty { *high } else { *low }
             }
             Self::Sweep { offset, amplitude, from_hz, to_hz, duration_s } => {
-                let (swept, stays) = (time_s.min(*duration_s), (time_s - duration_s).max(0.0));
+                let (swept, stays) = (time_s.max(0.0).min(*duration_s), (time_s - duration_s).max(0.0));
                 let mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept / duration_s;
-                offset + amplitude * sine_of_cycles(mean_hz * swept + to_hz * stays)
+                let before = from_hz * time_s.min(0.0);
+                offset + amplitude * sine_of_cycles(mean_hz * swept + to_hz * stays + before)
             }
             Self::Tones { offset, tones } => tones.iter().fold(*offset, |sum, tone| sum + tone.at(time_s)),
             Self::Interrupted { drive, off } => drive.at(time_s) * off.share(time_s).0,
+            Self::Steps { first, steps } => {
+                let passed = steps.partition_point(|(at_s, _)| *at_s <= time_s);
+                passed.checked_sub(1).map_or(*first, |last| steps[last].1)
+            }
+            Self::Switched { at_s, before, after } => {
+                if time_s < *at_s {
+                    before.at(time_s)
+                } else {
+                    after.at(time_s)
+                }
+            }
+            Self::Late { drive, by_s } => drive.at(time_s - by_s),
             Self::Recorded { time_s: times, volts } => match times.partition_point(|t| *t <= time_s) {
                 0 => volts.first().copied().unwrap_or(f64::NAN),
                 to if to == times.len() => volts.last().copied().unwrap_or(f64::NAN),
@@ -175,9 +223,9 @@ impl Drive {
                 Some(tone(*amplitude, *frequency_hz, *phase_rad))
             }
             Self::Sweep { amplitude, from_hz, to_hz, duration_s, .. } => {
-                let (swept, stays) = (time_s.min(*duration_s), (time_s - duration_s).max(0.0));
+                let (swept, stays) = (time_s.max(0.0).min(*duration_s), (time_s - duration_s).max(0.0));
                 let change = (to_hz - from_hz) * swept / duration_s;
-                let cycles = (from_hz + 0.5 * change) * swept + to_hz * stays;
+                let cycles = (from_hz + 0.5 * change) * swept + to_hz * stays + from_hz * time_s.min(0.0);
                 Some(cosine(*amplitude, from_hz + change, cycles))
             }
             Self::Tones { tones, .. } => {
@@ -187,7 +235,8 @@ impl Drive {
                 let (share, change) = off.share(time_s);
                 drive.slope(time_s).map(|slope| slope * share + drive.at(time_s) * change)
             }
-            Self::Square { .. } | Self::Recorded { .. } => None,
+            Self::Late { drive, by_s } => drive.slope(time_s - by_s),
+            Self::Square { .. } | Self::Steps { .. } | Self::Switched { .. } | Self::Recorded { .. } => None,
         }
     }
 
@@ -199,6 +248,9 @@ impl Drive {
             | Self::Sweep { .. }
             | Self::Tones { .. }
             | Self::Interrupted { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Late { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -221,7 +273,12 @@ impl Drive {
                 let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).sin();
                 Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
             }
-            Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => None,
+            Self::Tones { .. }
+            | Self::Interrupted { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Late { .. }
+            | Self::Recorded { .. } => None,
         }
     }
 
@@ -229,29 +286,100 @@ impl Drive {
     ///
     /// No integrator follows a jump within its step.
     pub fn parts(&self, from_s: f64, to_s: f64, each: &mut impl FnMut(f64, f64, &Nodes<f64>)) {
-        let Self::Square { frequency_hz, duty, .. } = self else {
-            let middle = from_s.midpoint(to_s);
-            let nodes = Nodes { start: self.at(from_s), middle: self.at(middle), end: self.at(to_s) };
-            return each(from_s, to_s, &nodes);
-        };
-        // Jumps at n/f and (n + duty)/f; a part shorter than rounding is none.
-        let tiny = 1e-9 * (to_s - from_s);
-        let mut start = from_s;
-        let mut period = (frequency_hz * from_s).floor();
-        while start < to_s {
-            for jump in [period / frequency_hz, (period + duty) / frequency_hz] {
-                if jump > start + tiny && jump < to_s - tiny {
-                    each(start, jump, &Nodes::held(self.at(start.midpoint(jump))));
-                    start = jump;
+        let all = std::slice::from_ref(self);
+        each_part(all, from_s, to_s, |start, end| each(start, end, &self.nodes_between(start, end)));
+    }
+
+    /// The first time in s after this one at which it jumps.
+    fn next_jump_s(&self, after_s: f64) -> Option<f64> {
+        match self {
+            Self::Square { frequency_hz, duty, .. } => {
+                let period = (frequency_hz * after_s).floor();
+                let jumps = [period, period + duty, period + 1.0, period + 1.0 + duty];
+                jumps.into_iter().map(|n| n / frequency_hz).find(|jump| *jump > after_s)
+            }
+            Self::Steps { steps, .. } => {
+                let passed = steps.partition_point(|(at_s, _)| *at_s <= after_s);
+                steps.get(passed).map(|(at_s, _)| *at_s)
+            }
+            Self::Switched { at_s, before, after } => {
+                let earlier = if after_s < *at_s { before.next_jump_s(after_s) } else { None };
+                let own = (after_s < *at_s).then_some(*at_s);
+                earlier.filter(|jump| jump < at_s).or(own).or_else(|| after.next_jump_s(after_s))
+            }
+            Self::Late { drive, by_s } => drive.next_jump_s(after_s - by_s).map(|jump| jump + by_s),
+            Self::Interrupted { drive, .. } => drive.next_jump_s(after_s),
+            Self::Constant { .. }
+            | Self::Sine { .. }
+            | Self::Sweep { .. }
+            | Self::Tones { .. }
+            | Self::Recorded { .. } => None,
+        }
+    }
+
+    /// The drive over a time within which it does not jump: at its ends it is what it is within.
+    fn nodes_between(&self, from_s: f64, to_s: f64) -> Nodes<f64> {
+        let middle_s = from_s.midpoint(to_s);
+        match self {
+            Self::Square { .. } | Self::Steps { .. } => Nodes::held(self.at(middle_s)),
+            Self::Switched { at_s, before, after } => {
+                let drive = if middle_s < *at_s { before } else { after };
+                drive.nodes_between(from_s, to_s)
+            }
+            Self::Late { drive, by_s } => drive.nodes_between(from_s - by_s, to_s - by_s),
+            Self::Interrupted { drive, off } => {
+                let Nodes { start, middle, end } = drive.nodes_between(from_s, to_s);
+                let share = |time_s: f64| off.share(time_s).0;
+                Nodes {
+                    start: start * share(from_s),
+                    middle: middle * share(middle_s),
+                    end: end * share(to_s),
                 }
             }
-            period += 1.0;
-            if period / frequency_hz >= to_s - tiny {
-                each(start, to_s, &Nodes::held(self.at(start.midpoint(to_s))));
-                start = to_s;
+            Self::Constant { .. }
+            | Self::Sine { .. }
+            | Self::Sweep { .. }
+            | Self::Tones { .. }
+            | Self::Recorded { .. } => {
+                Nodes { start: self.at(from_s), middle: self.at(middle_s), end: self.at(to_s) }
             }
         }
     }
+}
+
+/// Calls `each` with the parts of an interval between which one of these drives jumps: begin and end of each part.
+fn each_part(drives: &[Drive], from_s: f64, to_s: f64, mut each: impl FnMut(f64, f64)) {
+    // A part shorter than rounding is none.
+    let tiny = 1e-9 * (to_s - from_s);
+    let mut start = from_s;
+    while start < to_s {
+        let jumps = drives.iter().filter_map(|drive| drive.next_jump_s(start + tiny));
+        let end = jumps.fold(to_s, f64::min);
+        let end = if end < to_s - tiny { end } else { to_s };
+        each(start, end);
+        start = end;
+    }
+}
+
+/// The same as [`Drive::parts`] for several drives at once, whose nodes are written to `nodes`: begin and end of each part, and all
+/// drives over it.
+pub fn parts_of_all(
+    drives: &[Drive],
+    (from_s, to_s): (f64, f64),
+    nodes: &mut [Vec<f64>; 3],
+    each: &mut impl FnMut(f64, f64, &Nodes<&[f64]>),
+) {
+    each_part(drives, from_s, to_s, |start, end| {
+        nodes.iter_mut().for_each(Vec::clear);
+        for drive in drives {
+            let of = drive.nodes_between(start, end);
+            for (list, value) in nodes.iter_mut().zip([of.start, of.middle, of.end]) {
+                list.push(value);
+            }
+        }
+        let [first, middle, last] = &*nodes;
+        each(start, end, &Nodes { start: first, middle, end: last });
+    });
 }
 
 #[cfg(test)]
@@ -366,6 +494,51 @@ mod tests {
             count += 1;
         });
         assert_eq!(count, 1);
+    }
+
+    #[test]
+    fn several_drives_are_cut_at_the_jumps_of_each() {
+        let square = Drive::Square { low: 1.0, high: 5.0, frequency_hz: 10.0, duty: 0.25 };
+        let steps = Drive::Steps { first: 0.0, steps: vec![(0.05, 2.0), (0.11, -1.0)] };
+        let ring_down = Drive::Switched {
+            at_s: 0.07,
+            before: Box::new(Drive::Tones {
+                offset: 1.0,
+                tones: vec![Tone { amplitude: 1.0, frequency_hz: 1.0, phase_rad: 0.0 }],
+            }),
+            after: Box::new(Drive::Constant { level: 3.0 }),
+        };
+        let late = Drive::Late { drive: Box::new(steps.clone()), by_s: -0.02 };
+        let drives = [square, steps, ring_down, late];
+        let mut nodes = [const { Vec::new() }; 3];
+        let mut found: Vec<(f64, f64, Vec<f64>)> = Vec::new();
+        parts_of_all(&drives, (0.0, 0.13), &mut nodes, &mut |from, to, nodes| {
+            // Within a part no drive jumps, and at its ends each is what it is within.
+            for (k, drive) in drives.iter().enumerate() {
+                let inside = [from + 1e-9, from.midpoint(to), to - 1e-9].map(|t| drive.at(t));
+                for (found, expected) in
+                    [nodes.start[k], nodes.middle[k], nodes.end[k]].into_iter().zip(inside)
+                {
+                    assert!((found - expected).abs() < 1e-7, "{k} {from} {to}: {found} {expected}");
+                }
+            }
+            found.push((from, to, nodes.middle.to_vec()));
+        });
+        let ends: Vec<f64> = found.iter().map(|(_, to, _)| *to).collect();
+        let expected = [0.025, 0.03, 0.05, 0.07, 0.09, 0.1, 0.11, 0.125, 0.13];
+        assert_eq!(ends.len(), expected.len(), "{ends:?}");
+        assert!(ends.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{ends:?}");
+    }
+
+    #[test]
+    fn a_sweep_holds_its_first_frequency_before_it_begins() {
+        let sweep = Drive::Sweep { offset: 0.0, amplitude: 1.0, from_hz: 10.0, to_hz: 20.0, duration_s: 1.0 };
+        let before = Drive::Sine { offset: 0.0, amplitude: 1.0, frequency_hz: 10.0, phase_rad: 0.0 };
+        for k in 1..50 {
+            let t = -0.013 * f64::from(k);
+            assert!((sweep.at(t) - before.at(t)).abs() < 1e-12);
+            assert_relative_eq!(sweep.slope(t).unwrap(), before.slope(t).unwrap(), max_relative = 1e-9);
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod balance;
 mod converter;
 mod drive;
 mod floquet;
+mod input;
 mod noise;
 mod recording;
 mod response;
@@ -23,8 +24,9 @@ mod waveform;
 
 pub use balance::{Balance, SteadyMotion};
 pub use converter::Converter;
-pub use drive::{Drive, Interruptions, Tone};
+pub use drive::{Drive, Interruptions, Tone, parts_of_all};
 pub use floquet::{floquet_exponent, monodromy};
+pub use input::{SimulatedInput, input_of};
 pub use noise::WhiteNoise;
 pub use recording::{Channel, Paper, Papers, Sample, SimulateError, Simulation};
 pub use response::{

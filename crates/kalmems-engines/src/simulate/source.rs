@@ -3,7 +3,7 @@
 use super::{Drive, SimulateError, Tone};
 use crate::config::{DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
 use crate::recording::{Recording, Source};
-use crate::units::kind;
+use crate::units::{Kind, kind};
 
 /// The drive in SI units, and the file that it comes from, if it comes from one. Of a ring-down, the drive before it.
 pub fn drive_of(
@@ -71,25 +71,31 @@ pub fn drive_of(
                 .error("simulate.drive.regulated", Fault::Value { why: why.to_owned() })
                 .into());
         }
+        DriveSource::Inputs(_) => {
+            let why = "this device has one drive, a voltage; write one, such as `[simulate.drive.sine]`, or write the device as \
+                       equations (`kalmems expand`)";
+            let key = Key::from("simulate.drive.inputs");
+            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+        }
         DriveSource::Recorded(recorded) => {
-            let (drive, source) = read(experiment, simulate, recorded)?;
+            let key = Key::from("simulate").child("drive").child("recorded").child("file");
+            let (drive, source) = read((experiment, key), simulate, recorded, &kind::VOLTAGE)?;
             return Ok((drive, Some(source)));
         }
     };
     Ok((drive, None))
 }
 
-fn read(
-    experiment: &Experiment,
+/// The samples of a file, as a drive of this kind; `key` is that of the file.
+pub(super) fn read(
+    (experiment, key): (&Experiment, Key),
     simulate: &Simulate,
     recorded: &RecordedDrive,
+    kind: &'static Kind,
 ) -> Result<(Drive, Source), SimulateError> {
-    let recording = Recording::read(&experiment.resolve(&recorded.file), &recorded.layout())?;
-    let column = recording.column_of(recorded.column.name(), &kind::VOLTAGE)?;
-    let refuse = |why: String| {
-        let key = Key::from("simulate").child("drive").child("recorded").child("file");
-        Err(experiment.error(key, Fault::Value { why }).into())
-    };
+    let recording = Recording::read(&experiment.resolve(&recorded.file), &recorded.layout(kind.ending()))?;
+    let column = recording.column_of(recorded.column.name(), kind)?;
+    let refuse = |why: String| Err(experiment.error(key, Fault::Value { why }).into());
     let Some(segment) = recording.segments().first() else {
         return refuse("the file holds no samples".to_owned());
     };

@@ -52,6 +52,9 @@ impl Stability {
             Drive::Constant { .. }
             | Drive::Tones { .. }
             | Drive::Interrupted { .. }
+            | Drive::Steps { .. }
+            | Drive::Switched { .. }
+            | Drive::Late { .. }
             | Drive::Recorded { .. } => return None,
         };
         let resonator = &scanner.resonator;

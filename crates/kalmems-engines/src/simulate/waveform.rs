@@ -33,7 +33,17 @@ impl Drive {
                     tone.amplitude *= factor;
                 }
             }
-            Self::Interrupted { drive, .. } => **drive = drive.scaled(factor),
+            Self::Interrupted { drive, .. } | Self::Late { drive, .. } => **drive = drive.scaled(factor),
+            Self::Steps { first, steps } => {
+                *first *= factor;
+                for (_, level) in steps {
+                    *level *= factor;
+                }
+            }
+            Self::Switched { before, after, .. } => {
+                **before = before.scaled(factor);
+                **after = after.scaled(factor);
+            }
             Self::Recorded { volts, .. } => volts.iter_mut().for_each(|v| *v *= factor),
         }
         scaled
@@ -49,9 +59,13 @@ impl Drive {
             Self::Square { low, high, duty, .. } => {
                 Some(Self::Square { low: *low, high: *high, frequency_hz: hz, duty: *duty })
             }
-            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
-                None
-            }
+            Self::Constant { .. }
+            | Self::Tones { .. }
+            | Self::Interrupted { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Late { .. }
+            | Self::Recorded { .. } => None,
         }
     }
 
@@ -62,9 +76,13 @@ impl Drive {
                 Some(offset.abs() + amplitude.abs())
             }
             Self::Square { low, high, .. } => Some(low.abs().max(high.abs())),
-            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
-                None
-            }
+            Self::Constant { .. }
+            | Self::Tones { .. }
+            | Self::Interrupted { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Late { .. }
+            | Self::Recorded { .. } => None,
         }
     }
 
@@ -88,9 +106,13 @@ impl Drive {
                 let size = (high * high - low * low) / (PI * n);
                 Some([size * sine, size * (1.0 - cosine)])
             }
-            Self::Constant { .. } | Self::Tones { .. } | Self::Interrupted { .. } | Self::Recorded { .. } => {
-                None
-            }
+            Self::Constant { .. }
+            | Self::Tones { .. }
+            | Self::Interrupted { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Late { .. }
+            | Self::Recorded { .. } => None,
         }
     }
 

@@ -13,6 +13,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     all.table("states", &states);
     if hardware.has_feedback {
         all.table("inputs", &[("feedback", "V")]);
+        all.table("interpolation", &[("feedback", "hold")]);
     }
     let mut numbers = vec![
         ("mass", instrument.mass.mass, "kg"),

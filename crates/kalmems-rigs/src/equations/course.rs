@@ -3,9 +3,12 @@
 use super::event_sensor::{EventSensor, WayBack};
 use super::event_times::{EventMeasurement, EventTimes, told};
 use super::events::EventUse;
+use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::Drive;
-use crate::estimate::{Bridge, Counts, Course, Filtering, Samples, Trajectory, by_signals};
+use crate::estimate::{
+    BatchStart, Bridge, Counts, Course, Filtering, Samples, TakenOverTo, Trajectory, by_signals,
+};
 use kalmems_core::{FilterError, Innovation, Nodes};
 
 /// A measured channel over a segment.
@@ -22,6 +25,8 @@ pub struct Channel<'a> {
 
 /// What the filters see of a segment.
 pub struct EquationSegment<'a> {
+    /// The recording and the segment, for messages.
+    pub place: &'a str,
     /// When, in s.
     pub time_s: &'a [f64],
     /// The inputs, in the order of the device.
@@ -46,10 +51,14 @@ impl EquationSegment<'_> {
 pub struct EquationCourse<'a> {
     model: &'a EquationModel,
     data: &'a EquationSegment<'a>,
+    /// How each input goes between two samples.
+    between: &'a [Interpolation],
     /// The channels that correct the filter, by their places in the segment.
     channels: &'a [usize],
     /// Steps from sample to sample, and each of them.
     parts: (usize, Interval),
+    /// The row from which on samples correct the filter, and what is known there; where those before it told the start.
+    started: Option<(usize, Option<TakenOverTo>)>,
     /// Innovation and standard deviation of each channel after the first, at the last sample.
     further: Vec<[f64; 2]>,
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
@@ -72,7 +81,7 @@ impl<'a> EquationCourse<'a> {
     /// It takes so many steps from sample to sample.
     pub fn new(
         model: &'a EquationModel,
-        data: &'a EquationSegment<'a>,
+        (data, between): (&'a EquationSegment<'a>, &'a [Interpolation]),
         (channels, events): (&'a [usize], &[EventUse]),
         steps: usize,
     ) -> Self {
@@ -80,7 +89,19 @@ impl<'a> EquationCourse<'a> {
         let nodes = [const { Vec::new() }; 3];
         let told = told(&data.events, events, (data.time_s, data.samples.interval_s));
         let way = WayBack::default();
-        Self { model, data, channels, parts, further: Vec::new(), nodes, told, way, log_likelihood: 0.0 }
+        Self {
+            model,
+            data,
+            between,
+            channels,
+            parts,
+            started: None,
+            further: Vec::new(),
+            nodes,
+            told,
+            way,
+            log_likelihood: 0.0,
+        }
     }
 
     /// Corrects a filter by the events that it is told of at row `k`, and judges it by those that it could be told of.
@@ -108,13 +129,25 @@ impl<'a> EquationCourse<'a> {
         }
         Ok(())
     }
+
+    /// The same for a filter that starts from the signal: the samples that told its start do not correct it a second time, and behind
+    /// them it is at what they say, noise of the motion included.
+    #[must_use]
+    pub fn started(self, start: Option<&BatchStart>) -> Self {
+        let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
+        Self { started, ..self }
+    }
 }
 
 /// Takes the inputs of a step from nodes of each.
-fn set_nodes(nodes: &mut [Vec<f64>; 3], inputs: &[Drive<'_>], of: impl Fn(&Drive<'_>) -> Nodes<f64>) {
+fn set_nodes<'a>(
+    nodes: &mut [Vec<f64>; 3],
+    inputs: impl Iterator<Item = (&'a Drive<'a>, Interpolation)>,
+    of: impl Fn(&Drive<'_>, Interpolation) -> Nodes<f64>,
+) {
     nodes.iter_mut().for_each(Vec::clear);
-    for input in inputs {
-        let Nodes { start, middle, end } = of(input);
+    for (input, between) in inputs {
+        let Nodes { start, middle, end } = of(input, between);
         for (list, value) in nodes.iter_mut().zip([start, middle, end]) {
             list.push(value);
         }
@@ -167,16 +200,22 @@ impl Course for EquationCourse<'_> {
         // Over a gap each input follows its sine, where it has one; where it has none, the recording was refused.
         for step in 0..steps {
             let at = |step: usize| from_s + interval * step as f64 / steps as f64;
-            set_nodes(&mut self.nodes, &self.data.inputs, |input| match input.stand_in(to) {
-                Some(sine) if intervals > 1 => Drive::nodes_from_sine(sine, at(step), at(step + 1)),
-                _ if steps == 1 => input.nodes(to),
-                _ => Drive::nodes_of_part(&input.nodes(to), step, steps),
+            let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
+            set_nodes(&mut self.nodes, inputs, |input, between| match input.stand_in(to) {
+                Some(sine) if intervals > 1 => {
+                    between.between_ends(Drive::nodes_from_sine(sine, at(step), at(step + 1)))
+                }
+                _ if steps == 1 => between.nodes(input, to),
+                _ => Drive::nodes_of_part(&between.nodes(input, to), step, steps),
             });
             let [start, middle, end] = &self.nodes;
             let under = self.model.under(each, Nodes { start, middle, end }, filter.mean());
             filter.predict(&under)?;
         }
-        Ok(())
+        match &self.started {
+            Some((row, Some(known))) if *row == to => filter.predict(known),
+            _ => Ok(()),
+        }
     }
 
     fn correct(
@@ -185,6 +224,12 @@ impl Course for EquationCourse<'_> {
         k: usize,
         counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        if self.started.as_ref().is_some_and(|(row, _)| k < *row) {
+            counts.for_start += 1;
+            self.further.clear();
+            self.further.resize(self.channels.len().saturating_sub(1), [f64::NAN; 2]);
+            return Ok(None);
+        }
         self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);

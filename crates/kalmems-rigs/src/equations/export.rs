@@ -14,7 +14,7 @@ use crate::estimate::driven::Drive;
 use crate::estimate::{AnyFilter, FilterPast, GainOf, Known, Samples, Sensor, Tracked, Transition};
 use crate::export::{ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
 use crate::progress::Silent;
-use crate::recording::Recording;
+use crate::recording::{Recording, Segment};
 use crate::units::kind;
 use kalmems_equations::{
     EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod,
@@ -72,7 +72,11 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         ));
     }
     let states = own.device.states().len();
-    let known = filter.known();
+    let Some(known) = filter.stated() else {
+        return refuse(
+            "its source has no recording to take its start from; write the values of `start` and `start_sd`",
+        );
+    };
     let sd = |i: usize| known.lower.get(i * (i + 1) / 2 + i).copied().unwrap_or(0.0).sqrt();
     let cyclic = own.device.periods(&own.values).map_err(wrong)?;
     let start = |i: usize| {
@@ -216,7 +220,8 @@ fn settled(
     EmitMeasure { measure, variance }: EmitMeasure,
     interval_s: f64,
 ) -> Result<EmitGain, ExportError> {
-    let known = filter.known();
+    // A filter that starts from the signal was refused before.
+    let known = filter.stated().unwrap_or_default();
     let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
         AnyFilter::constant_gain_of((gain, interval_s), (rest, &known), (step, sensor, variance))
     };
@@ -248,6 +253,23 @@ fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Record
         return Err(ExportError::NoInterval { file: recording.source().file.clone() });
     };
     Ok((Some(recording), interval_s))
+}
+
+/// How long before each row the events were, in s; an event at the first row, where the filter starts, is left out.
+fn events_ago(
+    settings: &Settings,
+    columns: &Columns<'_>,
+    (recording, segment): (&Recording, &Segment),
+) -> Result<Vec<Vec<Option<f64>>>, ExportError> {
+    let mut ago = Vec::new();
+    for event in &settings.events {
+        let column = columns.events.iter().find(|(place, _)| *place == event.event);
+        let values = column.map(|(_, column)| recording.column_of(column, &kind::TIME)).transpose()?;
+        let values = values.map_or(Vec::new(), |values| values.of(segment).to_vec());
+        let known = |(row, ago_s): (usize, f64)| Some(ago_s).filter(|ago_s| row > 0 && ago_s.is_finite());
+        ago.push(values.into_iter().enumerate().map(known).collect());
+    }
+    Ok(ago)
 }
 
 /// The first samples of the recording with the states that the library's filter has behind each.
@@ -290,15 +312,7 @@ fn vectors(
         }
         signals.push((*measure, signal));
     }
-    let mut ago: Vec<Vec<Option<f64>>> = Vec::new();
-    for event in &settings.events {
-        let column = columns.events.iter().find(|(place, _)| *place == event.event);
-        let values = column.map(|(_, column)| recording.column_of(column, &kind::TIME)).transpose()?;
-        let values = values.map_or(Vec::new(), |values| values.of(segment).to_vec());
-        // The first row is where the filter starts.
-        let known = |(row, ago_s): (usize, f64)| Some(ago_s).filter(|ago_s| row > 0 && ago_s.is_finite());
-        ago.push(values.into_iter().enumerate().map(known).collect());
-    }
+    let ago = events_ago(settings, &columns, (recording, segment))?;
     let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
         let rows = rows.iter().take(count + 1).enumerate();
         let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
@@ -315,7 +329,9 @@ fn vectors(
     }
     let drives: Vec<Drive<'_>> =
         volts.iter().map(|values| Drive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
+    let place = file();
     let data = EquationSegment {
+        place: &place,
         time_s: &time_s[..=count],
         inputs: drives,
         events: settings.events.iter().zip(&ago).map(happened).collect(),
@@ -348,7 +364,8 @@ fn vectors(
         own_states.chain(values).collect()
     };
     let sample = |k: usize| {
-        let nodes: Vec<_> = data.inputs.iter().map(|input| input.nodes(k)).collect();
+        let nodes: Vec<_> =
+            data.inputs.iter().zip(&own.between).map(|(input, between)| between.nodes(input, k)).collect();
         TestSample {
             inputs: [
                 nodes.iter().map(|n| n.start).collect(),

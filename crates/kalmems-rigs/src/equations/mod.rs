@@ -7,6 +7,7 @@ mod event_sensor;
 mod event_times;
 mod events;
 mod export;
+mod interpolation;
 mod model;
 mod names;
 mod number;
@@ -16,6 +17,7 @@ mod segment;
 mod settings;
 mod simulated_event;
 mod simulation;
+mod start;
 mod table;
 mod visibility;
 
@@ -134,7 +136,13 @@ impl Rig for EquationsRig {
     }
 
     fn uses(&self, _: &Experiment) -> Uses {
-        Uses { several_signals: true, events: true, no_methods: &NO_METHODS, ..Uses::default() }
+        Uses {
+            several_signals: true,
+            simulated_channels: true,
+            events: true,
+            no_methods: &NO_METHODS,
+            ..Uses::default()
+        }
     }
 
     fn channels(&self, experiment: &Experiment) -> Channels {

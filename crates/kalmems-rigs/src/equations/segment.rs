@@ -6,14 +6,15 @@ use super::event_search::EventSearches;
 use super::model::{EquationModel, noises, steps_over};
 use super::names;
 use super::settings::{FilterSettings, OwnDevice, Settings};
+use super::start::{most_rows, start_of};
 use super::table::refused;
 use crate::Estimator;
 use crate::config::{Experiment, Fault, Key, Method};
 use crate::crossings::Needed;
 use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
 use crate::estimate::{
-    AnyFilter, Around, Axis, Course, EstimateError, FilterPast, Known, Motion, Part, Past, SegmentEstimate,
-    Sensor, SignalSegment, Trajectory, Transition, answers_of_bank, follow,
+    AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterPast, Known, Motion, Part, Past,
+    SegmentEstimate, Sensor, SignalSegment, Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Nodes;
@@ -43,8 +44,13 @@ impl Estimator for EquationEstimator<'_> {
         let first_s = self.settings.own.natural_hz().map_or(0.0, |hz| STARTING_CYCLES / hz);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
+        let from_signal = self.settings.filters.iter().any(|filter| filter.stated().is_none());
+        let rows = if from_signal { rows.max(most_rows(&self.settings.own, interval_s)) } else { rows };
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         let Needed { before, after } = self.settings.needed(interval_s).with_a_margin();
+        let around = self.settings.own.between.iter().map(|between| between.rows_around());
+        let (before, after) =
+            around.fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
         Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before, after, smooths }
     }
 
@@ -67,7 +73,9 @@ impl Estimator for EquationEstimator<'_> {
         for (index, (column, named)) in self.columns.inputs.iter().zip(device.inputs()).enumerate() {
             let column_of = segment.recording.column_of(column, names::kind_of(named))?;
             let of = column_of.of(segment.segment);
-            let drive = Drive::of(&segment.time_s, of, &samples, past.input(index));
+            let kept = past.input(index);
+            kept.foresees |= settings.own.between[index].needs_sine();
+            let drive = Drive::of(&segment.time_s, of, &samples, kept);
             if let Some((first_s, count)) = drive.unknown() {
                 let (place, column) = (segment.place.clone(), (*column).to_owned());
                 return Err(EstimateError::DriveUnknown { place, column, count, first_s });
@@ -109,7 +117,14 @@ impl Estimator for EquationEstimator<'_> {
         let said = events.iter().flat_map(|event| event.said(&segment.fresh, segment.ends));
         let mut crossings: Vec<_> = said.collect();
         crossings.sort_by_key(|(row, _)| *row);
-        let data = EquationSegment { time_s: &segment.time_s, inputs, channels, events, samples };
+        let data = EquationSegment {
+            place: &segment.place,
+            time_s: &segment.time_s,
+            inputs,
+            channels,
+            events,
+            samples,
+        };
         let states = settings.own.states();
         let judged = states[settings.own.judged()].0;
         let axes = [(judged, motion)];
@@ -158,18 +173,35 @@ impl OneFilter<'_> {
         let basics = &self.filter.basics;
         let states = basics.states(&self.own.states());
         let channels = self.channels();
+        let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
+        // A filter that goes on from another run has been started there.
+        let starts: Vec<Option<BatchStart>> = if past.left().is_none() {
+            let of_model = |model| self.start(model, &channels, steps);
+            self.models.iter().map(of_model).collect::<Result<_, _>>()?
+        } else {
+            Vec::new()
+        };
+        let known = |index: usize| {
+            let from_signal = start_of(&starts, index).map(|start| start.first.clone());
+            from_signal.or_else(|| self.filter.stated()).unwrap_or_default()
+        };
         let used = (&*channels, &*self.filter.events);
+        let course_of = |(index, model)| {
+            let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps);
+            // The model alone is corrected by nothing, wherever it starts.
+            let corrects = basics.method != Method::Model;
+            course.started(start_of(&starts, index).filter(|_| corrects))
+        };
         if basics.method == Method::Bank {
-            let course =
-                |model| -> Box<dyn Course + '_> { Box::new(EquationCourse::new(model, self.data, used, 1)) };
-            let way = (self.models.iter().map(course).collect(), &self.data.samples);
-            return answers_of_bank((basics, past), |_| Ok(self.filter.known()), way, &states, self.progress);
+            let courses = self.models.iter().enumerate();
+            let courses = courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model)) });
+            let way = (courses.collect(), &self.data.samples);
+            return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
         let Some(model) = self.models.first() else { return Ok(Vec::new()) };
-        let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
-        let mut course = EquationCourse::new(model, self.data, used, steps);
+        let mut course = course_of((0, model));
         let way = (&mut course as _, &self.data.samples);
-        let begin = |left| self.begin(left, model, &channels);
+        let begin = |left| self.begin(left, known(0), model, &channels);
         let mut all = follow((basics, past), begin, way, &states, self.progress)?;
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
@@ -191,16 +223,17 @@ impl OneFilter<'_> {
     fn begin(
         &self,
         left: Option<Known>,
+        start: Known,
         model: &EquationModel,
         channels: &[usize],
     ) -> Result<AnyFilter, EstimateError> {
         let basics = &self.filter.basics;
-        let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.filter.known())) };
+        let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(start)) };
         let interval_s = self.data.samples.interval_s;
         let Some(channel) = channels.first().and_then(|place| self.data.channels.get(*place)) else {
             return Err(basics.no_gain(&"it has no channel"));
         };
-        let known = left.unwrap_or_else(|| self.filter.known());
+        let known = left.unwrap_or(start);
         let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
             let point = (step, sensor, channel.variance);
             AnyFilter::of_constant_gain((gain, interval_s), (rest, &known), point)

@@ -1,6 +1,7 @@
 //! From an experiment file to SI.
 
 use super::events::{self, EventSettings, EventUse};
+use super::interpolation::Interpolation;
 use super::model::{EquationModel, Rule, noises, pace};
 use super::names;
 use super::table::{EquationsTable, refused};
@@ -8,7 +9,7 @@ use crate::config::{
     AnyValue, ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Sign, Start, Values,
 };
 use crate::estimate::driven::combinations;
-use crate::estimate::{FilterBasics, Known, Parameter, StateName, Tracked, process_noise};
+use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, Tracked, process_noise};
 use crate::units::Dimension;
 use kalmems_equations::{Device, EquationError, Mode, modes};
 use std::collections::BTreeMap;
@@ -26,17 +27,24 @@ pub struct OwnDevice {
     pub rests: bool,
     /// How a small motion about that place goes.
     pub modes: Vec<Mode>,
+    /// How each input goes between two samples.
+    pub between: Vec<Interpolation>,
 }
 
 impl OwnDevice {
     /// Of an experiment.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let (_, device) = EquationsTable::of(experiment)?;
+        let (table, device) = EquationsTable::of(experiment)?;
         let values = device.values();
-        Self::with(device, values).map_err(|error| refused(experiment, &error))
+        let between = device.inputs().iter().map(|input| table.interpolation.of(&input.name)).collect();
+        Self::with(device, values, between).map_err(|error| refused(experiment, &error))
     }
 
-    fn with(device: Arc<Device>, values: Vec<f64>) -> Result<Self, EquationError> {
+    fn with(
+        device: Arc<Device>,
+        values: Vec<f64>,
+        between: Vec<Interpolation>,
+    ) -> Result<Self, EquationError> {
         let motion = device.motion(&[])?;
         let mut work = motion.work(&values);
         let states = device.states().len();
@@ -55,7 +63,7 @@ impl OwnDevice {
         let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
         motion.linearize(&mut work, &rest, &inputs, &mut rates, &mut jacobian);
         let modes = modes(&jacobian, states).unwrap_or_default();
-        Ok(Self { device, values, rest, rests, modes })
+        Ok(Self { device, values, rest, rests, modes, between })
     }
 
     /// The frequency of its free motion in Hz: that of its slowest oscillation; of a device that does not oscillate, one by its
@@ -123,10 +131,17 @@ pub struct FilterSettings {
     pub measures: Vec<usize>,
     /// How it uses the events.
     pub events: Vec<EventUse>,
-    start: Vec<f64>,
-    start_sd: Vec<f64>,
+    start: StartOf,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
+}
+
+/// Where a filter starts.
+enum StartOf {
+    /// At these states, with their standard deviations.
+    Stated { mean: Vec<f64>, sd: Vec<f64> },
+    /// At what the first samples say, with the standard deviations that are known before, where some are.
+    Signal { sd: Vec<Option<f64>> },
 }
 
 impl Settings {
@@ -176,33 +191,38 @@ impl FilterSettings {
             return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
         }
         let entries = names::entries(device, Sign::Any);
-        let example = || {
-            let each = entries.iter().map(|entry| format!("{} = \"{}\"", entry.name, entry.kind.example));
-            format!("{{ {} }}", each.collect::<Vec<_>>().join(", "))
-        };
+        let no_values = BTreeMap::new();
         let start = match &filter.start {
-            Some(Start::Values(values)) => values,
-            Some(_) => return refuse("start", format!("expected values, such as `{}`", example())),
-            None => &BTreeMap::new(),
+            Some(Start::Values(values)) => Some(values),
+            Some(Start::FromSignal) => None,
+            None => Some(&no_values),
         };
         let of = |name: &str, values: &Values, sign| {
             some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
         };
-        let start = own.started(&of("start", start, Sign::Any)?);
         let claims = filter.method.claims();
         let sd = if claims {
             of("start_sd", &filter.start_sd, Sign::NotNegative)?
         } else {
             vec![Some(0.0); entries.len()]
         };
-        let start_sd = following(own, &start, sd).map_err(|missing| {
-            let entry = &entries[missing];
-            let remedy = format!(
-                "write `{} = \"{}\"`: how well the state is known at first",
-                entry.name, entry.kind.example
-            );
-            experiment.error(at.clone().child("start_sd").child(entry.name), Fault::MissingKey { remedy })
-        })?;
+        let start = match start {
+            None if claims => StartOf::Signal { sd },
+            None => StartOf::Signal { sd: vec![None; entries.len()] },
+            Some(values) => {
+                let mean = own.started(&of("start", values, Sign::Any)?);
+                let sd = following(own, &mean, sd).map_err(|missing| {
+                    let entry = &entries[missing];
+                    let remedy = format!(
+                        "write `{} = \"{}\"`: how well the state is known at first",
+                        entry.name, entry.kind.example
+                    );
+                    let key = at.clone().child("start_sd").child(entry.name);
+                    experiment.error(key, Fault::MissingKey { remedy })
+                })?;
+                StartOf::Stated { mean, sd }
+            }
+        };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
         let density = some(experiment, &noise_key, noise, &names::densities(device))?;
         let known = parameters(experiment, device);
@@ -214,14 +234,25 @@ impl FilterSettings {
         let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
         let measures = measures(experiment, &at, filter, device)?;
         let events = events::uses(experiment, own, events, (&at, filter))?;
-        Ok(Self { basics, measures, events, start, start_sd, density })
+        Ok(Self { basics, measures, events, start, density })
     }
 
-    /// What is known at the first sample.
-    pub fn known(&self) -> Known {
-        let own = self.start.iter().copied().zip(self.start_sd.iter().copied());
+    /// What the file says of the states at the first sample; `None` where they come from the signal.
+    pub fn stated(&self) -> Option<Known> {
+        let StartOf::Stated { mean, sd } = &self.start else { return None };
+        let own = mean.iter().copied().zip(sd.iter().copied());
         let parameters = self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
-        Known::apart(own.chain(parameters))
+        Some(Known::apart(own.chain(parameters)))
+    }
+
+    /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, as far as
+    /// the file says how far.
+    pub fn prior(&self, own: &OwnDevice) -> Option<Vec<Prior>> {
+        let StartOf::Signal { sd } = &self.start else { return None };
+        let states = own.rest.iter().zip(sd).map(|(mean, sd)| Prior { mean: *mean, sd: *sd });
+        let parameters = self.basics.parameters().iter();
+        let parameters = parameters.map(|tracked| Prior { mean: 0.0, sd: Some(tracked.sd) });
+        Some(states.chain(parameters).collect())
     }
 
     /// The models that it runs on: one, but for a bank, whose models have its parameters off by their deviations.

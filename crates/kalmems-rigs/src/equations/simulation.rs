@@ -5,23 +5,31 @@ use super::names;
 use super::settings::OwnDevice;
 use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
-use crate::config::{Experiment, Fault, Simulate};
+use crate::config::{DriveSource, Experiment, Fault, Key, Sign, Simulate, SimulatedChannel};
 use crate::recording::Source;
-use crate::simulate::{Channel, Converter, Drive, Sample, SimulateError, Simulation, WhiteNoise, drive_of};
+use crate::simulate::{
+    Channel, Converter, Drive, Sample, SimulateError, SimulatedInput, Simulation, WhiteNoise, drive_of,
+    input_of, parts_of_all,
+};
 use crate::units::kind;
-use kalmems_core::Nodes;
+use kalmems_equations::{Device, EquationError, Named};
 use std::ops::ControlFlow;
 
 /// A simulation by the equations: Runge and Kutta's method of fourth order in steps of the integration rate, behind each of which
 /// the noise of the rates is added.
 pub struct EquationSimulation {
     own: OwnDevice,
-    drive: Option<Drive>,
+    /// The inputs, in the order of the device.
+    drives: Vec<Drive>,
+    /// For how long they move the device before the recording begins, in s.
+    before_s: f64,
     sources: Vec<Source>,
     start: Vec<f64>,
     simulate: Simulate,
     /// The density of the noise of each state's rate, and the variance of a sample of each measurement.
     noises: (Vec<f64>, Vec<f64>),
+    /// How each measurement is sampled.
+    sampling: Vec<Sampling>,
     periods: Vec<(usize, f64)>,
     /// The events that are recorded, behind what is measured: their places, and the variances of their times and their expressions.
     events: Vec<(usize, [f64; 2])>,
@@ -29,6 +37,137 @@ pub struct EquationSimulation {
     truth: Vec<Channel>,
     /// The states that they are.
     truth_of: Vec<usize>,
+}
+
+/// Steps before the recording between two looks at whether the motion is finite.
+const LOOK: u64 = 1 << 16;
+
+/// How a measurement is sampled.
+#[derive(Clone, Copy, Debug)]
+struct Sampling {
+    /// A sample of it is taken at each so many rows, from the first one on.
+    every: u64,
+    first: u64,
+    converter: Option<Converter>,
+}
+
+impl Sampling {
+    /// Its sample in a row, as the converter has it, or not a number where the row has none; says where the analogue value is not finite.
+    fn sample(&self, row: u64, is_finite: &mut bool, analogue: impl FnOnce() -> f64) -> f64 {
+        let has_sample = row.checked_sub(self.first).is_some_and(|behind| behind.is_multiple_of(self.every));
+        if !has_sample {
+            return f64::NAN;
+        }
+        let analogue = analogue();
+        *is_finite &= analogue.is_finite();
+        self.converter.map_or(analogue, |converter| converter.round(analogue))
+    }
+}
+
+/// The inputs of a device as an experiment drives them.
+fn inputs(
+    experiment: &Experiment,
+    simulate: &Simulate,
+    device: &Device,
+) -> Result<Vec<SimulatedInput>, SimulateError> {
+    let named = match (&simulate.drive, device.inputs()) {
+        (DriveSource::Inputs(named), _) => named,
+        (_, []) => return Ok(Vec::new()),
+        (DriveSource::RingDown(_), [input, ..]) => {
+            let why = format!(
+                "bias and feedback resistance of a ring-down are those of another device; write `[simulate.drive.inputs.{}.ring_down]`",
+                input.name
+            );
+            return Err(experiment.error("simulate.drive.ring_down", Fault::Value { why }).into());
+        }
+        (_, [input]) if names::kind_of(input).dimension == kind::VOLTAGE.dimension => {
+            let (drive, source) = drive_of(experiment, simulate)?;
+            return Ok(vec![SimulatedInput { drive, source, before_s: 0.0 }]);
+        }
+        (_, inputs) => {
+            let names: Vec<String> =
+                inputs.iter().map(|input| format!("`{} = \"{}\"`", input.name, input.unit_text)).collect();
+            let why = format!(
+                "the device has the inputs {}; write a table for each, such as `[simulate.drive.inputs.{}.sine]`",
+                names.join(" and "),
+                inputs[0].name
+            );
+            return Err(experiment.error("simulate.drive", Fault::Value { why }).into());
+        }
+    };
+    let key = || Key::from("simulate.drive.inputs");
+    if let Some(name) = named.keys().find(|name| device.inputs().iter().all(|input| *input.name != ***name)) {
+        let known = device.inputs().iter().map(|input| &*input.name);
+        return Err(experiment.error(key().child(name), Fault::unknown_key(name, known)).into());
+    }
+    let one = |input: &Named| {
+        let Some(source) = named.get(&*input.name) else {
+            let remedy = format!(
+                "write `{0} = \"none\"` in `[simulate.drive.inputs]` where it is zero, or a table such as \
+                 `[simulate.drive.inputs.{0}.sine]`",
+                input.name
+            );
+            return Err(experiment.error(key().child(&input.name), Fault::MissingKey { remedy }).into());
+        };
+        input_of(experiment, simulate, (&input.name, names::kind_of(input)), source)
+    };
+    device.inputs().iter().map(one).collect()
+}
+
+/// How the measurements of a device are sampled.
+fn sampling(
+    experiment: &Experiment,
+    simulate: &Simulate,
+    device: &Device,
+) -> Result<Vec<Sampling>, SimulateError> {
+    let key = || Key::from("simulate.channels");
+    let known = || device.measures().iter().map(|measure| &*measure.name);
+    if let Some(name) = simulate.channels.keys().find(|name| known().all(|known| known != name.as_str())) {
+        return Err(experiment.error(key().child(name), Fault::unknown_key(name, known())).into());
+    }
+    let one = |measure: &Named| {
+        let (at, kind) = (key().child(&measure.name), names::kind_of(measure));
+        let SimulatedChannel { sampling_rate, first_row, adc } =
+            simulate.channels.get(&*measure.name).cloned().unwrap_or_default();
+        let every = sampling_rate.as_ref().map_or(1.0, |rate| simulate.sampling_rate.si() / rate.si());
+        if !(every > 0.5 && (every - every.round()).abs() < 1e-6 * every) {
+            let text = sampling_rate.as_ref().map_or("", |rate| rate.text());
+            let why = format!(
+                "`{text}` is not `{}` divided by a whole number; a channel is sampled at some of the rows of the recording",
+                simulate.sampling_rate.text()
+            );
+            return Err(experiment.error(at.child("sampling_rate"), Fault::Value { why }).into());
+        }
+        let converter = match (&adc, &simulate.adc) {
+            (Some(adc), _) => {
+                let at = at.child("adc");
+                let level =
+                    |name: &str, value| experiment.value(at.clone().child(name), value, kind, Sign::Any);
+                let levels = [level("low", &adc.low)?, level("high", &adc.high)?];
+                if levels[0] >= levels[1] {
+                    let why = format!(
+                        "`{}` is not above `low`, `{}`",
+                        adc.high.value().text(),
+                        adc.low.value().text()
+                    );
+                    return Err(experiment.error(at.child("high"), Fault::Value { why }).into());
+                }
+                Some(Converter::new(adc.bits, levels))
+            }
+            (None, Some(adc)) if kind.dimension == kind::VOLTAGE.dimension => Some(Converter::of(adc)),
+            (None, Some(_)) => {
+                let why = format!(
+                    "`{}` is measured in {}, and its levels are in V; write `[simulate.channels.{}.adc]` instead",
+                    measure.name, measure.unit_text, measure.name
+                );
+                return Err(experiment.error("simulate.adc", Fault::Value { why }).into());
+            }
+            (None, None) => None,
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
+        Ok(Sampling { every: every.round().max(1.0) as u64, first: first_row.into(), converter })
+    };
+    device.measures().iter().map(one).collect()
 }
 
 impl EquationSimulation {
@@ -42,30 +181,14 @@ impl EquationSimulation {
         let own = OwnDevice::of(experiment)?;
         let device = &own.device;
         let wrong = |error| SimulateError::from(refused(experiment, &error));
-        let (drive, sources) = match device.inputs() {
-            [] => (None, Vec::new()),
-            [input] if names::kind_of(input).dimension == kind::VOLTAGE.dimension => {
-                let (drive, source) = drive_of(experiment, simulate)?;
-                (Some(drive), source.into_iter().collect())
-            }
-            inputs => {
-                let names: Vec<String> = inputs
-                    .iter()
-                    .map(|input| format!("`{} = \"{}\"`", input.name, input.unit_text))
-                    .collect();
-                let why = format!(
-                    "the device has the inputs {}; a drive is a voltage, and is simulated for a device with one input in V: make \
-                     the others parameters, or scale the one by a parameter such as `force_per_volt`",
-                    names.join(" and ")
-                );
-                return Err(experiment.error("simulate.drive", Fault::Value { why }).into());
-            }
-        };
-        let entries = names::entries(device, crate::config::Sign::Any);
+        let inputs = inputs(experiment, simulate, device)?;
+        let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
+        let sampling = sampling(experiment, simulate, device)?;
+        let entries = names::entries(device, Sign::Any);
         let mut stated = vec![None; entries.len()];
         for (slot, entry) in stated.iter_mut().zip(&entries) {
             if let Some(value) = simulate.start.get(entry.name) {
-                let key = crate::config::Key::from("simulate.start").child(entry.name);
+                let key = Key::from("simulate.start").child(entry.name);
                 *slot = Some(experiment.value(key, value, entry.kind, entry.sign)?);
             }
         }
@@ -74,7 +197,7 @@ impl EquationSimulation {
             simulate.start.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str()))
         {
             let known = entries.iter().map(|entry| entry.name);
-            let key = crate::config::Key::from("simulate.start").child(name);
+            let key = Key::from("simulate.start").child(name);
             return Err(experiment.error(key, Fault::unknown_key(name, known)).into());
         }
         let rate_hz = simulate.sampling_rate.si();
@@ -91,7 +214,41 @@ impl EquationSimulation {
         let truth =
             truth_of.iter().flat_map(|place| names::channels(&device.states()[*place..=*place])).collect();
         let (simulate, noises) = (simulate.clone(), (densities, variances));
-        Ok(Self { own, drive, sources, start, simulate, noises, periods, events, recorded, truth, truth_of })
+        let (drives, sources): (_, Vec<_>) =
+            inputs.into_iter().map(|input| (input.drive, input.source)).unzip();
+        let sources = sources.into_iter().flatten().collect();
+        Ok(Self {
+            own,
+            drives,
+            before_s,
+            sources,
+            start,
+            simulate,
+            noises,
+            sampling,
+            periods,
+            events,
+            recorded,
+            truth,
+            truth_of,
+        })
+    }
+}
+
+impl EquationSimulation {
+    /// What looks for the events that are recorded, with random numbers of its own for each.
+    fn simulated_events(&self, noises: Vec<WhiteNoise>) -> Result<Vec<SimulatedEvent>, EquationError> {
+        let each = self.events.iter().zip(noises).map(|((event, variances), noise)| {
+            let noise = self.simulate.noise.then_some(noise);
+            SimulatedEvent::of(&self.own.device, *event, &self.own.values, (*variances, noise))
+        });
+        each.collect()
+    }
+
+    fn inputs_at(&self, time_s: f64, inputs: &mut [f64]) {
+        for (input, drive) in inputs.iter_mut().zip(&self.drives) {
+            *input = drive.at(time_s);
+        }
     }
 }
 
@@ -131,13 +288,8 @@ impl Simulation for EquationSimulation {
         let mut of_samples = streams(0, readouts.len());
         let mut of_rates = streams(readouts.len(), self.start.len());
         let of_events = streams(readouts.len() + self.start.len(), self.events.len());
-        let mut watched = Vec::new();
-        for ((event, variances), noise) in self.events.iter().zip(of_events) {
-            let noise = simulate.noise.then_some(noise);
-            let watch = SimulatedEvent::of(&own.device, *event, &own.values, (*variances, noise));
-            watched.push(watch.map_err(too_large)?);
-        }
-        let converter = simulate.adc.as_ref().map(Converter::of);
+        let mut events = self.simulated_events(of_events).map_err(too_large)?;
+        let mut rates = motion.work(&own.values);
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
         let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
             return Err(SimulateError::NotFinite { time_s: 0.0 });
@@ -152,24 +304,53 @@ impl Simulation for EquationSimulation {
         let mut recorded = vec![0.0; self.recorded.len()];
         let measured = self.recorded.len() - self.events.len();
         let mut truth = vec![0.0; self.truth.len()];
+        let (mut nodes, mut inputs) = ([const { Vec::new() }; 3], vec![0.0; self.drives.len()]);
+        let mut advance = |state: &mut Vec<f64>, from_s: f64, to_s: f64| {
+            parts_of_all(&self.drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
+                motion.step(&mut work, state, nodes, to_s - from_s, &mut next);
+                std::mem::swap(state, &mut next);
+            });
+            if simulate.noise {
+                for ((state, sd), noise) in state.iter_mut().zip(&step_sd).zip(&mut of_rates) {
+                    if *sd > 0.0 {
+                        *state += sd * noise.sample();
+                    }
+                }
+            }
+        };
+        let turn = |state: &mut [f64]| {
+            for (place, period) in &self.periods {
+                state[*place] -= period * (state[*place] / period).floor();
+            }
+        };
+        // Before the recording, where an input asks for that.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
+        let steps_before = (self.before_s * rate_hz).round() as u64;
+        for left in (1..=steps_before).rev() {
+            advance(&mut state, -(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
+            turn(&mut state);
+            if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
+                return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
+            }
+        }
         let mut step_count = 0_u64;
         for k in 0..self.samples() {
             let time_s = k as f64 * interval_s;
-            let input = self.drive.as_ref().map(|drive| drive.at(time_s));
-            let inputs = input.as_slice();
-            recorded[..inputs.len()].copy_from_slice(inputs);
+            self.inputs_at(time_s, &mut inputs);
+            let (of_inputs, of_measures) = recorded.split_at_mut(inputs.len());
+            of_inputs.copy_from_slice(&inputs);
+            let mut finite = state.iter().chain(&inputs).all(|x| x.is_finite());
             for (place, readout) in readouts.iter().enumerate() {
-                let clean = readout.read(&mut readings[place], &state, inputs);
+                // Each channel has random numbers of its own, whatever rows it is sampled at.
                 let noise = if simulate.noise { sample_sd[place] * of_samples[place].sample() } else { 0.0 };
-                let analogue = clean + noise;
-                recorded[inputs.len() + place] =
-                    converter.map_or(analogue, |converter| converter.round(analogue));
+                let analogue = || readout.read(&mut readings[place], &state, &inputs) + noise;
+                of_measures[place] = self.sampling[place].sample(k, &mut finite, analogue);
             }
-            if !state.iter().chain(&recorded[..measured]).all(|x| x.is_finite()) {
+            if !finite {
                 return Err(SimulateError::NotFinite { time_s });
             }
-            for (to, watched) in recorded[measured..].iter_mut().zip(&mut watched) {
-                *to = watched.ago(time_s);
+            for (to, event) in recorded[measured..].iter_mut().zip(&mut events) {
+                *to = event.ago(time_s);
             }
             for (to, place) in truth.iter_mut().zip(&self.truth_of) {
                 *to = state[*place];
@@ -179,36 +360,18 @@ impl Simulation for EquationSimulation {
             }
             for _ in 0..steps {
                 let (from_s, to_s) = (step_count as f64 / rate_hz, (step_count + 1) as f64 / rate_hz);
-                let inputs_at = |time_s| self.drive.as_ref().map(|drive| drive.at(time_s));
-                for watched in &mut watched {
-                    watched.begin((&motion, &mut work), &state, (from_s, inputs_at(from_s).as_slice()));
+                for event in &mut events {
+                    self.inputs_at(from_s, &mut inputs);
+                    event.begin((&motion, &mut rates), &state, (from_s, &inputs));
                 }
-                let mut over = |from_s: f64, to_s: f64, nodes: &Nodes<&[f64]>| {
-                    motion.step(&mut work, &state, nodes, to_s - from_s, &mut next);
-                    std::mem::swap(&mut state, &mut next);
-                };
-                match &self.drive {
-                    None => over(from_s, to_s, &Nodes::held(&[][..])),
-                    Some(drive) => drive.parts(from_s, to_s, &mut |from_s, to_s, nodes| {
-                        let [start, middle, end] = [[nodes.start], [nodes.middle], [nodes.end]];
-                        over(from_s, to_s, &Nodes { start: &start[..], middle: &middle, end: &end });
-                    }),
-                }
+                advance(&mut state, from_s, to_s);
                 step_count += 1;
-                if simulate.noise {
-                    for ((state, sd), noise) in state.iter_mut().zip(&step_sd).zip(&mut of_rates) {
-                        if *sd > 0.0 {
-                            *state += sd * noise.sample();
-                        }
-                    }
-                }
-                for watched in &mut watched {
-                    watched.end((&motion, &mut work), &state, (to_s, inputs_at(to_s).as_slice()));
+                for event in &mut events {
+                    self.inputs_at(to_s, &mut inputs);
+                    event.end((&motion, &mut rates), &state, (to_s, &inputs));
                 }
             }
-            for (place, period) in &self.periods {
-                state[*place] -= period * (state[*place] / period).floor();
-            }
+            turn(&mut state);
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
 use super::curve::CurveTable;
+use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::Ordered;
 use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
@@ -20,6 +21,10 @@ pub struct EquationsTable {
     /// The inputs with their units, such as `V = "V"`: each is a channel of a recording.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub inputs: Ordered<String>,
+    /// How an input goes between two samples, `cubic`, `linear`, `hold`, `mean`, `sine` or `band_limited`: one word for all inputs,
+    /// or one for each by its name; `cubic` if left out.
+    #[serde(default, skip_serializing_if = "Interpolations::is_left_out")]
+    pub interpolation: Interpolations,
     /// The parameters with value and unit, such as `k = "3 N/m"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub parameters: Ordered<NumberText>,
@@ -94,6 +99,13 @@ impl DeviceDescription for EquationsTable {
         for (name, number) in self.parameters.iter() {
             let key = || Key::from("device").child(Self::NAME).child("parameters").child(name);
             number.nominal().map_err(|why| (key(), why))?;
+        }
+        if let Some(name) = self.interpolation.names().find(|name| self.inputs.get(name).is_none()) {
+            let known: Vec<String> = self.inputs.iter().map(|(name, _)| format!("`{name}`")).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            let why = format!("`{name}` is not an input; the inputs of the device are {known}");
+            let at = Key::from("device").child(Self::NAME).child("interpolation");
+            return Err((at.child(name), why));
         }
         // With files the points are read where the experiment's folder is known.
         if self.tables.iter().any(|(_, table)| table.file.is_some()) {

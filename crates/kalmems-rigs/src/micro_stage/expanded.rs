@@ -11,6 +11,8 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     let mut all = Expansion { noise: vec![("angular_acceleration", "rate")], ..Expansion::default() };
     all.table("states", &[("angle", "rad"), ("rate", "rad/s")]);
     all.table("inputs", &[("drive", "V")]);
+    // Its exact step holds the drive over an interval at what it is in the middle, on the line between both samples.
+    all.table("interpolation", &[("drive", "mean")]);
     let resonator = hardware.stage.resonator;
     let mut numbers: Vec<(String, f64, &str)> = vec![
         ("natural_frequency".to_owned(), resonator.natural_rate / TAU, "Hz"),

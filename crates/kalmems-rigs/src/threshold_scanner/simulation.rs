@@ -156,12 +156,7 @@ fn captured(capture: &CaptureDrive, rate_hz: f64) -> ((Drive, u64), Drive) {
     let phase_rad = TAU * (cycles - cycles.floor());
     let held = Drive::Sine { offset: half, amplitude: half, frequency_hz: to_hz, phase_rad };
     let Some(cut_off) = &capture.cut_off else { return ((sweep, steps), held) };
-    let off = Interruptions {
-        first_s: cut_off.at.as_ref().map_or(0.0, Quantity::si),
-        lasting_s: cut_off.lasting.as_ref().map_or(f64::INFINITY, Quantity::si),
-        every_s: cut_off.every.as_ref().map_or(f64::INFINITY, Quantity::si),
-        transient_s: cut_off.transient.si(),
-    };
+    let off = Interruptions::from(cut_off);
     ((sweep, steps), Drive::Interrupted { drive: Box::new(held), off })
 }
 

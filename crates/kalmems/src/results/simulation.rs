@@ -115,11 +115,15 @@ fn header(w: &mut dyn Write, channels: &[Channel]) -> io::Result<()> {
     writeln!(w)
 }
 
-/// Numbers are as short as they can be and still read back as the same bits.
+/// Numbers are as short as they can be and still read back as the same bits; a cell without a sample is empty.
 fn row(w: &mut dyn Write, sample: &Sample, values: &[f64]) -> io::Result<()> {
     write!(w, "{}", sample.time_s)?;
     for value in values {
-        write!(w, ",{value}")?;
+        if value.is_nan() {
+            write!(w, ",")?;
+        } else {
+            write!(w, ",{value}")?;
+        }
     }
     writeln!(w)
 }

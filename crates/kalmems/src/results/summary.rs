@@ -347,6 +347,10 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
             "samples at which the drive bends too sharply for its feedthrough to be known, which did not correct",
         ),
         (
+            counts.for_start,
+            "samples of the beginning that told where the filter starts, and were not used a second time",
+        ),
+        (
             counts.crossings_refused,
             "crossings too far from what the filter expected, which did not correct it",
         ),

@@ -227,6 +227,11 @@ impl<'a> Drive<'a> {
         drive
     }
 
+    /// When its samples were taken, in s.
+    pub fn time_s(&self) -> &'a [f64] {
+        self.time_s
+    }
+
     /// Its samples in V.
     pub fn volts(&self) -> &'a [f64] {
         self.volts
@@ -281,6 +286,14 @@ impl<'a> Drive<'a> {
         let end = self.sample(to).0;
         let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
         Nodes { start, middle: cubic_between(self.time_s, |k| self.sample(k).0, to, middle), end }
+    }
+
+    /// The same with the middle on this sine, corrected by the cubic through what the samples differ from it.
+    pub fn nodes_along(&self, sine: &Sine, to: usize) -> Nodes<f64> {
+        let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
+        let beside = |k: usize| self.sample(k).0 - sine.at(self.time_s[k]);
+        let middle = sine.at(middle) + cubic_between(self.time_s, beside, to, middle);
+        Nodes { start: self.sample(to - 1).0, middle, end: self.sample(to).0 }
     }
 
     /// The drive over one of so many parts of an interval, by the parabola through its nodes.
