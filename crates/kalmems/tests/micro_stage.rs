@@ -169,6 +169,10 @@ fn without_a_vibrometer_a_trusted_gain_gives_the_gaps() {
             1e9 * (gap - with)
         );
         assert!((gap - with).abs() < if name.ends_with('A') { 40e-9 } else { 150e-9 });
+        // The gains are known no better than the vibrometer's records tell them, and the gaps that are found by them no better than that.
+        let [gain, gain_sd] = value(&found, &format!("gain eta of {name}"));
+        assert!((gap - truth).abs() < 4.0 * sd, "{name}: {gap} ± {sd}, true {truth}");
+        assert!(sd / gap > 0.3 * gain_sd / gain.abs(), "{name}: {sd} of {gap} by {gain_sd} of {gain}");
     }
 }
 

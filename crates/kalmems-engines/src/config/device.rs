@@ -162,7 +162,7 @@ impl Experiment {
     }
 
     /// Puts another device, or another description of the same, in the place of the one that there is. The correlations of the same
-    /// device stay.
+    /// device stay, but for those of numbers without an uncertainty.
     pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
         let claimed = Claimed::of(device);
         let written = claimed.written.clone();
@@ -170,6 +170,8 @@ impl Experiment {
         let correlation = if self.device.name == T::NAME { before } else { Correlations::default() };
         self.device = DeviceTable { name: T::NAME.to_owned(), written, claimed: claimed.into(), correlation };
         self.variations = Variations::default();
+        let uncertain = self.uncertain().unwrap_or_default();
+        self.device.correlation.keep(&|name| uncertain.iter().any(|number| number.name == name));
     }
 }
 

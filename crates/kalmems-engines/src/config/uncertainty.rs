@@ -34,10 +34,7 @@ impl Correlations {
     /// States the correlations of the errors of these numbers with one another, with so many decimals, in the place of all that was
     /// stated of any of them.
     fn state(&mut self, names: &[String], correlation: &[Vec<f64>], decimals: i32) {
-        self.0.retain(|first, _| !names.contains(first));
-        for others in self.0.values_mut() {
-            others.retain(|second, _| !names.contains(second));
-        }
+        self.keep(&|name| names.iter().all(|other| other != name));
         for (place, (name, row)) in names.iter().zip(correlation).enumerate() {
             let pairs = names
                 .iter()
@@ -47,6 +44,14 @@ impl Correlations {
             self.0.insert(name.clone(), pairs.filter(|(_, value)| *value != 0.0).collect());
         }
         self.0.retain(|_, others| !others.is_empty());
+    }
+
+    /// Keeps those whose two numbers are wanted, by their names.
+    pub(super) fn keep(&mut self, is_wanted: &dyn Fn(&str) -> bool) {
+        self.0.retain(|first, others| {
+            others.retain(|second, _| is_wanted(second));
+            is_wanted(first) && !others.is_empty()
+        });
     }
 
     /// Whether there is none.

@@ -2,8 +2,9 @@
 
 use super::crests::{ByCrests, Crests, by_crests, crests};
 use super::fit_error;
+use super::in_situ::InPlace;
 use super::waveform::{
-    ELECTRODES, Sought, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown, weighted,
+    ELECTRODES, Sought, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
 };
 use crate::config::{Experiment, Fault, FeedthroughBy, Key, Trusted};
 use crate::fit::{Derived, Fit, FitError};
@@ -28,6 +29,8 @@ pub struct GapFit {
     pub fit: Option<Fit<UNKNOWNS>>,
     /// What was found of each electrode, by its place in the hardware.
     pub electrodes: Vec<(usize, ElectrodeFit)>,
+    /// The covariance of the errors of gap and gain of each, in this order.
+    pub covariance: Vec<Vec<f64>>,
     /// How late the vibrometer is in s; `None` without one.
     pub delay: Option<Derived>,
     /// Whether gap or gain was taken from the device table, and which.
@@ -128,7 +131,7 @@ pub fn identify(
     let task = Task { hardware, on, records: &records, by_harmonics };
     let mut found = match (has_vibrometer, trusted) {
         (true, _) => task.with_vibrometer()?,
-        (false, Some(trusted)) => task.trusting(trusted)?,
+        (false, Some(trusted)) => task.trusting(experiment, trusted)?,
         (false, None) => return Err(task.refuse()),
     };
     for (electrode, by) in &mut found.electrodes {
@@ -347,22 +350,37 @@ impl Task<'_> {
             ));
         }
         let delay = Some(fit.parameter(unknown::DELAY));
-        Ok(GapFit { fit: Some(fit), electrodes, delay, ..self.nothing() })
+        let places: Vec<usize> =
+            (0..electrodes.len()).flat_map(|place| [unknown::gap(place), unknown::gain(place)]).collect();
+        let row = |i: &usize| places.iter().map(|j| fit.covariance.get(*i, *j)).collect();
+        let covariance = places.iter().map(row).collect();
+        Ok(GapFit { fit: Some(fit), electrodes, covariance, delay, ..self.nothing() })
     }
 
-    fn trusting(&self, trusted: Trusted) -> Result<GapFit, IdentifyError> {
-        let (plates, gains, noise) = (self.plates(), self.gains(), self.noise());
-        let found = in_situ(&plates, &gains, &noise, self.records, trusted, self.by_harmonics)
+    fn trusting(&self, experiment: &Experiment, trusted: Trusted) -> Result<GapFit, IdentifyError> {
+        let noise = self.noise();
+        let known = InPlace { noise: &noise, records: self.records, trusted, feedthrough: self.by_harmonics };
+        let names: Vec<&str> = self
+            .on
+            .electrodes
+            .iter()
+            .map(|electrode| self.hardware.channels[*electrode].name.as_str())
+            .collect();
+        let directions = experiment.directions()?;
+        let (found, covariance) = known
+            .with_stated_errors((&self.plates(), &self.gains()), (&names, &directions))
             .map_err(|why| self.fit_error(why))?;
-        let electrodes =
-            self.on.electrodes.iter().copied().zip(found.electrodes.iter().map(|[gap, gain]| ElectrodeFit {
-                gap: *gap,
-                gain: *gain,
-                correlation: f64::NAN,
-                crests: None,
-                feedthrough: None,
-            }));
-        Ok(GapFit { electrodes: electrodes.collect(), trusted: Some(trusted), ..self.nothing() })
+        let of =
+            |place: usize, number: Derived| Derived { deviation: covariance[place][place].sqrt(), ..number };
+        let fitted = found.electrodes.iter().enumerate().map(|(place, [gap, gain])| ElectrodeFit {
+            gap: of(2 * place, *gap),
+            gain: of(2 * place + 1, *gain),
+            correlation: f64::NAN,
+            crests: None,
+            feedthrough: None,
+        });
+        let electrodes = self.on.electrodes.iter().copied().zip(fitted).collect();
+        Ok(GapFit { electrodes, covariance, trusted: Some(trusted), ..self.nothing() })
     }
 
     /// Why the signals alone do not say gap and gain.
@@ -418,6 +436,7 @@ impl Task<'_> {
             rates: Vec::new(),
             fit: None,
             electrodes: Vec::new(),
+            covariance: Vec::new(),
             delay: None,
             trusted: None,
             by_harmonics: self.by_harmonics,
@@ -428,7 +447,7 @@ impl Task<'_> {
 }
 
 /// What one record without a vibrometer is fitted with.
-fn alone<'a>(
+pub(super) fn alone<'a>(
     plates: &'a [TiltingPlate<f64>],
     gains: &'a [f64],
     noise: &'a [f64],
@@ -445,48 +464,4 @@ fn alone<'a>(
         sought: Sought::Gaps,
         feedthrough,
     }
-}
-
-/// Gaps or gains without a vibrometer.
-#[derive(Clone, Debug)]
-pub struct InSitu {
-    /// Gap in m and gain in V·Ω of each electrode; what was trusted has no standard error.
-    pub electrodes: Vec<[Derived; 2]>,
-    /// The amplitude of the angle in rad in each record.
-    pub amplitudes: Vec<Derived>,
-}
-
-/// The gaps where the gains are trusted, or the gains where the gaps are, from the signals alone: after a change of
-/// temperature, say, that moved the plates and not the amplifiers.
-///
-/// Each record is fitted with the size of its own motion; the electrodes share it. The results are their means, weighted.
-pub fn in_situ(
-    plates: &[TiltingPlate<f64>],
-    gains: &[f64],
-    noise: &[f64],
-    records: &[WaveRecord],
-    trusted: Trusted,
-    feedthrough: bool,
-) -> Result<InSitu, FitError> {
-    let is_gain = trusted == Trusted::Gain;
-    let mut fits = Vec::new();
-    let mut amplitudes = Vec::new();
-    for record in records {
-        let one = [record.clone()];
-        let waveforms = Waveforms {
-            sought: if is_gain { Sought::Gaps } else { Sought::Gains },
-            ..alone(plates, gains, noise, &one, feedthrough)
-        };
-        let fit = waveforms.fit()?;
-        amplitudes.push(fit.derived(|p| p[unknown::SCALE] * record.angle.amplitude));
-        fits.push(fit);
-    }
-    let electrodes = (0..plates.len().min(ELECTRODES)).map(|i| {
-        let index = if is_gain { unknown::gap(i) } else { unknown::gain(i) };
-        let each: Vec<Derived> = fits.iter().map(|fit| fit.parameter(index)).collect();
-        let found = weighted(&each).unwrap_or(Derived { value: f64::NAN, deviation: f64::INFINITY });
-        let known = |value: f64| Derived { value, deviation: 0.0 };
-        if is_gain { [found, known(gains[i])] } else { [known(plates[i].gap), found] }
-    });
-    Ok(InSitu { electrodes: electrodes.collect(), amplitudes })
 }

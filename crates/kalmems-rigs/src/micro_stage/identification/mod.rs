@@ -10,6 +10,7 @@ mod common_noise;
 mod crests;
 mod figures;
 mod gaps;
+mod in_situ;
 mod noise;
 mod sweep;
 mod trained;
@@ -18,7 +19,8 @@ mod words;
 
 pub use crests::{ByCrests, Crests, by_crests, crests, expected};
 pub use figures::sweep as sweep_figure;
-pub use gaps::{GapFit, InSitu, in_situ};
+pub use gaps::GapFit;
+pub use in_situ::{InSitu, in_situ};
 pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
 pub use waveform::{
     ELECTRODES, Indeterminate, Sought, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate,
@@ -96,13 +98,14 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         let fitted = gaps::identify(experiment, &hardware, &records, off.as_ref())?;
         words::gaps(&mut found, &hardware, &records, &fitted);
         found.figures.extend(figures::gaps(&hardware, &fitted));
+        let mut names = Vec::new();
         for (electrode, by) in &fitted.electrodes {
             let name = &hardware.channels[*electrode].name;
             let Some(table) = device.electrodes.get_mut(name) else { continue };
             let [gap, gain] = ["gap", "gain"].map(|own| format!("electrodes.{name}.{own}"));
             entries.set(experiment, (&gap, &mut table.gap), by.gap, "m")?;
             entries.set(experiment, (&gain, &mut table.gain), by.gain, "V ohm")?;
-            entries.correlate(&gap, &gain, by.correlation);
+            names.extend([gap, gain]);
             if let Some(feedthrough) = by.feedthrough {
                 let of_drive = crate::micro_stage::device::DriveFeedthrough {
                     gain: quantity(experiment, feedthrough[0], "")?,
@@ -111,6 +114,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 table.feedthrough = Some(of_drive);
             }
         }
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        entries.correlate_all(&names, &|i, j| fitted.covariance[i][j]);
         if let Some(delay) = fitted.delay {
             set_delay(&mut found.experiment, index, delay.value)?;
         }

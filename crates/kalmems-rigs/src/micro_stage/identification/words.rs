@@ -134,10 +134,24 @@ pub fn gaps(found: &mut Identification, hardware: &Hardware, records: &Records, 
                 Trusted::Gain => ("gains", "gaps"),
                 Trusted::Gap => ("gaps", "gains"),
             };
-            found.warnings.push(format!(
+            let stated = fitted.electrodes.iter().any(|(_, by)| match trusted {
+                Trusted::Gain => by.gain.deviation > 0.0,
+                Trusted::Gap => by.gap.deviation > 0.0,
+            });
+            let words = format!(
                 "{place}: no vibrometer; the {known} are those of the device table, and an error of theirs is in the {follows} \
                  and in the estimated rate in full"
-            ));
+            );
+            if stated {
+                found.notes.push(format!(
+                    "{words}; what is stated of it is in the standard errors of the {follows}"
+                ));
+            } else {
+                found.warnings.push(format!(
+                    "{words}; they are taken as exact: state their uncertainty in the device's table, and it is in the standard errors of \
+                     the {follows} and in every estimate"
+                ));
+            }
         }
         None => undetermined(
             found,
