@@ -9,6 +9,7 @@ pub mod equations;
 pub mod micro_stage;
 pub mod piston_mirror;
 pub mod shared_scanner;
+mod spikes;
 pub mod threshold_scanner;
 pub mod workflow;
 

@@ -386,6 +386,60 @@ fn a_wrong_feedback_is_recognised() {
     };
 }
 
+/// Mechanics that are told 20 % wrong make a feedback with a dither look as if it had been recorded early; they are found, and a feedback that is
+/// wrong beside them is still told.
+#[test]
+fn wrong_mechanics_are_no_wrong_wiring() {
+    let folder = tempfile::tempdir().unwrap();
+    for seed in [200] {
+        let (recorded, truth) = dithered(seed, true);
+        let told = told(&settled(), [1.2, 0.8, 0.8]);
+        let wrong = from_files(folder.path(), &told, &recorded, &truth);
+        workflow::estimate(published(), &wrong, &Silent).unwrap_or_else(|e| panic!("{e}"));
+        let (_, mechanics) = identified(&wrong);
+        for (parameter, truth) in mechanics.iter().zip(TRUTH) {
+            assert!((parameter.value - truth).abs() < 4.0 * parameter.standard_error, "{parameter:?}");
+        }
+        let last = recorded.len() - 1;
+        let cases: [(&dyn Fn(usize) -> f64, &str); 3] = [
+            (&|k| -recorded[k][1], "opposite sign"),
+            (&|k| recorded[k.saturating_sub(1)][1], "recorded late"),
+            (&|k| recorded[(k + 1).min(last)][1], "recorded early"),
+        ];
+        for (change, words) in cases {
+            let rows = recorded.iter().enumerate();
+            let rows: Rows = rows.map(|(k, row)| vec![row[0], change(k), row[2]]).collect();
+            let wrong = from_files(folder.path(), &told, &rows, &truth);
+            let estimated = workflow::estimate(published(), &wrong, &Silent).map(|_| ());
+            let identified = published().rig(&wrong).unwrap().identify(&wrong, &Silent).map(|_| ());
+            for why in [estimated.unwrap_err().to_string(), identified.unwrap_err().to_string()] {
+                assert!(why.contains(words), "{words}: {why}");
+            }
+        }
+    }
+}
+
+/// The example moves by 1 g at 10 Hz, far smoother than is stated, without a feedback: what the mechanics are hangs on what is taken for the
+/// acceleration, and is not put into the experiment.
+#[test]
+fn a_smoother_acceleration_is_no_softer_spring() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/accelerometer");
+    let experiment = published().load(&folder.join("experiment.toml")).unwrap();
+    let (found, [spring, damping, mass]) = identified(&experiment);
+    assert!(spring.standard_error.is_infinite() && mass.standard_error.is_infinite());
+    assert!(
+        damping.standard_error.is_infinite()
+            || (damping.value - TRUTH[1]).abs() < 3.0 * damping.standard_error,
+        "{damping:?}"
+    );
+    let why = found.undetermined.iter().find(|one| one.what == "spring k").map(|one| one.why.as_str());
+    assert!(why.is_some_and(|why| why.contains("bandwidth")), "{why:?}");
+    let rmse = |experiment: &Experiment| errors(experiment)["ekf"][0];
+    let [before, after] = [rmse(&experiment), rmse(&found.experiment)];
+    let told = found.experiment.device::<Accelerometer>().unwrap().proof_mass.spring.si();
+    assert!(after < 1.02 * before && told == 3.0, "{after} {before} mg, {told} N/m");
+}
+
 /// Three structures at 1 g and 10 Hz: the loop moves the mass a tenth as far, and with an observer in it the feedback
 /// carries far less of the readout's noise.
 #[test]

@@ -56,6 +56,8 @@ skip = "0 s"
 [[estimate.filter]]
 name = "EKF"
 method = "ekf"
+# Least squares take all samples.
+gate = false
 start = { x = "0 V", v = "0 V/s" }
 start_sd = { x = "20 V", v = "20 V/s" }
 "#;

@@ -477,9 +477,13 @@ fn samples_beyond_the_device_are_left_out_and_named() {
     println!("{said}");
     assert!(said.starts_with("3 samples") && said.contains("1.0000e-12 F at 0.2 s"), "{said}");
     // Without a table 64 times nearer is a distance too: the samples are taken for the motion.
-    let (_, taken) = with_samples(&parse(&unbounded), fault);
+    let ungated = unbounded.replacen("method = ", "gate = false\nmethod = ", 1);
+    let (_, taken) = with_samples(&parse(&ungated), fault);
     println!("taken: {:.0} nm", error(&taken.trajectories[0]) * 1e9);
     assert!(taken.trajectories[0].counts.without_signal == 0 && error(&taken.trajectories[0]) > 1e-6);
+    // With a gate they are outliers.
+    let (_, gated) = with_samples(&parse(&unbounded), fault);
+    assert!(gated.trajectories[0].counts.rejected >= 3 && error(&gated.trajectories[0]) < 40e-9);
     let moved: f64 = said.split("by up to ").nth(1).unwrap().split(" nm").next().unwrap().parse().unwrap();
     let found = error(&taken.trajectories[0]) * 1e9;
     assert!(moved / found > 0.1 && moved / found < 10.0, "{moved} {found}");

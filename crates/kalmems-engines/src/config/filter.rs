@@ -3,6 +3,7 @@
 use super::error::shown;
 use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
+use super::outliers::{Gate, Update};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
@@ -87,6 +88,20 @@ pub struct Filter {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"64 us")]
     pub smooth_lag: Option<Quantity<Time, Positive>>,
+    /// How probable it may be that a sample of a filter that is right is rejected as an outlier, from the settling time on, or `false`
+    /// for a filter that takes every sample; 1e-7 if left out, and `false` for the method `euler_ekf`. Where more than an eighth of the samples are rejected for some time,
+    /// all are taken again until the filter follows them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<Gate>,
+    /// How a sample whose innovation is large is weighed; `normal` if left out. With the others the stated variance is that of the
+    /// bulk of the noise, of which a part has heavier tails.
+    #[serde(default, skip_serializing_if = "Update::is_normal")]
+    #[schemars(example = &"huber")]
+    pub update: Update,
+    /// The degrees of freedom of the update `student_t`, above 2: fewer for heavier tails; 4 if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_two")]
+    #[schemars(extend("exclusiveMinimum" = 2))]
+    pub degrees_of_freedom: Option<f64>,
     /// The spread of the sigma points of an unscented method; above 0, 1 if left out.
     ///
     /// With `n` states the points lie at `alpha * sqrt(n + kappa)` standard deviations. The defaults keep all
@@ -332,6 +347,31 @@ impl JsonSchema for FilterName {
 }
 
 impl Filter {
+    /// The same of the keys about samples that are no samples of the signal.
+    fn check_taking(&self, at: &Key) -> Result<(), (Key, Fault)> {
+        let word = self.method.word();
+        let refuse = |name: &str, why: String| Err((at.clone().child(name), Fault::Value { why }));
+        if !self.method.claims() && self.gate.is_some() {
+            let why =
+                format!("the method `{word}` expects no innovation that could be too large; leave it out");
+            return refuse("gate", why);
+        }
+        let weighs = self.method.claims() && !self.method.has_fixed_gain() && self.method != Method::Bank;
+        if !(weighs || self.update.is_normal()) {
+            let why = format!("the method `{word}` cannot weigh a sample by its innovation; leave it out");
+            return refuse("update", why);
+        }
+        if !self.update.is_normal() && self.noise_memory.is_some() {
+            let why = "the variance of a sample is found by the innovations of normal noise; leave out one of the two";
+            return refuse("update", why.to_owned());
+        }
+        if self.degrees_of_freedom.is_some() && self.update != Update::StudentT {
+            let why = format!("the update `{}` has no degrees of freedom; leave it out", self.update.word());
+            return refuse("degrees_of_freedom", why);
+        }
+        Ok(())
+    }
+
     /// What no single value can be blamed for, for the filter that stands at `at`.
     pub(super) fn check(&self, at: &Key) -> Result<(), (Key, Fault)> {
         let word = self.method.word();
@@ -412,6 +452,7 @@ impl Filter {
             }
             _ => {}
         }
+        self.check_taking(at)?;
         let points = [("alpha", self.alpha), ("beta", self.beta), ("kappa", self.kappa)];
         if let Some((name, _)) = points.into_iter().find(|(_, value)| value.is_some())
             && !self.method.is_unscented()
@@ -433,6 +474,15 @@ pub(super) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<O
         Ok(Some(number))
     } else {
         Err(D::Error::custom(format!("`{number}` is not a finite number above 0; write one, such as `1`")))
+    }
+}
+
+fn above_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let number = f64::deserialize(deserializer)?;
+    if number > 2.0 && number.is_finite() {
+        Ok(Some(number))
+    } else {
+        Err(D::Error::custom(format!("`{number}` is not a finite number above 2; write one, such as `4`")))
     }
 }
 

@@ -42,7 +42,7 @@ pub struct Threshold {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2 mrad")]
     pub angle_sd: Option<Quantity<Angle, Positive>>,
-    /// The largest innovation that is believed, in standard deviations; every one if left out.
+    /// The largest innovation that is believed, in standard deviations; what the filter's own `gate` believes if left out.
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",

@@ -30,6 +30,7 @@ mod inputs;
 mod key;
 pub mod kinds;
 mod name;
+mod outliers;
 mod patch;
 mod quantity;
 mod reader;
@@ -65,6 +66,7 @@ pub use inputs::{
 pub use key::Key;
 pub use key::Step;
 pub use name::Name;
+pub use outliers::{Gate, Update};
 pub use patch::{absent, get, put};
 pub use quantity::{Quantity, with_sd, written};
 pub use reader::read_source;

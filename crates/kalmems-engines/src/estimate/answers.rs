@@ -2,6 +2,7 @@
 
 use super::any_filter::{AnyFilter, StateFilter};
 use super::engine::Followed;
+use super::gate::{Decisions, Watch};
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
 use super::{Course, EstimateError, FilterBasics, Known, SignalSegment, StateName, Tracked, Trajectory};
@@ -37,18 +38,22 @@ impl SignalSegment<'_> {
 
 /// A filter and its smoothers on their way, whatever the number of its states.
 pub(super) trait Run: Send {
-    /// What they say of new samples. `None` where the work was stopped.
+    /// What they say of new samples, with what another run of the filter rejected where that is followed. `None` where the work was
+    /// stopped.
     fn take(
         &mut self,
         filter: &FilterBasics,
-        course: &mut dyn Course,
-        samples: &Samples,
+        way: (&mut dyn Course, &Samples),
+        decided: Option<&Decisions>,
         states: &[StateName],
         progress: &dyn Progress,
     ) -> Option<Vec<Trajectory>>;
 
     /// What the filter knows.
     fn known(&self) -> Known;
+
+    /// How it takes its samples, as numbers.
+    fn watch_numbers(&self) -> Vec<f64>;
 }
 
 /// Of `N` states.
@@ -61,14 +66,16 @@ impl<const N: usize> Run for RunOf<N> {
     fn take(
         &mut self,
         filter: &FilterBasics,
-        course: &mut dyn Course,
-        samples: &Samples,
+        (course, samples): (&mut dyn Course, &Samples),
+        decided: Option<&Decisions>,
         states: &[StateName],
         progress: &dyn Progress,
     ) -> Option<Vec<Trajectory>> {
         let names = (filter.key.as_str(), filter.name.as_str());
+        self.followed.follow_decisions(decided);
         let mut filtered = self.followed.follow(names, course, &samples.fresh, states, progress)?;
         filtered.whitens = !matches!(filter.method, Method::ConsiderEkf | Method::Luenberger);
+        filtered.gate_nis = filter.taking.largest_nis;
         filtered.parameters = filter.parameters().iter().map(Tracked::prior).collect();
         let names: Vec<&'static str> = filtered.parameters.iter().map(|prior| prior.name).collect();
         filtered.parameter_correlations = self.followed.known().correlations(states, &names);
@@ -77,7 +84,7 @@ impl<const N: usize> Run for RunOf<N> {
             let (key, name) = (format!("{}_{word}", filter.key), format!("{}, {word}", filter.name));
             let entry = self.followed.entry();
             let (fresh, ends) = (&samples.fresh, samples.ends);
-            let part = FilteredPart { entry, fresh, ends, filtered: &trajectories[0] };
+            let part = FilteredPart { entry, fresh, ends, filtered: &trajectories[0], decided };
             trajectories.push(smoother.take((&key, &name), course, &part, progress)?);
         }
         Some(trajectories)
@@ -86,11 +93,16 @@ impl<const N: usize> Run for RunOf<N> {
     fn known(&self) -> Known {
         self.followed.known()
     }
+
+    fn watch_numbers(&self) -> Vec<f64> {
+        self.followed.watch_numbers()
+    }
 }
 
 /// A filter at the beginning of its way, or where it was left in another run, with the smoothers that are wanted.
 pub(super) struct Begun<'a> {
     left: Option<&'a Known>,
+    watch: Watch,
     smooth: bool,
     lag: Option<usize>,
 }
@@ -102,8 +114,8 @@ impl Begun<'_> {
         filter: Box<dyn StateFilter<N>>,
     ) -> Result<Box<dyn Run>, FilterError> {
         let followed = match self.left {
-            Some(left) => Followed::resumed(filter, left)?,
-            None => Followed::new(filter),
+            Some(left) => Followed::resumed(filter, self.watch, left)?,
+            None => Followed::new(filter, self.watch),
         };
         let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
         let lagged = self.lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
@@ -136,10 +148,12 @@ pub fn follow(
         run
     } else {
         let (left, lag) = (past.left().cloned(), filter.lag_samples(samples.interval_s));
-        let begun = begin(left)?.run(Begun { left: past.left(), smooth: filter.smooth, lag });
+        let watch = past.watch(filter, (course.time_s(), samples));
+        let begun = begin(left)?.run(Begun { left: past.left(), watch, smooth: filter.smooth, lag });
         begun.map_err(|why| EstimateError::Resumed { why: why.to_string() })?
     };
-    let trajectories = run.take(filter, course, samples, states, progress);
+    let decided = past.decided.clone();
+    let trajectories = run.take(filter, (course, samples), decided.as_ref(), states, progress);
     past.leave(run);
     trajectories.ok_or(EstimateError::Interrupted)
 }

@@ -2,6 +2,7 @@
 
 use super::answers::{Begun, Run};
 use super::engine::Filtering;
+use super::gate::Watch;
 use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
@@ -306,10 +307,10 @@ macro_rules! for_each_size {
                 }
             }
 
-            /// As a course leads it.
-            pub(super) fn on_its_way(self) -> Box<dyn Filtering + Send> {
+            /// As a course leads it, and how it takes its samples.
+            pub(super) fn on_its_way(self, watch: Watch) -> Box<dyn Filtering + Send> {
                 match self {
-                    $(Self::$variant(filter) => Box::new(Linked::<$states>::new(filter)),)*
+                    $(Self::$variant(filter) => Box::new(Linked::<$states>::new(filter, watch)),)*
                 }
             }
 

@@ -2,6 +2,7 @@
 
 use super::any_filter::AnyFilter;
 use super::engine::Filtering;
+use super::gate::Watch;
 use super::transition::{Sensor, Transition};
 use super::{
     Counts, Course, Derived, EstimateError, FilterBasics, FilterPast, Known, Samples, StateName, Trajectory,
@@ -28,7 +29,9 @@ pub fn answers_of_bank(
         *models
     } else {
         let member = |model| filter.begin(past.left().cloned(), || start(model));
-        Models::new((0..courses.len()).map(member).collect::<Result<_, _>>()?)
+        let members = (0..courses.len()).map(member).collect::<Result<_, _>>()?;
+        let time_s = courses.first().map_or(&[][..], |course| course.time_s());
+        Models::new(members, &past.watch(filter, (time_s, samples)))
     };
     let mut bank = BankCourse::new(courses, models);
     let begin = |left| filter.begin(left, || start(0));
@@ -45,9 +48,16 @@ struct Models {
 
 impl Models {
     /// All equally likely at first.
-    fn new(filters: Vec<AnyFilter>) -> Self {
+    fn new(filters: Vec<AnyFilter>, watch: &Watch) -> Self {
         let log_weights = vec![-(filters.len() as f64).ln(); filters.len()];
-        Self { filters: filters.into_iter().map(AnyFilter::on_its_way).collect(), log_weights }
+        let on_its_way = |filter: AnyFilter| filter.on_its_way(watch.clone());
+        Self { filters: filters.into_iter().map(on_its_way).collect(), log_weights }
+    }
+
+    /// The likeliest one, by its place.
+    fn likeliest(&self) -> usize {
+        let places = self.log_weights.iter().enumerate();
+        places.max_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(place, _)| place)
     }
 
     /// The mixture of what all of them know, over the given storage: Σ w·x, and Σ w·(P + (x − x̄)(x − x̄)ᵀ).
@@ -97,6 +107,25 @@ impl<'a> BankCourse<'a> {
         let square = vec![0.0; states * states];
         let (covariance, of_one) = (square.clone(), square);
         Self { courses, models, mean: vec![0.0; states], covariance, of_one, innovations: Vec::new() }
+    }
+
+    /// Corrects the likeliest model, whose gate decides for all of them: weights would not be those of one set of samples otherwise.
+    fn correct_leader(
+        &mut self,
+        leader: usize,
+        filter: &mut dyn Filtering,
+        k: usize,
+        counts: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let Some(member) = self.models.filters.get_mut(leader) else { return Ok(None) };
+        if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
+            watch.lead(led);
+        }
+        let innovation = self.courses[leader].correct(&mut **member, k, counts)?;
+        if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
+            led.take_over(watch);
+        }
+        Ok(innovation)
     }
 
     /// Puts the led filter where the bank is.
@@ -153,8 +182,17 @@ impl Course for BankCourse<'_> {
         counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let before = *counts;
+        let leader = self.models.likeliest();
+        let of_leader = self.correct_leader(leader, filter, k, counts)?;
         self.innovations.clear();
-        for (course, member) in self.courses.iter_mut().zip(&mut self.models.filters) {
+        for (model, (course, member)) in self.courses.iter_mut().zip(&mut self.models.filters).enumerate() {
+            if model == leader {
+                self.innovations.extend(of_leader);
+                continue;
+            }
+            if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
+                watch.follow_beside(led);
+            }
             *counts = before;
             self.innovations.extend(course.correct(&mut **member, k, counts)?);
         }
@@ -170,8 +208,10 @@ impl Course for BankCourse<'_> {
         let variance: f64 = found().map(|(one, w)| w * spread(one)).sum();
         // As a filter says it that knows its state exactly and takes all of that for noise.
         let mut innovation = filter.update_within(&Expected, residual, variance, NEVER)?;
-        innovation.taken = true;
-        self.models.weigh(&self.innovations);
+        innovation.taken = self.innovations.iter().all(|one| one.taken);
+        if innovation.taken {
+            self.models.weigh(&self.innovations);
+        }
         self.lead(filter)?;
         Ok(Some(innovation))
     }

@@ -4,7 +4,7 @@ use super::engine::{Course, Filtering};
 use super::foretell::{Foreteller, Onwards};
 use super::transition::{Seen, Sensor, Transition};
 use super::{Counts, Known, MOST_STATES};
-use crate::fit::{Fit, FitSettings, Regression, fit};
+use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
 use kalmems_core::update::Gate;
 use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation};
 use std::cell::RefCell;
@@ -69,6 +69,8 @@ const FOLLOWED: usize = 6;
 const ALIKE: f64 = 9.0;
 /// Standard deviations by which two starts are two.
 const APART: f64 = 5.0;
+/// How often samples are left out and the start is found anew.
+const ROUNDS: usize = 6;
 /// Jacobians that are computed for one minimum.
 const ITERATIONS: usize = 60;
 
@@ -82,25 +84,24 @@ const ITERATIONS: usize = 60;
 /// The likelihood of an oscillation has several maxima: the search begins at rest and at eight phases of each free oscillation, as
 /// large as the signal asks for. What has the other sign is tried as well, and is refused where the samples do not tell it.
 ///
+/// Samples that are none of the signal, by what the best start leaves of them, are left out, and the search begins anew.
+///
 /// Residuals that are larger than the noise, by more than chance, widen the covariance in proportion: the device is not quite as described.
 pub fn batch_start(
     course: &mut dyn Course,
     rows: Range<usize>,
     search: &StartSearch,
 ) -> Result<BatchStart, NoBatchStart> {
-    let batch = Batch { course: RefCell::new(course), rows, search };
-    let mut fits: Vec<Fit<MOST_STATES>> = Vec::new();
-    for seed in batch.seeds() {
-        fits.extend(batch.follow(seed));
+    let mut batch = Batch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
+    let (mut found, mut fits) = batch.minima()?;
+    for _ in 0..ROUNDS {
+        let Some(left_out) = outliers(&batch.of_samples(&found.parameters)) else { break };
+        if left_out == batch.left_out || !left_out.contains(&true) {
+            break;
+        }
+        batch.left_out = left_out;
+        (found, fits) = batch.minima()?;
     }
-    let best = |fits: &[Fit<MOST_STATES>]| {
-        fits.iter().min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares)).cloned()
-    };
-    let found = best(&fits).ok_or(NoBatchStart::NotFitted)?;
-    for other in batch.mirrored(&found.parameters) {
-        fits.extend(batch.follow(other));
-    }
-    let found = best(&fits).unwrap_or(found);
     batch.judge(&found, &fits)?;
     batch.concluded(&found)
 }
@@ -110,6 +111,8 @@ struct Batch<'a> {
     course: RefCell<&'a mut dyn Course>,
     rows: Range<usize>,
     search: &'a StartSearch,
+    /// Which samples are not used, in the order in which they correct a filter; of those behind the list all are.
+    left_out: Vec<bool>,
 }
 
 type Start = [f64; MOST_STATES];
@@ -117,6 +120,28 @@ type Start = [f64; MOST_STATES];
 impl Batch<'_> {
     fn states(&self) -> usize {
         self.search.prior.len().min(MOST_STATES)
+    }
+
+    /// The best minimum, and all of them.
+    fn minima(&self) -> Result<(Fit<MOST_STATES>, Vec<Fit<MOST_STATES>>), NoBatchStart> {
+        let mut fits: Vec<Fit<MOST_STATES>> = Vec::new();
+        for seed in self.seeds() {
+            fits.extend(self.follow(seed));
+        }
+        let best = |fits: &[Fit<MOST_STATES>]| {
+            fits.iter().min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares)).cloned()
+        };
+        let found = best(&fits).ok_or(NoBatchStart::NotFitted)?;
+        for other in self.mirrored(&found.parameters) {
+            fits.extend(self.follow(other));
+        }
+        Ok((best(&fits).unwrap_or(found), fits))
+    }
+
+    /// What a start leaves of each sample, used or not, in standard deviations.
+    fn of_samples(&self, start: &Start) -> Vec<f64> {
+        let found = self.led(start, false, &mut |_, _| ());
+        found.map_or_else(|_| Vec::new(), |filter| filter.of_samples)
     }
 
     /// The start that is known before.
@@ -135,8 +160,8 @@ impl Batch<'_> {
         start: &Start,
         derivatives: bool,
         each: &mut dyn FnMut(f64, &Start),
-    ) -> Result<FromKnown, FilterError> {
-        let mut filter = FromKnown::new(&start[..self.states()], derivatives);
+    ) -> Result<FromKnown<'_>, FilterError> {
+        let mut filter = FromKnown::new(&start[..self.states()], derivatives, &self.left_out);
         let mut counts = Counts::default();
         let mut course = self.course.borrow_mut();
         for k in self.rows.clone() {
@@ -369,7 +394,7 @@ impl Regression<MOST_STATES> for Batch<'_> {
 }
 
 /// An extended Kalman filter that knows its start exactly, with the derivatives of its mean and of its innovations by that start.
-struct FromKnown {
+struct FromKnown<'a> {
     mean: Vec<f64>,
     /// Row by row.
     covariance: Vec<f64>,
@@ -380,6 +405,10 @@ struct FromKnown {
     is_noisy: bool,
     /// Innovations over their standard deviations, with the derivatives by the start.
     residuals: Vec<(f64, Start)>,
+    /// Which samples correct nothing and have none.
+    left_out: &'a [bool],
+    /// The innovation of each sample over its standard deviation.
+    of_samples: Vec<f64>,
     /// Room for a step: the next mean, ∂f/∂x, the covariance of the noise, and a product.
     next: Vec<f64>,
     jacobian: Vec<f64>,
@@ -388,8 +417,8 @@ struct FromKnown {
     slopes: Vec<f64>,
 }
 
-impl FromKnown {
-    fn new(start: &[f64], derivatives: bool) -> Self {
+impl<'a> FromKnown<'a> {
+    fn new(start: &[f64], derivatives: bool, left_out: &'a [bool]) -> Self {
         let n = start.len();
         let square = || vec![0.0; n * n];
         let mut sensitivity = square();
@@ -401,6 +430,8 @@ impl FromKnown {
             derivatives,
             is_noisy: false,
             residuals: Vec::new(),
+            left_out,
+            of_samples: Vec::new(),
             next: vec![0.0; n],
             jacobian: square(),
             noise: square(),
@@ -419,7 +450,7 @@ impl FromKnown {
     }
 }
 
-impl Filtering for FromKnown {
+impl Filtering for FromKnown<'_> {
     fn mean(&self) -> &[f64] {
         &self.mean
     }
@@ -487,6 +518,11 @@ impl Filtering for FromKnown {
                 *to = (0..n).map(|k| self.slopes[k] * self.sensitivity[k * n + j]).sum();
             }
         }
+        let is_left_out = self.left_out.get(self.of_samples.len()).copied().unwrap_or(false);
+        self.of_samples.push(residual / sd);
+        if is_left_out {
+            return itself(expected, spread, y, variance);
+        }
         self.residuals.push((residual / sd, gradient.map(|slope| -slope / sd)));
         if self.is_noisy {
             for i in 0..n {
@@ -503,14 +539,18 @@ impl Filtering for FromKnown {
                 }
             }
         }
-        // The innovation itself, as a filter of one state says it that expects this.
-        let mut said = Ekf::new([expected], Covariance::from_variances([spread]));
-        let noise = Covariance::from_variances([variance]);
-        said.update_where(&Seen(&Itself), &[y], &noise, &Gate { nis: f64::INFINITY })
+        itself(expected, spread, y, variance)
     }
 
     /// Nothing is foretold while a start is sought.
     fn foretell(&self, _: &mut Foreteller, _: f64, _: Option<&dyn Onwards>) {}
+}
+
+/// An innovation, as a filter of one state says it that expects a signal with this variance.
+fn itself(expected: f64, spread: f64, y: f64, variance: f64) -> Result<Innovation<f64, 1>, FilterError> {
+    let mut said = Ekf::new([expected], Covariance::from_variances([spread]));
+    let noise = Covariance::from_variances([variance]);
+    said.update_where(&Seen(&Itself), &[y], &noise, &Gate { nis: f64::INFINITY })
 }
 
 /// Reads a state as it is.

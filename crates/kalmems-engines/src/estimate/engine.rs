@@ -3,6 +3,7 @@
 use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
 use super::foretell::{Foreteller, Onwards};
+use super::gate::{Decisions, Rejection, Watch};
 use super::linked::Linked;
 use super::transition::{Sensor, Transition};
 use super::{
@@ -87,14 +88,22 @@ pub trait Filtering {
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError>;
 
-    /// Corrects the state with a sample `y` of this noise variance.
+    /// Corrects the state with a sample `y` of this noise variance, where the filter has no gate that rejects it; the signal is 0 for
+    /// the first one, and further ones from 1 on.
     fn update(
         &mut self,
+        signal: usize,
         sensor: &dyn Sensor,
         y: f64,
         variance: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
+        let _ = signal;
         self.update_within(sensor, y, variance, f64::INFINITY)
+    }
+
+    /// How it takes its samples, of a filter that may reject some.
+    fn watch(&mut self) -> Option<&mut Watch> {
+        None
     }
 
     /// Lets zero phases be foretold from what it knows at this time in s, and from how its state goes on, where that is known.
@@ -107,7 +116,17 @@ pub fn by_signal(
     y: f64,
     (sensor, variance): (&dyn Sensor, f64),
 ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-    if y.is_finite() { filter.update(sensor, y, variance).map(Some) } else { Ok(None) }
+    of_signal(filter, 0, y, (sensor, variance))
+}
+
+/// Likewise by one of several signals.
+fn of_signal(
+    filter: &mut dyn Filtering,
+    signal: usize,
+    y: f64,
+    (sensor, variance): (&dyn Sensor, f64),
+) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+    if y.is_finite() { filter.update(signal, sensor, y, variance).map(Some) } else { Ok(None) }
 }
 
 /// Corrects a filter by several signals at one sample, one after the other, each linearised where those before it have led: the
@@ -124,7 +143,7 @@ pub fn by_signals<S: Sensor>(
     let mut first = None;
     further.clear();
     for (i, (y, sensor, variance)) in signals.enumerate() {
-        let innovation = by_signal(filter, y, (&sensor, variance))?;
+        let innovation = of_signal(filter, i, y, (&sensor, variance))?;
         if i == 0 {
             first = innovation;
         } else {
@@ -158,6 +177,19 @@ impl Derived {
 }
 
 impl Trajectory {
+    /// Enters what was rejected of sample `k`: it is no innovation of the signal.
+    fn enter_rejections(&mut self, k: usize, watch: &Watch) {
+        self.gate_turns.extend(watch.turned());
+        let time_s = self.time_s[k];
+        for &(signal, innovation, sd) in watch.rejected() {
+            self.rejected.push(Rejection { sample: k, time_s, signal, innovation, sd });
+            self.counts.rejected += 1;
+            if let Some(further) = signal.checked_sub(1).and_then(|place| self.further.get_mut(place)) {
+                (further.innovation[k], further.sd[k]) = (f64::NAN, f64::NAN);
+            }
+        }
+    }
+
     /// Enters what is known of the states at sample `k`, and what follows from it.
     pub(super) fn keep(
         &mut self,
@@ -211,6 +243,9 @@ impl Trajectory {
             crossings_log_likelihood: 0.0,
             counts: Counts { samples: n, ..Counts::default() },
             lock: Lock::default(),
+            rejected: Vec::new(),
+            gate_nis: None,
+            gate_turns: Vec::new(),
             further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
@@ -230,6 +265,10 @@ impl Trajectory {
             state.mean.append(&mut later.mean);
             state.sd.append(&mut later.sd);
         }
+        let before = self.time_s.len();
+        let rejected = later.rejected.iter().map(|one| Rejection { sample: before + one.sample, ..*one });
+        self.rejected.extend(rejected);
+        self.gate_turns.extend_from_slice(&later.gate_turns);
         self.each_series(&mut later, Vec::append);
     }
 
@@ -245,6 +284,12 @@ impl Trajectory {
             split(&mut rest.sd, &mut front.sd);
         }
         self.each_series(&mut front, split);
+        let of_front = self.rejected.partition_point(|one| one.sample < count);
+        front.rejected.extend(self.rejected.drain(..of_front));
+        self.rejected.iter_mut().for_each(|one| one.sample -= count);
+        let last_s = front.time_s.last().copied().unwrap_or(f64::NEG_INFINITY);
+        let of_front = self.gate_turns.partition_point(|turn| turn.time_s <= last_s);
+        front.gate_turns.extend(self.gate_turns.drain(..of_front));
         front
     }
 
@@ -260,6 +305,8 @@ impl Trajectory {
             innovation_sd: Vec::new(),
             nis: Vec::new(),
             log_likelihood: Vec::new(),
+            rejected: Vec::new(),
+            gate_turns: Vec::new(),
             lock: self.lock.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
@@ -298,15 +345,19 @@ pub struct Followed<const N: usize> {
 
 impl<const N: usize> Followed<N> {
     /// From the segment's first sample on.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
-        let filter = Linked::new(filter);
+        let filter = Linked::new(filter, watch);
         Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
     }
 
     /// From a sample on at which a filter was left with this mean and covariance.
-    pub(super) fn resumed(filter: Box<dyn StateFilter<N>>, left: &Known) -> Result<Self, FilterError> {
-        let mut followed = Self::new(filter);
+    pub(super) fn resumed(
+        filter: Box<dyn StateFilter<N>>,
+        watch: Watch,
+        left: &Known,
+    ) -> Result<Self, FilterError> {
+        let mut followed = Self::new(filter, watch);
         followed.filter.predict(&TakenOver::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
         Ok(followed)
@@ -315,6 +366,16 @@ impl<const N: usize> Followed<N> {
     /// What the filter knows.
     pub(super) fn known(&self) -> Known {
         self.filter.gaussian().into()
+    }
+
+    /// How it takes its samples, as numbers.
+    pub(super) fn watch_numbers(&self) -> Vec<f64> {
+        self.filter.watched().numbers()
+    }
+
+    /// Follows what another run of the filter rejected, or decides by itself.
+    pub(super) fn follow_decisions(&mut self, decided: Option<&Decisions>) {
+        self.filter.follow(decided);
     }
 
     /// The filter at the first row of the part that was taken last.
@@ -391,7 +452,13 @@ impl<const N: usize> Followed<N> {
         }
         let before = self.errors.is_following().then(|| filter.gaussian().covariance);
         let for_start = trajectory.counts.for_start;
+        filter.at(trajectory.time_s[k]);
         match course.correct(filter, first + k, &mut trajectory.counts)? {
+            Some(innovation) if filter.watched().rejects(0) => {
+                // What is rejected is predicted as improbable as anything that is not.
+                let spared = 0.5 * (innovation.nis - filter.watched().largest_nis()).max(0.0);
+                trajectory.log_likelihood[k] = innovation.log_likelihood() + spared;
+            }
             Some(innovation) => {
                 trajectory.innovation[k] = innovation.residual[0];
                 trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
@@ -405,6 +472,7 @@ impl<const N: usize> Followed<N> {
         for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {
             (signal.innovation[k], signal.sd[k]) = (*residual, *sd);
         }
+        trajectory.enter_rejections(k, filter.watched());
         let now = filter.gaussian();
         trajectory.keep(course.derived().as_ref(), k, &now.mean, &|i, j| now.covariance.get(i, j));
         let covariances = (before.as_ref(), &now.covariance);

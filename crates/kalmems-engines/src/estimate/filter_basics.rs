@@ -1,8 +1,11 @@
 //! What the table of a filter says, whatever the device.
 
+use super::gate::{FALSE_REJECTIONS, Taking, UpdateLaw, largest_nis};
 use super::tracked::{Parameter, Tracked, tracked};
 use super::{AnyFilter, EstimateError, FilterKind, GainOf, Known, MOST_MODELS, StateName};
-use crate::config::{ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Values};
+use crate::config::{
+    ConfigError, Estimate, Experiment, Fault, Filter, Gate, Key, Method, Quantity, Update, Values,
+};
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
@@ -26,6 +29,8 @@ pub struct FilterBasics {
     pub observer_rate: f64,
     /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
     pub lag_s: Option<f64>,
+    /// Which samples it takes, and how.
+    pub taking: Taking,
 }
 
 impl FilterBasics {
@@ -59,6 +64,7 @@ impl FilterBasics {
             smooth: filter.smooth,
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
             lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
+            taking: taking(experiment, filter),
         })
     }
 
@@ -118,6 +124,30 @@ impl FilterBasics {
         EstimateError::Model { filter: self.name.clone(), why }
     }
 }
+
+/// Which samples a filter takes, and how: one that claims nothing knows no outlier, and what a step by Euler's method claims leaves its own
+/// error out, so that a gate has to be asked for.
+fn taking(experiment: &Experiment, filter: &Filter) -> Taking {
+    let usual = Some(FALSE_REJECTIONS).filter(|_| filter.method != Method::EulerEkf);
+    let false_rejections = filter.gate.map_or(usual, Gate::false_rejections);
+    let law = match filter.update {
+        Update::Normal => UpdateLaw::Normal,
+        Update::Huber => UpdateLaw::Huber(HUBER_BOUND),
+        Update::StudentT => UpdateLaw::StudentT(filter.degrees_of_freedom.unwrap_or(STUDENT_FREEDOM)),
+    };
+    Taking {
+        largest_nis: false_rejections.filter(|_| filter.method.claims()).map(largest_nis),
+        after_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
+        law,
+    }
+}
+
+/// Where Huber's law leaves the normal one, in standard deviations: of normal noise its estimate is then 1/0.95 as uncertain in its variance as
+/// the best one (Huber, Ann. Math. Statist. 35, 73, 1964).
+const HUBER_BOUND: f64 = 1.345;
+
+/// The degrees of freedom of Student's t, where the file does not say: between a distribution without a fourth moment and a normal one.
+const STUDENT_FREEDOM: f64 = 4.0;
 
 /// Where the file has a filter's process noise, its own or that of all, and what it says.
 pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a Filter) -> (Key, &'a Values) {

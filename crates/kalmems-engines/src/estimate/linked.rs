@@ -3,6 +3,7 @@
 use super::any_filter::StateFilter;
 use super::engine::Filtering;
 use super::foretell::{Foreteller, OnwardOf, Onwards};
+use super::gate::{Decisions, Watch};
 use super::transition::{Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, Link};
 
@@ -12,11 +13,12 @@ pub(super) struct Linked<const N: usize> {
     /// What it says of the mean, where slices are asked for.
     mean: [f64; N],
     link: Option<Link<f64, N>>,
+    watch: Watch,
 }
 
 impl<const N: usize> Clone for Linked<N> {
     fn clone(&self) -> Self {
-        Self { filter: self.filter.copied(), mean: self.mean, link: self.link }
+        Self { filter: self.filter.copied(), mean: self.mean, link: self.link, watch: self.watch.clone() }
     }
 }
 
@@ -27,9 +29,24 @@ impl<const N: usize> From<&Linked<N>> for Gaussian<f64, N> {
 }
 
 impl<const N: usize> Linked<N> {
-    /// Without a prediction yet.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>) -> Self {
-        Self { mean: filter.known().mean, filter, link: None }
+    /// Without a prediction yet, and how it takes its samples.
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
+        Self { mean: filter.known().mean, filter, link: None, watch }
+    }
+
+    /// Comes to a sample of this time in s.
+    pub(super) fn at(&mut self, time_s: f64) {
+        self.watch.at(time_s);
+    }
+
+    /// What it did with the present sample.
+    pub(super) const fn watched(&self) -> &Watch {
+        &self.watch
+    }
+
+    /// Follows what another run of the filter rejected, or decides by itself.
+    pub(super) fn follow(&mut self, decided: Option<&Decisions>) {
+        self.watch.follow(decided);
     }
 
     /// What the filter knows.
@@ -82,6 +99,26 @@ impl<const N: usize> Filtering for Linked<N> {
         let innovation = self.filter.correct(sensor, y, variance, largest_nis);
         self.mean = self.filter.mean();
         innovation
+    }
+
+    fn update(
+        &mut self,
+        signal: usize,
+        sensor: &dyn Sensor,
+        y: f64,
+        variance: f64,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        let Self { filter, watch, mean, .. } = self;
+        let correct = |sensor: &dyn Sensor, y: f64, variance: f64, largest: f64| {
+            filter.correct(sensor, y, variance, largest)
+        };
+        let innovation = watch.take(signal, (sensor, y, variance), correct);
+        *mean = filter.mean();
+        innovation
+    }
+
+    fn watch(&mut self) -> Option<&mut Watch> {
+        Some(&mut self.watch)
     }
 
     fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>) {

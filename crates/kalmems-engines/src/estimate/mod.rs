@@ -15,6 +15,7 @@ mod error;
 mod error_memory;
 mod filter_basics;
 mod foretell;
+mod gate;
 mod linked;
 mod lock;
 mod lock_in;
@@ -42,6 +43,9 @@ pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};
 pub use foretell::{Beside, Foreteller, Foretelling, Foretold, ForetoldCounts, Onwards};
+pub use gate::{
+    Decisions, EVENTS, FALSE_REJECTIONS, GateTurn, Rejection, Taking, UpdateLaw, Watch, largest_nis,
+};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, Motion, judge_lock};
 pub use lock_in::{Swing, Windows, amplitude_of_line, current_line, inversion, lock_in};

@@ -2,8 +2,9 @@
 
 use super::answers::Run;
 use super::driven::DrivePast;
+use super::gate::{Decisions, Watch};
 use super::lock::LockJudge;
-use super::{Foreteller, Known, Trajectory};
+use super::{FilterBasics, Foreteller, Known, Samples, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
@@ -91,6 +92,9 @@ struct FilterState {
     covariance: Vec<Bits>,
     #[serde(default)]
     numbers: Vec<Bits>,
+    /// How it took its samples.
+    #[serde(default)]
+    watched: Vec<Bits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
     /// The times of the zero phases that were told last, in s.
@@ -127,6 +131,7 @@ impl Past {
                 mean: bits(mean),
                 covariance: bits(covariance),
                 numbers: bits(&filter.numbers),
+                watched: bits(&filter.watched),
                 mirrored,
                 told,
             }
@@ -150,6 +155,7 @@ impl Past {
             left: (!filter.mean.is_empty())
                 .then(|| Known { mean: numbers(&filter.mean), lower: numbers(&filter.covariance) }),
             numbers: numbers(&filter.numbers),
+            watched: numbers(&filter.watched),
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
@@ -212,6 +218,12 @@ pub struct FilterPast {
     told_s: [Option<f64>; 2],
     /// What the filter knew where it was left.
     left: Option<Known>,
+    /// How it took its samples there, as numbers.
+    watched: Vec<f64>,
+    /// What another run of the filter rejected, where this one is to follow it.
+    pub(super) decided: Option<Decisions>,
+    /// That of the part that was taken last.
+    decided_last: Vec<(f64, usize)>,
     /// One per answer.
     answers: Vec<AnswerPast>,
 }
@@ -230,9 +242,26 @@ impl FilterPast {
         self.left.as_ref()
     }
 
+    /// How this filter takes its samples, from these on, of which it has the times in s.
+    pub(super) fn watch(&self, filter: &FilterBasics, (time_s, samples): (&[f64], &Samples)) -> Watch {
+        let start_s = time_s.get(samples.fresh.start).copied().unwrap_or(f64::NAN);
+        let mut watch = Watch::new(filter.taking, start_s, samples.interval_s);
+        watch.resume(&self.watched);
+        watch
+    }
+
+    /// Follows what another run of the filter rejected of the samples that come: of each the time in s and the signal.
+    pub(crate) fn follow_rejections(&mut self, rejected: impl Iterator<Item = (f64, usize)>) {
+        let now: Vec<(f64, usize)> = rejected.collect();
+        // A smoother goes over the part before once more.
+        self.decided = Some(self.decided_last.iter().chain(&now).copied().collect());
+        self.decided_last = now;
+    }
+
     /// Leaves a filter here, to go on later.
     pub(super) fn leave(&mut self, run: Box<dyn Run>) {
         self.left = Some(run.known());
+        self.watched = run.watch_numbers();
         self.run = Some(run);
     }
 

@@ -1,6 +1,7 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
 use super::engine::Derived;
+use super::gate::Decisions;
 use super::linked::Linked;
 use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
 use crate::progress::Pace;
@@ -32,6 +33,8 @@ pub(super) struct FilteredPart<'a, const N: usize> {
     pub(super) ends: bool,
     /// What the filter made of them.
     pub(super) filtered: &'a Trajectory,
+    /// What another run of the filter rejected of them and of those of the part before, where that is followed.
+    pub(super) decided: Option<&'a Decisions>,
 }
 
 impl<const N: usize> Smoother<N> {
@@ -103,7 +106,8 @@ impl<const N: usize> Whole<N> {
         let waited = before.as_ref().map_or(0, |(_, answer)| answer.time_s.len());
         let failure = filtered.failure;
         let (start, mut answer) = match before {
-            Some((start, mut answer)) => {
+            Some((mut start, mut answer)) => {
+                start.follow(part.decided);
                 answer.counts = filtered.counts;
                 answer.append(filtered);
                 (start, answer)
@@ -214,6 +218,7 @@ impl<const N: usize> Lagged<N> {
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone());
+        filter.follow(part.decided);
         let n = part.fresh.len();
         let mut repeated = Repeated::new(course, part.fresh.clone(), progress);
         for k in 0..n {
@@ -343,7 +348,9 @@ impl<const N: usize> smooth::Course<f64, Linked<N>, N> for Repeated<'_> {
     }
 
     fn correct(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<(), Self::Error> {
-        self.course.correct(filter, self.window.start + sample, &mut self.counts)?;
+        let k = self.window.start + sample;
+        filter.at(self.course.time_s().get(k).copied().unwrap_or(f64::NAN));
+        self.course.correct(filter, k, &mut self.counts)?;
         Ok(())
     }
 }

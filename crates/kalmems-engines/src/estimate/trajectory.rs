@@ -1,6 +1,6 @@
 //! What a filter says over time.
 
-use super::{Contribution, ErrorSpan, Lock};
+use super::{Contribution, ErrorSpan, GateTurn, Lock, Rejection};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -35,6 +35,13 @@ pub struct Trajectory {
     pub crossings_log_likelihood: f64,
     /// How many updates there were, and what stood in their way.
     pub counts: Counts,
+    /// The samples that the filter's gate rejected, in the order of time: they have no innovation above, corrected nothing, and have in
+    /// `log_likelihood` what the most improbable sample has that is taken.
+    pub rejected: Vec<Rejection>,
+    /// The largest normalised innovation squared that the filter's gate believes, where it has one.
+    pub gate_nis: Option<f64>,
+    /// When the gate began to accept what is beyond its bound, since too much of it was, and when it ended to.
+    pub gate_turns: Vec<GateTurn>,
     /// The innovations of further signals, where the filter takes several one after the other: each is foretold by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
@@ -136,6 +143,9 @@ pub struct Counts {
     pub updates: usize,
     /// Samples whose signal is missing or not finite: predicted, not corrected.
     pub without_signal: usize,
+    /// Samples that the gate of the filter rejected as outliers, each signal counted.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub rejected: usize,
     /// Samples that are not there although time passed: predicted in steps of the usual interval.
     pub bridged: usize,
     /// Samples whose drive is missing and was taken from the sine that the rest of the drive follows.
@@ -160,6 +170,7 @@ impl Counts {
         self.samples += later.samples;
         self.updates += later.updates;
         self.without_signal += later.without_signal;
+        self.rejected += later.rejected;
         self.bridged += later.bridged;
         self.drive_from_sine += later.drive_from_sine;
         self.drive_bends += later.drive_bends;

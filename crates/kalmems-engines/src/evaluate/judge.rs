@@ -3,6 +3,7 @@
 use super::budget::{BudgetRecord, UncertaintyBudget};
 use super::innovations::{InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
+use super::rejections::{RejectionRecord, Rejections};
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 
 /// Judges the filters of one segment, in memory that does not grow with it.
@@ -21,6 +22,8 @@ pub struct Judgement {
     pub tests: Vec<TestResult>,
     /// What became of the parameters that are states.
     pub parameters: Vec<ParameterAnswer>,
+    /// What its gate rejected.
+    pub rejections: Rejections,
     /// What of its claims is due to what, where something of the device is stated as uncertain.
     pub budgets: Vec<UncertaintyBudget>,
 }
@@ -33,6 +36,7 @@ struct FilterJudge {
     /// Those of further signals, with their names.
     further: Vec<(String, InnovationRecord)>,
     whitens: bool,
+    rejections: RejectionRecord,
     parameters: Vec<ParameterRecord>,
 }
 
@@ -100,6 +104,7 @@ impl FilterJudge {
         let parameters = trajectory.parameters.iter().filter_map(|prior| {
             trajectory.state(prior.name).map(|state| ParameterRecord::new(*prior, state.unit))
         });
+        let rejections = RejectionRecord::new(motions.clone());
         let innovations = InnovationRecord::new(motions, estimate.start_s);
         let further = trajectory.further.iter().map(|signal| (signal.of.clone(), innovations.clone()));
         Self {
@@ -107,6 +112,7 @@ impl FilterJudge {
             further: further.collect(),
             innovations,
             whitens: trajectory.whitens,
+            rejections,
             parameters: parameters.collect(),
         }
     }
@@ -120,6 +126,7 @@ impl FilterJudge {
         for ((_, record), signal) in self.further.iter_mut().zip(&trajectory.further) {
             record.take(time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()]);
         }
+        self.rejections.take(trajectory, estimate);
         for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {
             if let Some(state) = trajectory.state(prior.name) {
                 record.take(&trajectory.time_s, state);
@@ -131,6 +138,7 @@ impl FilterJudge {
         Judgement {
             tests: self.tests(),
             parameters: self.parameters.iter().filter_map(ParameterRecord::answer).collect(),
+            rejections: self.rejections.rejections(),
             budgets: Vec::new(),
         }
     }

@@ -17,6 +17,7 @@ mod parts;
 mod pool;
 mod reference;
 mod reference_parts;
+mod rejections;
 mod value;
 
 pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
@@ -33,6 +34,7 @@ pub use parameter::{ParameterAnswer, ParameterFault};
 pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
 pub use reference_parts::ReferenceParts;
+pub use rejections::{OpenGate, Outlier, RejectionFault, Rejections};
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};
 
 /// More digits of a probability mean nothing, and are not the same on every machine.

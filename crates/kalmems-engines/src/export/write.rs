@@ -2,7 +2,7 @@
 
 use super::samples::Samples;
 use super::{ExportError, Filter, Request, Target, c, rust};
-use crate::config::{ConfigError, Experiment, Fault};
+use crate::config::{ConfigError, Experiment, Fault, Update};
 use crate::recording::{Layout, ReadError, Recording};
 use crate::signal::cubic_between;
 use crate::units::kind;
@@ -33,10 +33,16 @@ pub fn place_of_filter(experiment: &Experiment, request: &Request) -> Result<usi
     let wanted = |filter: &crate::config::Filter| {
         filter.name.to_string() == request.filter || filter.name.key() == request.filter
     };
-    filters.iter().position(wanted).ok_or_else(|| {
+    let place = filters.iter().position(wanted).ok_or_else(|| {
         let known = filters.iter().map(|filter| format!("`{}`", filter.name)).collect();
         ExportError::NoFilter { found: request.filter.clone(), known }
-    })
+    })?;
+    let (filter, update) = (filters[place].name.to_string(), filters[place].update);
+    if update != Update::Normal {
+        let why = format!("the source has no update `{}`; leave `update` out", update.word());
+        return Err(ExportError::Filter { filter, why });
+    }
+    Ok(place)
 }
 
 /// Derives the constants of the filter called `name` and writes the source. The same experiment and recording give the same

@@ -8,6 +8,7 @@ mod free_decay;
 mod frequency_response;
 mod material;
 mod outcome;
+mod standing;
 mod still;
 mod whiteness;
 
@@ -19,5 +20,6 @@ pub use free_decay::{FreeDecay, fit_free_decay};
 pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit_response};
 pub use material::Material;
 pub use outcome::{Correlated, Identification, Identified, Undetermined};
+pub use standing::{CONNECTED, Standing, standings};
 pub use still::{STRETCH, Still, StillRecord, fit_still};
 pub use whiteness::Whiteness;

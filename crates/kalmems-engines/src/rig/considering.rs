@@ -4,6 +4,7 @@ use super::{Estimator, Rig};
 use crate::config::{Experiment, Varied};
 use crate::estimate::{
     Around, Bits, EstimateError, Learnt, Parameter, Part, Past, PastState, SegmentEstimate, Trajectory,
+    TrajectoryKind,
 };
 use crate::recording::Finding;
 use std::sync::Arc;
@@ -54,6 +55,23 @@ struct Considering<'a> {
 }
 
 impl Beside<'_> {
+    /// Has its filters correct by the samples that those of the device as it is stated take: what one of them alone took would be in the
+    /// difference of both.
+    fn follow_rejections(&mut self, estimate: &SegmentEstimate) {
+        let filters = self.varied.experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+        let past = self.estimator.past();
+        for (place, filter) in filters.enumerate() {
+            let key = filter.name.key();
+            let of_filter = |trajectory: &&Trajectory| {
+                trajectory.key == key && trajectory.kind == TrajectoryKind::Filtered
+            };
+            if let Some(trajectory) = estimate.trajectories.iter().find(of_filter) {
+                let rejected = trajectory.rejected.iter().map(|one| (one.time_s, one.signal));
+                past.filter(place).follow_rejections(rejected);
+            }
+        }
+    }
+
     /// Whether all numbers that its direction changes are states of this filter.
     fn is_state_of(&self, trajectory: &Trajectory, parameters: &[Parameter]) -> bool {
         let tracked = trajectory
@@ -167,6 +185,7 @@ impl Estimator for Considering<'_> {
         let mut estimate = self.own.take(part)?;
         let mut varied = Vec::with_capacity(self.beside.len());
         for beside in &mut self.beside {
+            beside.follow_rejections(&estimate);
             varied.push(beside.estimator.take(part).map_err(|why| match why {
                 EstimateError::Interrupted => why,
                 why => EstimateError::Varied { number: beside.name.to_string(), why: Box::new(why) },

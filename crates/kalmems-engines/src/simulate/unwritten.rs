@@ -55,6 +55,22 @@ impl Unwritten {
         self.recorded.read(RECORDING, &self.time_s, layout)
     }
 
+    /// Changes what was recorded of a channel, by what it means and sample by sample with the times in s, as a disturbance would: all of it at once.
+    ///
+    /// False where nothing of this meaning is recorded.
+    pub fn change_recorded(&mut self, meaning: &str, change: impl FnOnce(&mut [f64], &[f64])) -> bool {
+        let Columns { channels, values } = &mut self.recorded;
+        let Some(place) = channels.iter().position(|channel| channel.meaning == meaning) else {
+            return false;
+        };
+        let mut of_channel: Vec<f64> = values.iter().skip(place).step_by(channels.len()).copied().collect();
+        change(&mut of_channel, &self.time_s);
+        for (value, changed) in values.iter_mut().skip(place).step_by(channels.len()).zip(of_channel) {
+            *value = changed;
+        }
+        true
+    }
+
     /// What is true, read by a layout; for the evaluation alone.
     pub fn truth(&self, layout: &Layout) -> Result<recording::Recording, ReadError> {
         self.truth.read(REFERENCE, &self.time_s, layout)

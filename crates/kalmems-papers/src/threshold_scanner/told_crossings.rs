@@ -35,7 +35,7 @@ fn harm(seed: u64) -> [Harm; 3] {
     let run = |told: &[_], gate_nis: f64| {
         let mut settings = settings.clone();
         for filter in &mut settings.filters {
-            filter.threshold.as_mut().unwrap().gate_nis = gate_nis;
+            filter.threshold.as_mut().unwrap().gate_nis = Some(gate_nis);
         }
         follow(&settings, &decay, (&signal, told), seed, &Silent).unwrap()
     };

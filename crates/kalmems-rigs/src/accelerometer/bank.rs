@@ -43,7 +43,7 @@ impl<'a> BankCourse<'a> {
                 let steps = digits(model);
                 let [spring, damping, mass] =
                     std::array::from_fn(|i| 1.0 + spread[i] * [0.0, -1.0, 1.0][steps[i]]);
-                Factors { spring, damping, mass, noise: 1.0, acceleration: 1.0 }
+                Factors { spring, damping, mass, noise: 1.0, acceleration: 1.0, bandwidth: 1.0 }
             })
             .collect();
         let varied = factors.iter().map(|factors| Varied::of(hardware, factors, data.interval_s));
@@ -116,7 +116,8 @@ impl Course for BankCourse<'_> {
         let y = self.data.signal[k];
         let sensor = Reading::<_, 4>(&self.readouts[0]);
         let innovation = by_signal(filter, y, (&sensor, self.noise[0].get(0, 0)))?;
-        if innovation.is_some() {
+        // What is rejected of the mixture is rejected of all models.
+        if innovation.as_ref().is_some_and(|innovation| innovation.taken) {
             self.bank.update(&self.readouts, &[y], &self.noise)?;
             filter.predict(&TakenOver::from(self.bank.mixture()).step())?;
         }

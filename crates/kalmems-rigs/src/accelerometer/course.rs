@@ -164,7 +164,8 @@ where
         let sensor = Reading::<_, N>(&self.instrument.readout);
         let innovation = by_signal(filter, self.data.signal[k], (&sensor, variance))?;
         if let Some(noise) = &mut self.noise {
-            noise.add(innovation.as_ref());
+            // An outlier says nothing of the noise.
+            noise.add(innovation.as_ref().filter(|innovation| innovation.taken));
         }
         Ok(innovation)
     }

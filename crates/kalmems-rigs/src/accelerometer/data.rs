@@ -18,7 +18,19 @@ pub struct SegmentData<'a> {
     pub interval_s: f64,
 }
 
-impl SegmentData<'_> {
+impl<'a> SegmentData<'a> {
+    /// So many samples from the first on, at most, with this feedback.
+    #[must_use]
+    pub fn beginning(&self, samples: usize, feedback: &'a [f64]) -> Self {
+        let samples = samples.min(self.signal.len());
+        Self {
+            time_s: &self.time_s[..samples],
+            signal: &self.signal[..samples],
+            feedback: Some(&feedback[..samples]),
+            ..*self
+        }
+    }
+
     /// The feedback from sample `k` to the next, in V.
     pub fn feedback(&self, k: usize) -> f64 {
         self.feedback.map_or(0.0, |feedback| feedback[k])

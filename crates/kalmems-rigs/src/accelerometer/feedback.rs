@@ -1,8 +1,11 @@
 //! Whether the feedback that was recorded is the one that moved the mass, told from the recording alone.
 
 use super::data::SegmentData;
+use super::identification::most_likely_with;
 use super::instrument::Instrument;
+use super::settings::Hardware;
 use crate::estimate::EstimateError;
+use crate::spikes::without_spikes;
 use kalmems_core::FixedGain;
 use kalmems_models::dynamics::SensedAcceleration;
 
@@ -26,28 +29,57 @@ const SUSPICIONS: [Suspicion; 4] = [
 /// By how much a suspicion must be more likely, in nats, before it is told.
 const CERTAIN: f64 = 50.0;
 
+/// Samples at most of which it is asked what mechanics would make of them.
+const ASKED: usize = 50_000;
+
 /// Refuses a feedback under which the signal is far less likely than under one that is wrong in a known way.
 ///
 /// Each is followed by the settled gain of the model at rest. Where there is no such gain nothing is said; the filters
-/// will.
+/// will. A mass, a spring or a damping that is not as the experiment says can look like a wrong feedback: one that is more likely with the
+/// stated numbers is therefore told only where it stays so when each of both has the numbers under which it is the likeliest.
 pub fn require_right(
-    instrument: &Instrument<SensedAcceleration<f64>, 4>,
+    hardware: &Hardware,
     data: &SegmentData,
     column: &str,
     place: &str,
 ) -> Result<(), EstimateError> {
-    let Some(feedback) = data.feedback else { return Ok(()) };
-    let point = instrument.at_rest(data.interval_s);
-    let Ok(settled) = FixedGain::steady_state([0.0; 4], &point) else { return Ok(()) };
+    let (true, Ok(instrument), Some(feedback)) =
+        (hardware.has_feedback, Instrument::sensed(hardware), data.feedback)
+    else {
+        return Ok(());
+    };
+    // Two spikes would outweigh all other samples, for one suspicion or the other.
+    let signal = without_spikes(data.signal, instrument.noise_variance.sqrt());
+    let data = &SegmentData { signal: &signal, ..*data };
+    let Some((gain, suspicion)) = suspected(&instrument, data, feedback) else { return Ok(()) };
+    let other = suspicion.applied(feedback);
+    let asked = |feedback: &[f64]| most_likely_with(hardware, &data.beginning(ASKED, feedback));
+    let gain = match (asked(feedback), asked(&other)) {
+        (Some(as_recorded), Some(otherwise)) => otherwise - as_recorded,
+        // Too short a recording, or numbers beside which nothing can be computed: what is stated has to do.
+        _ => gain,
+    };
+    if gain > CERTAIN {
+        let (place, column) = (place.to_owned(), column.to_owned());
+        return Err(EstimateError::FeedbackMismatch { place, column, found: suspicion.found, gain });
+    }
+    Ok(())
+}
+
+/// What is far more likely than the feedback as recorded with the stated numbers, and by how much.
+fn suspected(
+    instrument: &Instrument<SensedAcceleration<f64>, 4>,
+    data: &SegmentData,
+    feedback: &[f64],
+) -> Option<(f64, &'static Suspicion)> {
+    let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(data.interval_s)).ok()?;
     let process = instrument.over(data.interval_s);
     let likelihood = |suspicion: &Suspicion| {
         let mut filter = settled;
         let mut total = 0.0;
         for (k, y) in data.signal.iter().enumerate() {
             if k > 0 {
-                let applied = (k - 1).checked_add_signed(suspicion.shift).and_then(|k| feedback.get(k));
-                let volts = suspicion.sign * applied.copied().unwrap_or(feedback[k - 1]);
-                filter.predict(&process, &volts).ok()?;
+                filter.predict(&process, &suspicion.at(feedback, k - 1)).ok()?;
             }
             if y.is_finite() {
                 total += filter.update(&instrument.readout, &[*y]).ok()?.log_likelihood();
@@ -57,14 +89,18 @@ pub fn require_right(
     };
     let as_recorded = likelihood(&SUSPICIONS[0]).unwrap_or(f64::NEG_INFINITY);
     let others = SUSPICIONS[1..].iter().filter_map(|other| Some((likelihood(other)? - as_recorded, other)));
-    let best = others.max_by(|(a, _), (b, _)| a.total_cmp(b));
-    match best {
-        Some((gain, suspicion)) if gain > CERTAIN => Err(EstimateError::FeedbackMismatch {
-            place: place.to_owned(),
-            column: column.to_owned(),
-            found: suspicion.found,
-            gain,
-        }),
-        _ => Ok(()),
+    others.max_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(gain, _)| *gain > CERTAIN)
+}
+
+impl Suspicion {
+    /// What was applied from sample k on, if it is right.
+    fn at(&self, feedback: &[f64], k: usize) -> f64 {
+        let applied = k.checked_add_signed(self.shift).and_then(|k| feedback.get(k));
+        self.sign * applied.copied().unwrap_or(feedback[k])
+    }
+
+    /// The same of all samples.
+    fn applied(&self, feedback: &[f64]) -> Vec<f64> {
+        (0..feedback.len()).map(|k| self.at(feedback, k)).collect()
     }
 }

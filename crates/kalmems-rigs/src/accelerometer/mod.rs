@@ -38,7 +38,6 @@ use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use data::SegmentData;
 pub use filters::FilterSettings;
-use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
 pub use run::{Acceleration, Acting, Moment, Observed, Run};
 pub use segment::estimate as estimate_segment;
@@ -208,11 +207,8 @@ impl Estimator for AccelerometerEstimator<'_> {
         }
         pull_in::require_free(&settings.hardware, &data, columns.signal, &segment.place)?;
         let drive_column = columns.feedback.unwrap_or_default();
-        if segment.begins
-            && settings.hardware.has_feedback
-            && let Ok(instrument) = Instrument::sensed(&settings.hardware)
-        {
-            feedback::require_right(&instrument, &data, drive_column, &segment.place)?;
+        if segment.begins {
+            feedback::require_right(&settings.hardware, &data, drive_column, &segment.place)?;
         }
         let trajectories = segment::estimate(settings, &data, &segment.samples(), past, self.progress)?;
         let estimate = segment.estimated(segment::motion(settings), trajectories);

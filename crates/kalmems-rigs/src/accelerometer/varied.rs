@@ -18,6 +18,8 @@ pub struct Factors<T> {
     pub noise: T,
     /// The root mean square of the acceleration.
     pub acceleration: T,
+    /// The natural rate of the acceleration's spectrum, 2π times its bandwidth.
+    pub bandwidth: T,
 }
 
 /// The step of an instrument with the acceleration as a state.
@@ -46,6 +48,7 @@ impl<T: Scalar<Mask = bool>> Varied<T> {
         mass.damping = mass.damping * factors.damping;
         mass.mass = mass.mass * factors.mass;
         sensed.prior.rms = sensed.prior.rms * factors.acceleration;
+        sensed.prior.rate = sensed.prior.rate * factors.bandwidth;
         // 2·k_B·T·b.
         let force_density = factors.damping * T::of(hardware.force_density);
         let density = scales.scale_density(&sensed.noise(force_density));

@@ -6,6 +6,7 @@ use super::settings::DetectorSettings;
 use super::telling::Telling;
 use crate::config::Applied;
 use crate::estimate::{EstimateError, SignalSegment};
+use crate::spikes::{BEFORE, without_spikes};
 use kalmems_core::detect::DetectError;
 
 /// Rows of a segment around the new ones that are needed.
@@ -30,7 +31,7 @@ impl Needed {
         let Some(detector) = detector else { return Self::of_rows(0) };
         let window = detector.window(interval_s);
         let known_after = window.look_ahead();
-        let (mut before, mut after) = (window.look_back(), 1);
+        let (mut before, mut after) = (window.look_back() + BEFORE, 1);
         for telling in tellings {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
             let told_after = match (telling.applied, telling.lag_s) {
@@ -39,7 +40,7 @@ impl Needed {
                 (Applied::InPlace, _) => 0,
             };
             // A zero is within the reach of its fit from the steepest slope.
-            before = before.max(told_after.saturating_add(2 * window.fit));
+            before = before.max(told_after.saturating_add(2 * window.fit + BEFORE));
             after = after.max((known_after + window.fit).saturating_sub(told_after) + 1);
         }
         Self { after, ..Self::of_rows(before) }
@@ -145,7 +146,8 @@ impl Kept {
         let first = self.first(segment);
         self.crossings.retain(|crossing| crossing.index >= first);
         let search = self.search.as_mut()?;
-        let mut found = search.take(&Rows { time_s, volts: signal, first }, segment.ends);
+        let mut found = search
+            .take(&Rows { time_s, volts: &without_spikes(signal, search.noise()), first }, segment.ends);
         let count = found.len();
         self.crossings.append(&mut found);
         Some((count, search.tally()))

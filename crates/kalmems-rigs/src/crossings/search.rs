@@ -208,6 +208,11 @@ impl Search {
         ]
     }
 
+    /// The standard deviation of a sample's noise.
+    pub fn noise(&self) -> f64 {
+        self.sought.noise_variance.sqrt()
+    }
+
     /// What was found so far.
     pub fn tally(&self) -> Tally {
         let threshold = self.threshold.acquire() / self.deviation;

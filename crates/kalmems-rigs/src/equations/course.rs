@@ -1,13 +1,13 @@
 //! A device of one's own on its way through one segment.
 
 use super::event_sensor::{EventSensor, WayBack};
-use super::event_times::{EventMeasurement, EventTimes, told};
+use super::event_times::{Belief, EventMeasurement, EventTimes, told};
 use super::events::EventUse;
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::Drive;
 use crate::estimate::{
-    BatchStart, Bridge, Counts, Course, Filtering, Samples, TakenOverTo, Trajectory, by_signals,
+    BatchStart, Bridge, Counts, Course, EVENTS, Filtering, Samples, TakenOverTo, Trajectory, by_signals,
 };
 use kalmems_core::{FilterError, Innovation, Nodes};
 
@@ -120,9 +120,13 @@ impl<'a> EquationCourse<'a> {
                 let [of_time, own] = told.variances;
                 then.rate(filter.mean()).powi(2) * of_time + own
             });
-            let innovation = filter.update_within(&then, 0.0, variance, told.gate_nis.unwrap_or(NEVER))?;
+            let innovation = match told.belief {
+                Belief::Judged => filter.update_within(&then, 0.0, variance, NEVER)?,
+                Belief::Within(largest_nis) => filter.update_within(&then, 0.0, variance, largest_nis)?,
+                Belief::ByGate => filter.update(EVENTS, &then, 0.0, variance)?,
+            };
             self.log_likelihood += innovation.log_likelihood();
-            if told.gate_nis.is_some() {
+            if !matches!(told.belief, Belief::Judged) {
                 counts.crossings += 1;
                 counts.crossings_refused += usize::from(!innovation.taken);
             }

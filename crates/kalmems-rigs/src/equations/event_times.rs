@@ -22,6 +22,17 @@ pub enum Found<'a> {
     Crossed(&'a [Crossing], usize),
 }
 
+/// How much of an event a filter believes.
+#[derive(Clone, Copy, Debug)]
+pub enum Belief {
+    /// It is judged by it, and not corrected.
+    Judged,
+    /// Where its normalised innovation squared is not above this.
+    Within(f64),
+    /// Where its own gate does not reject it.
+    ByGate,
+}
+
 /// An event as a filter is told of it.
 #[derive(Clone, Copy, Debug)]
 pub struct EventMeasurement {
@@ -33,8 +44,8 @@ pub struct EventMeasurement {
     pub variances: [f64; 2],
     /// The variance of the expression, where the file states it for this filter.
     pub variance: Option<f64>,
-    /// The largest normalised innovation squared that is believed; `None` where the filter is judged by it and not corrected.
-    pub gate_nis: Option<f64>,
+    /// How much of it a filter believes.
+    pub belief: Belief,
 }
 
 impl EventTimes<'_> {
@@ -51,7 +62,7 @@ impl EventTimes<'_> {
             time_s,
             variances: [variance + settings.time_variance, settings.variance],
             variance: used.and_then(|used| used.variance),
-            gate_nis: used.map(|used| used.gate_nis),
+            belief: used.map_or(Belief::Judged, |used| used.gate_nis.map_or(Belief::ByGate, Belief::Within)),
         };
         match &self.found {
             Found::Recorded(rows) => told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0)))),

@@ -56,8 +56,8 @@ pub struct EventUse {
     pub telling: Telling,
     /// The variance of the expression; `None` takes that which follows from the event's time and its noise.
     pub variance: Option<f64>,
-    /// The largest normalised innovation squared that is believed.
-    pub gate_nis: f64,
+    /// The largest normalised innovation squared that is believed, where the file says one; the filter's own gate decides otherwise.
+    pub gate_nis: Option<f64>,
 }
 
 impl EventSettings {
@@ -237,7 +237,7 @@ pub fn uses(
                 lag_s: stated.lag.as_ref().map(Quantity::si),
             },
             variance: sd.map(|sd| sd * sd),
-            gate_nis: stated.gate.map_or(f64::INFINITY, |sds| sds * sds),
+            gate_nis: stated.gate.map(|sds| sds * sds),
         });
     }
     Ok(uses)

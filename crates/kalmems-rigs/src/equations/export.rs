@@ -28,10 +28,16 @@ const TOLERANCE: f64 = 1e-2;
 /// Standard deviations by which a state is away from 0 from which on it is counted from where it starts.
 const FAR: f64 = 10.0;
 
+/// The same, as the source takes every sample.
+fn ungated(mut settings: Settings) -> Settings {
+    settings.filters.iter_mut().for_each(|filter| filter.basics.taking.largest_nis = None);
+    settings
+}
+
 /// The source of a filter; see [`Rig::export`].
 pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
     let place = place_of_filter(experiment, request)?;
-    let settings = Settings::of(experiment)?;
+    let settings = ungated(Settings::of(experiment)?);
     let (own, filter) = (&settings.own, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
@@ -199,7 +205,7 @@ fn events(settings: &Settings, filter: &FilterSettings) -> Result<Vec<EmitEvent>
                  caller",
             );
         }
-        if used.gate_nis.is_finite() {
+        if used.gate_nis.is_some() {
             return refuse("the source believes every one; leave `gate` out");
         }
         let own = (event.time_variance == 0.0).then_some(event.variance);

@@ -2,7 +2,7 @@
 
 use super::data::SegmentData;
 use super::plates::{Plates, distance_at};
-use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, FitError, FitSettings, Law, fit, outliers};
 use crate::signal::{fit_sine, fit_sine_at};
 use kalmems_core::{Covariance, Over};
 use std::f64::consts::TAU;
@@ -59,6 +59,8 @@ impl std::fmt::Display for NoBatchStart {
 pub const WINDOW_S: f64 = 20e-3;
 /// Cycles that the window must hold at least; it grows until it does.
 pub const CYCLES: f64 = 6.0;
+/// How often samples are left out and the motion is fitted anew.
+const ROUNDS: usize = 6;
 /// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves
 /// thousands.
 const POOR: f64 = 4.0;
@@ -84,7 +86,35 @@ pub fn batch_start(plates: &Plates, data: &SegmentData) -> Result<BatchStart, No
     }
 }
 
+/// The same in one window, without the samples that are none of the signal by what the motion leaves of them.
 fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchStart> {
+    let mut signal = window.signal.to_vec();
+    let mut found = of_all(plates, window)?;
+    for _ in 0..ROUNDS {
+        let law = MotionLaw { plates, window };
+        let mut residuals = Vec::with_capacity(signal.len());
+        law.residuals(&found.mean, &mut |residual: f64| residuals.push(residual));
+        let Some(is_out) = outliers(&residuals) else { break };
+        let mut is_out = is_out.into_iter();
+        // Those that are no number have no residual.
+        let used = window
+            .signal
+            .iter()
+            .map(|y| if y.is_finite() && is_out.next() == Some(true) { f64::NAN } else { *y });
+        let used: Vec<f64> = used.collect();
+        if used.iter().zip(&signal).all(|(new, old)| new.is_nan() == old.is_nan()) {
+            break;
+        }
+        signal = used;
+        found = of_all(plates, &SegmentData { signal: &signal, ..*window })?;
+    }
+    if found.mean_square > POOR {
+        return Err(NoBatchStart::Poor { mean_square: found.mean_square });
+    }
+    Ok(found)
+}
+
+fn of_all(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchStart> {
     let first_s = window.time_s.first().copied().ok_or(NoBatchStart::NoSine)?;
     let distances: Vec<f64> =
         window.signal.iter().map(|c| distance_at(plates, *c).unwrap_or(f64::NAN)).collect();
@@ -96,12 +126,9 @@ fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchSt
     let sine = sine.ok_or(NoBatchStart::NoSine)?;
     batch_fit(plates, window, [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0], false)
         .map_err(|_| NoBatchStart::NotFitted)
-        .and_then(|mut start| {
+        .map(|mut start| {
             start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
-            if start.mean_square > POOR {
-                return Err(NoBatchStart::Poor { mean_square: start.mean_square });
-            }
-            Ok(start)
+            start
         })
 }
 

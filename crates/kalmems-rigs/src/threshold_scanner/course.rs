@@ -5,7 +5,7 @@ use super::plant::MirrorPlant;
 use crate::config::{Method, Timing, Variant};
 use crate::crossings::{Crossing, Instant, Telling};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
-use crate::estimate::{Counts, Course, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
+use crate::estimate::{Counts, Course, EVENTS, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -108,7 +108,10 @@ impl<'a> ThresholdCourse<'a> {
                 None => taken.angle_variance + LEAST_VARIANCE,
             };
             let angle = self.angle_then(taken, k)?;
-            let innovation = filter.update_within(&angle, threshold.angle, variance, threshold.gate_nis)?;
+            let innovation = match threshold.gate_nis {
+                Some(largest_nis) => filter.update_within(&angle, threshold.angle, variance, largest_nis)?,
+                None => filter.update(EVENTS, &angle, threshold.angle, variance)?,
+            };
             counts.crossings += 1;
             counts.crossings_refused += usize::from(!innovation.taken);
         }
@@ -209,18 +212,17 @@ impl Course for ThresholdCourse<'_> {
         };
         let printed = self.variant == Variant::Literal;
         let seen = WithFeedthrough { readout: &self.plant.sensor(), through, printed };
+        if self.variant != Variant::TimingOnly && self.signal_variance == variance {
+            return filter.update(0, &seen, y, variance).map(Some);
+        }
         let mut update =
             |variance: f64, largest_nis: f64| filter.update_within(&seen, y, variance, largest_nis);
         // What is not taken, or not taken at its worth, is predicted all the same, so that every filter's innovations are of
         // the same signal.
-        if self.variant == Variant::TimingOnly {
-            return update(variance, NEVER).map(Some);
-        }
-        if self.signal_variance == variance {
-            return update(variance, f64::INFINITY).map(Some);
-        }
         let mut judgement = update(variance, NEVER)?;
-        judgement.taken = update(self.signal_variance, f64::INFINITY)?.taken;
+        if self.variant != Variant::TimingOnly {
+            judgement.taken = update(self.signal_variance, f64::INFINITY)?.taken;
+        }
         Ok(Some(judgement))
     }
 }

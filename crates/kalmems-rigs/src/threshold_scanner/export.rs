@@ -51,7 +51,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             deviations,
             angle: threshold.angle,
             least_variance: LEAST_VARIANCE,
-            gate_nis: threshold.gate_nis,
+            gate_nis: threshold.gate_nis.unwrap_or(f64::INFINITY),
         },
     }))
 }

@@ -41,7 +41,7 @@ pub struct ThresholdSettings {
     /// Its standard deviation in rad; `None` takes that which follows from the crossing's time.
     pub angle_sd: Option<f64>,
     /// The largest normalised innovation squared that is believed.
-    pub gate_nis: f64,
+    pub gate_nis: Option<f64>,
 }
 
 /// The name of the capacitance that the drive reaches the signal through.
@@ -133,8 +133,13 @@ impl FilterSettings {
         };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
         let [acceleration_density] = if claims { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };
+        let mut basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?;
+        if variant == Variant::Literal {
+            // Its gain is not that of its innovations: these are larger than it claims when nothing is wrong with a sample.
+            basics.taking.largest_nis = None;
+        }
         Ok(Self {
-            basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
+            basics,
             variant,
             signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
             threshold: filter.threshold.as_ref().map(|threshold| ThresholdSettings {
@@ -145,7 +150,7 @@ impl FilterSettings {
                 },
                 angle: threshold.angle.as_ref().map_or(hardware.readout.comb.centre, Quantity::si),
                 angle_sd: threshold.angle_sd.as_ref().map(Quantity::si),
-                gate_nis: threshold.gate.map_or(f64::INFINITY, |sds| sds * sds),
+                gate_nis: threshold.gate.map(|sds| sds * sds),
             }),
             start,
             start_sd,

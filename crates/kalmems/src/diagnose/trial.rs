@@ -83,10 +83,16 @@ impl Trial {
         };
         let signals = std::iter::once((&trajectory.innovation, &trajectory.innovation_sd))
             .chain(trajectory.further.iter().map(|signal| (&signal.innovation, &signal.sd)));
+        let believed = trajectory.gate_nis.unwrap_or(f64::INFINITY).sqrt();
         for (place, (innovation, sd)) in signals.enumerate() {
+            let mut rejected = trajectory.rejected.iter().filter(|one| one.signal == place).peekable();
             for k in scored.clone() {
                 let time = trajectory.time_s[k];
-                let (value, sd) = (*innovation.get(k)?, *sd.get(k)?);
+                let (value, sd) = match rejected.next_if(|one| one.sample == k) {
+                    // As improbable as the most improbable sample that is taken, so that a change that has samples rejected gains nothing.
+                    Some(one) => ((believed * one.sd).copysign(one.innovation), one.sd),
+                    None => (*innovation.get(k)?, *sd.get(k)?),
+                };
                 self.innovations.value.push(value);
                 self.innovations.variance.push(sd * sd);
                 self.is_fitted.push(is_fitted(time));

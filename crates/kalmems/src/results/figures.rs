@@ -299,7 +299,8 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
     let caption = format!(
         "The normalised innovation squared over the whole recording, averaged over each cycle of the motion \
          ({window} samples), and the interval that holds 95 % of such averages if the filter is right. Above it \
-         the filter claims to know more than it does; below it, less."
+         the filter claims to know more than it does; below it, less. Points are single samples that were rejected as \
+         outliers."
     );
     // A smoother's innovations are its filter's.
     let filters = estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
@@ -312,7 +313,12 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
             panel = panel.with(Series::band("95 % of χ²", Role::Bound, band));
         }
         let means = windowed(&trajectory.time_s, &trajectory.nis, window);
-        panel.with(Series::line(label(trajectory, segment, None), role(trajectory), means))
+        panel = panel.with(Series::line(label(trajectory, segment, None), role(trajectory), means));
+        if trajectory.rejected.is_empty() {
+            return panel;
+        }
+        let rejected = trajectory.rejected.iter().map(|one| (one.time_s, one.size().powi(2)));
+        panel.with(Series::points("rejected", Role::Measured, rejected))
     });
     stacked(Figure::new(format!("{prefix}nis"), "Consistency", caption), panels.collect())
 }

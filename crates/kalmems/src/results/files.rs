@@ -142,13 +142,18 @@ pub(super) fn write_rows(
     stop: &dyn Fn() -> bool,
 ) -> io::Result<bool> {
     let mut pace = Pace::default();
+    let mut rejected = trajectory.rejected.iter().filter(|one| one.signal == 0).peekable();
     for k in 0..trajectory.time_s.len() {
         if pace.is_due(k) && stop() {
             return Ok(false);
         }
         write!(w, "{}", trajectory.time_s[k])?;
         let states = trajectory.states.iter().flat_map(|s| [s.mean.get(k), s.sd.get(k)]).flatten();
-        let update = [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]];
+        let update = match rejected.next_if(|one| one.sample == k) {
+            // What was rejected has an innovation and no part in anything.
+            Some(one) => [one.innovation, one.sd, f64::NAN],
+            None => [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]],
+        };
         let moved = trajectory.considered.iter().flat_map(|one| &one.states).filter_map(|moved| moved.get(k));
         for value in states.chain(&update).chain(moved) {
             if value.is_finite() {

@@ -7,7 +7,8 @@ use crate::estimate::{
     TrajectoryKind,
 };
 use crate::evaluate::{
-    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, TestResult, UncertaintyBudget, ValueState,
+    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, Rejections, TestResult,
+    UncertaintyBudget, ValueState,
 };
 use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
@@ -181,6 +182,9 @@ pub struct EstimatorMetrics {
     /// What the tests of its innovations find after the settling time; none of what makes no claim.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_test")]
     pub tests: Vec<TestResult>,
+    /// What its gate rejected, and when it was open, after the settling time.
+    #[serde(skip_serializing_if = "Rejections::is_empty")]
+    pub rejections: Rejections,
     /// What became of its parameters that are states.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
     pub parameters: Vec<ParameterAnswer>,
@@ -275,6 +279,7 @@ impl EstimatorMetrics {
         self.failure = self.failure.take().or(later.failure);
         // They are of the whole, and come with its last part.
         (self.tests, self.parameters) = (later.tests, later.parameters);
+        self.rejections = later.rejections;
         self.uncertainty_budget = later.uncertainty_budget;
         self.parameter_correlations = later.parameter_correlations;
         self.judge();
@@ -390,7 +395,7 @@ fn estimator(
     judgement: Option<&Judgement>,
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
-    let Judgement { tests, parameters, budgets } = judgement.cloned().unwrap_or_default();
+    let Judgement { tests, parameters, rejections, budgets } = judgement.cloned().unwrap_or_default();
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
@@ -398,6 +403,7 @@ fn estimator(
         verdict: Verdict::NoClaim,
         grade: None,
         tests,
+        rejections,
         parameters,
         parameter_correlations: trajectory.parameter_correlations.clone(),
         uncertainty_budget: budgets,

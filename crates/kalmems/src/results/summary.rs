@@ -334,6 +334,9 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
     }
     said.extend(of_the_grade(estimator));
     said.extend(of_what_could_be_learnt(estimator).map(|text| (Severity::Note, text)));
+    if estimator.rejections.count > 0 {
+        said.push((Severity::Note, estimator.rejections.sentence()));
+    }
     let counts = &estimator.counts;
     let counted = [
         (counts.without_signal, "samples without a signal, predicted and not corrected"),
@@ -479,6 +482,7 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
             if off > 0.0 { "above" } else { "below" }
         ))
     }));
+    why.extend(estimator.rejections.faults().map(|fault| fault.to_string()));
     why.extend(of_the_innovations(estimator));
     if why.is_empty() && !goes_the_other_way {
         why.extend(estimator.consistency.as_ref().map(|consistency| of_the_mean_nis(estimator, consistency)));
@@ -532,6 +536,9 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> S
             let tests = estimator.tests.len();
             format!("{tests} tests of the innovations find nothing; the mean NIS is {mean_nis:.3}")
         }
+        (_, Verdict::Consistent) => format!(
+            "the innovations of the samples that were taken are those of a filter that is right, with a mean NIS of {mean_nis:.3}"
+        ),
         (_, Verdict::Cautious) => format!(
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
         ),

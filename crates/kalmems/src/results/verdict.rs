@@ -89,9 +89,9 @@ impl EstimatorMetrics {
             || self.of_the_device().any(|number| number.contradicted().is_some());
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
-        } else if self.failing().next().is_some() || has_fault {
+        } else if self.failing().next().is_some() || has_fault || self.rejections.faults().next().is_some() {
             Grade::Doubtful
-        } else if self.verdict == Verdict::Consistent {
+        } else if self.verdict == Verdict::Consistent && !self.rejections.is_remarkable() {
             Grade::Passes
         } else {
             Grade::PassesWithRemarks

@@ -1,7 +1,7 @@
 //! What happens in a trajectory that goes on.
 
 use super::supervision::{FilterHealth, LockState};
-use crate::estimate::{Crossing, Foretold, LockEvent, Passed, Trajectory};
+use crate::estimate::{Crossing, Foretold, GateTurn, LockEvent, Passed, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -52,6 +52,26 @@ pub enum Event {
     },
     /// The filter lost the motion, or changed the branch.
     Lock(LockEvent),
+    /// A sample was rejected as an outlier, and corrected nothing.
+    Rejected {
+        /// When, in s.
+        time_s: f64,
+        /// The signal: 0 for the first one; left out where it is that.
+        #[serde(skip_serializing_if = "is_first")]
+        signal: usize,
+        /// The innovation in standard deviations.
+        size: f64,
+    },
+    /// Too many samples were rejected: all are taken again until the filter follows them.
+    GateOpens {
+        /// When, in s.
+        time_s: f64,
+    },
+    /// The filter follows them, and rejects outliers again.
+    GateCloses {
+        /// When, in s.
+        time_s: f64,
+    },
     /// The mean NIS has become larger than chance makes it in a filter that is right once in 10⁹ times.
     Alarm {
         /// When the samples that it is the mean of ended, in s.
@@ -83,12 +103,20 @@ impl Event {
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
             | Self::DeviceEvent { time_s, .. }
+            | Self::Rejected { time_s, .. }
+            | Self::GateOpens { time_s }
+            | Self::GateCloses { time_s }
             | Self::Alarm { time_s, .. }
             | Self::AlarmOver { time_s, .. }
             | Self::Stopped { time_s, .. } => *time_s,
             Self::Lock(event) => event.time_s(),
         }
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_first(signal: &usize) -> bool {
+    *signal == 0
 }
 
 impl From<&Crossing> for Event {
@@ -113,6 +141,9 @@ pub struct Watch {
     alarm: Alarm,
     lost: bool,
     stopped: bool,
+    /// Samples that were rejected since the stretch began, and whether the gate is open.
+    rejected: u64,
+    gate_is_open: bool,
 }
 
 /// Watches the mean NIS over so many updates.
@@ -135,7 +166,7 @@ impl Watch {
             [1.0 - BY_CHANCE, 0.975].map(|p| chi.inverse_cdf(p) / over as f64)
         });
         let alarm = Alarm { over, bounds, count: 0, sum: 0.0, raised: false, mean_nis: None };
-        Self { last: Vec::new(), alarm, lost: false, stopped: false }
+        Self { last: Vec::new(), alarm, lost: false, stopped: false, rejected: 0, gate_is_open: false }
     }
 
     /// Begins anew with a stretch that does not go on from the last one. An alarm stands until it is over.
@@ -143,6 +174,7 @@ impl Watch {
         self.last.clear();
         (self.alarm.count, self.alarm.sum, self.alarm.mean_nis) = (0, 0.0, None);
         (self.lost, self.stopped) = (false, false);
+        (self.rejected, self.gate_is_open) = (0, false);
     }
 
     /// How the filter fares.
@@ -157,6 +189,8 @@ impl Watch {
             lock,
             mean_nis: self.alarm.mean_nis,
             alarm: self.alarm.raised,
+            rejected: self.rejected,
+            gate_is_open: self.gate_is_open,
             failing: Vec::new(),
         }
     }
@@ -179,6 +213,16 @@ impl Watch {
                     events.push(Event::ZeroPhase { of, time_s, sd_s, rising: now[1] >= 0.0 });
                 }
             }
+        }
+        self.rejected += trajectory.rejected.len() as u64;
+        events.extend(trajectory.rejected.iter().map(|one| Event::Rejected {
+            time_s: one.time_s,
+            signal: one.signal,
+            size: one.size(),
+        }));
+        for &GateTurn { time_s, opens } in &trajectory.gate_turns {
+            self.gate_is_open = opens;
+            events.push(if opens { Event::GateOpens { time_s } } else { Event::GateCloses { time_s } });
         }
         for (time_s, nis) in trajectory.time_s.iter().zip(&trajectory.nis) {
             if *time_s >= from_s && nis.is_finite() {

@@ -110,6 +110,10 @@ pub struct FilterHealth {
     pub mean_nis: Option<f64>,
     /// Whether that is an alarm.
     pub alarm: bool,
+    /// Samples that it rejected as outliers since the stretch began.
+    pub rejected: u64,
+    /// Whether it takes all samples, as too many were rejected.
+    pub gate_is_open: bool,
     /// The tests of its innovations that fail, over the last 10⁶ of them at most.
     pub failing: Vec<InnovationTest>,
 }

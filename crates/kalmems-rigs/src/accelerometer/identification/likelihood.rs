@@ -18,10 +18,12 @@ pub mod unknown {
     pub const NOISE: usize = 3;
     /// Of the root mean square of the acceleration.
     pub const ACCELERATION: usize = 4;
+    /// Of the bandwidth of the acceleration.
+    pub const BANDWIDTH: usize = 5;
     /// How many.
-    pub const COUNT: usize = 5;
+    pub const COUNT: usize = 6;
 }
-use unknown::{ACCELERATION, COUNT, DAMPING, MASS, NOISE, SPRING};
+use unknown::{ACCELERATION, BANDWIDTH, COUNT, DAMPING, MASS, NOISE, SPRING};
 
 /// Why there is no likelihood at some parameters.
 #[derive(Debug, thiserror::Error)]
@@ -98,6 +100,7 @@ fn settled<T: Scalar<Mask = bool>>(
         mass: logs[MASS].exp(),
         noise: logs[NOISE].exp(),
         acceleration: logs[ACCELERATION].exp(),
+        bandwidth: logs[BANDWIDTH].exp(),
     };
     let varied = Varied::of(hardware, &factors, interval_s).map_err(LikelihoodError::Scale)?;
     let filter = FixedGain::steady_state([T::of(0.0); 4], &varied.at_rest());

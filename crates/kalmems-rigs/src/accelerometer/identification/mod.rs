@@ -5,32 +5,39 @@
 
 mod figures;
 mod likelihood;
+mod profile;
 mod record;
 mod search;
 mod visibility;
 mod words;
 
+use super::data::SegmentData;
 use super::feedback;
-use super::instrument::Instrument;
 use super::pull_in;
 use super::settings::Hardware;
 use crate::accelerometer::device::Accelerometer;
 use crate::config::Experiment;
 use crate::fit::Derived;
-use crate::identify::{Entries, Identification, IdentifyError, Whiteness, exact};
-use crate::progress::Progress;
+use crate::identify::{Entries, Identification, IdentifyError, Standing, Whiteness, exact, standings};
+use crate::progress::{Progress, Silent};
 use kalmems_core::Scalar;
 use likelihood::{Likelihood, forgotten_after, unknown};
+use profile::{Ends, TWO_SIDED, profiles};
 use record::Record;
-use search::{Found, SearchError, search};
+use search::{Found, SearchError, search, search_from};
+use std::f64::consts::TAU;
 use visibility::{Visibility, visibility};
 
 /// What the recording gave.
 struct Outcome {
     found: Found,
+    /// Where the logarithms may lie, from their likeliest values.
+    ends: [Ends; unknown::COUNT],
     /// Of spring, damping and mass.
     visibility: [Visibility; 3],
     whiteness: Whiteness,
+    /// What of each unknown can be put into its place.
+    standings: Vec<Standing>,
     /// What the experiment said of each unknown, in SI.
     stated: [f64; unknown::COUNT],
 }
@@ -38,23 +45,64 @@ struct Outcome {
 /// A parameter known worse than this, relative to itself, is not put into the experiment.
 const WORTH_SETTING: f64 = 0.1;
 
+/// The standard deviation of which an interval is one of 95 %.
+fn spread([low, high]: &Ends) -> f64 {
+    0.5 * (high - low) / TWO_SIDED
+}
+
+/// What of each unknown can be put into its place.
+///
+/// Correlations are those at the likeliest values. What the experiment says of an unknown that keeps its value may be far from there, so that
+/// the others are sought once more beside it: one that then moves by more than its standard deviation hangs on it.
+fn told(
+    likelihood: &Likelihood,
+    found: &Found,
+    ends: &[Ends; unknown::COUNT],
+    progress: &dyn Progress,
+) -> Result<Vec<Standing>, SearchError> {
+    let mut moved = [false; unknown::COUNT];
+    loop {
+        let is_told = |i: usize| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING;
+        let mut standings =
+            standings(unknown::COUNT, &|i| is_told(i) && !moved[i], &|i, j| found.correlation(i, j));
+        let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| standings[i] != Standing::Told);
+        let strongest = |i: usize| {
+            let others = (0..unknown::COUNT).filter(|j| !is_told(*j));
+            others.max_by(|a, b| found.correlation(i, *a).abs().total_cmp(&found.correlation(i, *b).abs()))
+        };
+        for (i, standing) in standings.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
+            *standing = strongest(i).map_or(Standing::Untold, Standing::HangsOn);
+        }
+        if !kept.contains(&true) || !kept.contains(&false) {
+            return Ok(standings);
+        }
+        let start = std::array::from_fn(|i| if kept[i] { 0.0 } else { found.logs[i] });
+        let beside = search_from(likelihood, start, kept, progress)?;
+        let moves = |i: usize| !kept[i] && (beside.logs[i] - found.logs[i]).abs() > spread(&ends[i]);
+        if !(0..unknown::COUNT).any(moves) {
+            return Ok(standings);
+        }
+        moved = std::array::from_fn(|i| moved[i] || moves(i));
+    }
+}
+
 impl Outcome {
     /// In SI.
     fn value(&self, index: usize) -> f64 {
         self.stated[index] * Scalar::exp(self.found.logs[index])
     }
 
-    /// Relative to the value; infinite for what the recording does not tell.
+    /// Relative to the value; infinite for what the recording does not tell, be it for another's sake.
     fn deviation(&self, index: usize) -> f64 {
-        if self.found.at_bound[index] {
-            f64::INFINITY
-        } else {
-            self.found.covariance.standard_deviation(index)
+        match self.standings[index] {
+            Standing::HangsOn(other) if self.deviation(other).is_infinite() => f64::INFINITY,
+            Standing::Untold if self.found.at_bound[index] => f64::INFINITY,
+            _ => spread(&self.ends[index]),
         }
     }
 
     fn is_known(&self, index: usize) -> bool {
-        self.deviation(index) < WORTH_SETTING
+        self.standings[index] == Standing::Told
     }
 }
 
@@ -66,12 +114,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     let unfit = |why: String| record.material.unfit(why);
     pull_in::require_free(&hardware, &data, &record.signal_column, &record.material.name)
         .map_err(|why| unfit(why.to_string()))?;
-    if hardware.has_feedback
-        && let Ok(instrument) = Instrument::sensed(&hardware)
-    {
-        feedback::require_right(&instrument, &data, &record.feedback_column, &record.material.name)
-            .map_err(|why| unfit(why.to_string()))?;
-    }
+    feedback::require_right(&hardware, &data, &record.feedback_column, &record.material.name)
+        .map_err(|why| unfit(why.to_string()))?;
     let forgotten = forgotten_after(&hardware, data.interval_s)
         .map_err(|why| unfit(SearchError::from(why).to_string()))?;
     if data.signal.len() < 2 * forgotten {
@@ -81,18 +125,30 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         )));
     }
     let likelihood = Likelihood { hardware: &hardware, data: &data, forgotten };
-    progress.begin("likelihood", 0);
-    let found = search(&likelihood, progress).map_err(|why| match why {
+    let refused = |why: SearchError| match why {
         SearchError::Interrupted => IdentifyError::Interrupted,
-        why => unfit(why.to_string()),
-    })?;
+        why @ SearchError::Likelihood(_) => unfit(why.to_string()),
+    };
+    progress.begin("likelihood", 0);
+    let found = search(&likelihood, progress).map_err(refused)?;
     let visibility =
         visibility(&likelihood, &found.logs).map_err(|why| unfit(SearchError::from(why).to_string()))?;
     let mass = &hardware.sensed.device.mass;
+    let ends = profiles(&likelihood, &found, progress).map_err(refused)?;
+    let standings = told(&likelihood, &found, &ends, progress).map_err(refused)?;
     let outcome = Outcome {
+        standings,
         whiteness: Whiteness::of(&found.innovations),
-        stated: [mass.spring, mass.damping, mass.mass, hardware.noise_variance, hardware.sensed.prior.rms],
+        stated: [
+            mass.spring,
+            mass.damping,
+            mass.mass,
+            hardware.noise_variance,
+            hardware.sensed.prior.rms,
+            hardware.sensed.prior.rate / TAU,
+        ],
         found,
+        ends,
         visibility,
     };
     let mut identification = Identification {
@@ -110,6 +166,15 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     apply(&mut identification.experiment, &outcome)?;
     identification.materials.push(record.material);
     Ok(identification)
+}
+
+/// ln p of the recording under the likeliest of all mechanics, noises and accelerations; `None` where there is no such search.
+pub fn most_likely_with(hardware: &Hardware, data: &SegmentData) -> Option<f64> {
+    let forgotten = forgotten_after(hardware, data.interval_s).ok()?;
+    if data.signal.len() < 2 * forgotten {
+        return None;
+    }
+    search(&Likelihood { hardware, data, forgotten }, &Silent).ok().map(|found| found.log_likelihood)
 }
 
 /// Puts what is known well enough into the device table.

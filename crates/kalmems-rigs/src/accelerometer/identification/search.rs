@@ -14,7 +14,8 @@ type Number = Dual<f64, COUNT>;
 pub struct Found {
     /// The logarithms of the factors.
     pub logs: [f64; COUNT],
-    /// Their covariance: the inverse of Fisher's information; zero for what ran to its bound.
+    /// Their covariance: the inverse of Fisher's information and of how far a search may go. What the recording does not tell is known to
+    /// that alone, and so is what hangs on it.
     pub covariance: Covariance<f64, COUNT>,
     /// Which ran to their bound: the recording does not tell them.
     pub at_bound: [bool; COUNT],
@@ -36,18 +37,20 @@ pub struct Found {
     pub is_settled: bool,
 }
 
+impl Found {
+    /// How the errors of two unknowns hang together.
+    pub fn correlation(&self, i: usize, j: usize) -> f64 {
+        let c = &self.covariance;
+        c.get(i, j) / (c.get(i, i) * c.get(j, j)).sqrt()
+    }
+}
+
 /// Why the search has no end.
 #[derive(Debug, thiserror::Error)]
 pub enum SearchError {
     /// Nothing can be computed where it begins.
     #[error("the likelihood cannot be computed at the values of the experiment: {0}")]
     Likelihood(#[from] LikelihoodError),
-    /// The information is singular.
-    #[error(
-        "the recording does not tell spring, damping, mass and noise apart; record with a dither on the feedback, or \
-         for longer"
-    )]
-    Inseparable,
     /// Stopped from outside.
     #[error("interrupted")]
     Interrupted,
@@ -56,7 +59,7 @@ pub enum SearchError {
 /// The longest step of a logarithm: a factor of 1.6.
 const LONGEST: f64 = 0.5;
 /// How far a logarithm may go: to a quarter, or four times as much.
-const FARTHEST: f64 = 1.386;
+pub const FARTHEST: f64 = 1.386;
 /// A step below this share of the standard error ends the search.
 const SETTLED: f64 = 1e-3;
 /// A gain of ln p below this is none: a step of a seventieth of a standard error.
@@ -68,7 +71,17 @@ const HALVINGS: usize = 30;
 /// Fisher's scoring, θ + I⁻¹·∂ ln p/∂θ, with steps that are held and halved until the likelihood grows (Gupta and Mehra,
 /// IEEE Trans. Automatic Control 19, 774, 1974).
 pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found, SearchError> {
-    let mut at = Pass::of(likelihood, [0.0; COUNT])?;
+    search_from(likelihood, [0.0; COUNT], [false; COUNT], progress)
+}
+
+/// The same from here on, with some of the logarithms kept.
+pub fn search_from(
+    likelihood: &Likelihood,
+    start: [f64; COUNT],
+    kept: [bool; COUNT],
+    progress: &dyn Progress,
+) -> Result<Found, SearchError> {
+    let mut at = Pass::of(likelihood, start)?;
     let at_start = at.log_likelihood;
     let mut passes = 1;
     let mut gain = f64::INFINITY;
@@ -77,15 +90,15 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
         if progress.reached(0) == ControlFlow::Break(()) {
             return Err(SearchError::Interrupted);
         }
-        let held = at.held();
-        let covariance = inverse(at.score.information(), held).ok_or(SearchError::Inseparable)?;
+        let held = at.held(kept);
+        let covariance = inverse(at.score.information(), held);
         let score = at.score.score();
         let change: [f64; COUNT] =
             std::array::from_fn(|i| (0..COUNT).map(|j| covariance.get(i, j) * score[j]).sum());
         let settled = |i: usize| change[i].abs() <= SETTLED * covariance.standard_deviation(i);
         let is_settled = (0..COUNT).all(settled) || gain < NEXT_TO_NOTHING;
         if is_settled || taken == STEPS {
-            return at.end(likelihood, (held, covariance), at_start, (passes, is_settled));
+            return at.end(likelihood, held, at_start, (passes, is_settled));
         }
         let longest = change.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
         let mut share = (LONGEST / longest).min(1.0);
@@ -106,7 +119,7 @@ pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found,
                 at = next;
             }
             // No digit of the likelihood is left to gain.
-            None => return at.end(likelihood, (held, covariance), at_start, (passes, true)),
+            None => return at.end(likelihood, held, at_start, (passes, true)),
         }
         taken += 1;
     }
@@ -144,16 +157,17 @@ impl Pass {
         })
     }
 
-    /// What stands at a bound that the likelihood would have it cross.
-    fn held(&self) -> [bool; COUNT] {
+    /// What is kept, and what stands at a bound that the likelihood would have it cross.
+    fn held(&self, kept: [bool; COUNT]) -> [bool; COUNT] {
         let score = self.score.score();
-        std::array::from_fn(|i| self.logs[i].abs() >= FARTHEST && self.logs[i] * score[i] > 0.0)
+        let crosses = |i: usize| self.logs[i].abs() >= FARTHEST && self.logs[i] * score[i] > 0.0;
+        std::array::from_fn(|i| kept[i] || crosses(i))
     }
 
     fn end(
         self,
         likelihood: &Likelihood,
-        (at_bound, covariance): ([bool; COUNT], Covariance<f64, COUNT>),
+        at_bound: [bool; COUNT],
         at_start: f64,
         (passes, is_settled): (usize, bool),
     ) -> Result<Found, SearchError> {
@@ -162,7 +176,7 @@ impl Pass {
             innovations.push(innovation.residual[0] / innovation.covariance.standard_deviation(0));
         })?;
         Ok(Found {
-            covariance,
+            covariance: inverse(self.score.information(), [false; COUNT]),
             at_bound,
             logs: self.logs,
             log_likelihood: self.log_likelihood,
@@ -177,19 +191,19 @@ impl Pass {
     }
 }
 
-/// The inverse of an information, in units of each parameter's own; zero for those that are held. `None` where some
-/// parameter keeps next to nothing of its information when the others are unknown as well.
-fn inverse(information: &Covariance<f64, COUNT>, held: [bool; COUNT]) -> Option<Covariance<f64, COUNT>> {
-    const SEPARABLE: f64 = 1e-9;
-    let unit: [f64; COUNT] =
-        std::array::from_fn(|i| if held[i] { 0.0 } else { information.get(i, i).sqrt().recip() });
+/// The inverse of what a recording tells of the logarithms, and of how far each may go at all; zero for those that are held.
+///
+/// Without the second there is no inverse of what is not determined; with it a logarithm is known to ±[`FARTHEST`] where nothing else tells
+/// it, and one that only its ratio to another is known of moves with that.
+fn inverse(information: &Covariance<f64, COUNT>, held: [bool; COUNT]) -> Covariance<f64, COUNT> {
+    let within = FARTHEST.powi(-2);
+    let own = |i: usize| information.get(i, i) + within;
+    let unit: [f64; COUNT] = std::array::from_fn(|i| if held[i] { 0.0 } else { own(i).sqrt().recip() });
     let scaled = Mat::<f64, COUNT, COUNT>::from_fn(|i, j| {
         if i == j { 1.0 } else { information.get(i, j) * unit[i] * unit[j] }
     });
     let ldl = Ldl::of(&Covariance::from_lower(scaled));
     let columns: [[f64; COUNT]; COUNT] =
         std::array::from_fn(|j| ldl.solve(&std::array::from_fn(|i| f64::from(u8::from(i == j)))));
-    let separable = ldl.diagonal.iter().all(|left| *left > SEPARABLE);
-    (separable && unit.iter().all(|unit| unit.is_finite()))
-        .then(|| Covariance::from_lower(Mat::from_fn(|i, j| columns[j][i] * unit[i] * unit[j])))
+    Covariance::from_lower(Mat::from_fn(|i, j| columns[j][i] * unit[i] * unit[j]))
 }

@@ -4,7 +4,7 @@ use super::likelihood::unknown;
 use super::record::Record;
 use super::visibility::{Visibility, chance};
 use super::{Outcome, WORTH_SETTING};
-use crate::identify::{Correlated, Identification, Identified, Undetermined};
+use crate::identify::{Correlated, Identification, Identified, Standing, Undetermined};
 use kalmems_core::Scalar;
 use kalmems_models::constants::STANDARD_GRAVITY;
 
@@ -15,10 +15,8 @@ const NAMES: [(&str, &str); unknown::COUNT] = [
     ("mass m", "kg"),
     ("noise variance of a sample", "V^2"),
     ("acceleration, root mean square", "m/s^2"),
+    ("acceleration, bandwidth", "Hz"),
 ];
-
-/// 95 % of a Gaussian lie within so many standard deviations.
-const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// m/s² per mg.
 const MG: f64 = 1e-3 * STANDARD_GRAVITY;
@@ -28,13 +26,14 @@ pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcom
     let place = &record.material.name;
     for (index, (name, unit)) in NAMES.into_iter().enumerate() {
         let (value, relative) = (outcome.value(index), outcome.deviation(index));
-        // A factor is never below 0: its logarithm is what is nearly Gaussian.
-        let spread = Scalar::exp(TWO_SIDED * relative);
+        // What is not told has no interval; of all others it is the profile's.
+        let ends =
+            if relative.is_finite() { outcome.ends[index] } else { [f64::NEG_INFINITY, f64::INFINITY] };
         identification.parameters.push(Identified {
             name: name.to_owned(),
             value,
             standard_error: value * relative,
-            interval: [value / spread, value * spread],
+            interval: ends.map(|end| value * Scalar::exp(end)),
             unit,
             recording: place.clone(),
         });
@@ -83,6 +82,9 @@ pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcom
         .extend(record.material.diagnosis.iter().map(|finding| format!("{place}: {finding}")));
 }
 
+/// What tells the mechanics whatever the acceleration is.
+const HELP: &str = "record with a dither on the feedback, or for longer";
+
 fn undetermined(identification: &mut Identification, outcome: &Outcome) {
     let mut add = |what: &str, why: String| {
         identification.undetermined.push(Undetermined { what: what.to_owned(), why });
@@ -94,32 +96,30 @@ fn undetermined(identification: &mut Identification, outcome: &Outcome) {
             .to_owned(),
     );
     for (index, (name, _)) in NAMES.into_iter().enumerate() {
-        if !outcome.is_known(index) {
-            if outcome.found.at_bound[index] {
-                let why = "its likelihood grows beyond a quarter or four times of what the experiment says, which keeps \
-                           its value: record with a dither on the feedback, or for longer";
-                add(name, why.to_owned());
-                continue;
-            }
-            add(
-                name,
-                format!(
-                    "its standard error is {:.0} % of it; above {:.0} % the experiment keeps the value that it had: \
-                     record with a dither on the feedback, or for longer",
-                    100.0 * outcome.deviation(index),
-                    100.0 * WORTH_SETTING
-                ),
-            );
-        }
+        let why = match outcome.standings[index] {
+            Standing::Told => continue,
+            Standing::HangsOn(other) => format!(
+                "it hangs on the {}, which the recording does not tell: both keep what the experiment says, since one without the other would \
+                 be wrong; {HELP}",
+                NAMES[other].0
+            ),
+            Standing::Untold if outcome.found.at_bound[index] => format!(
+                "its likelihood grows beyond a quarter or four times of what the experiment says, which keeps its value; {HELP}"
+            ),
+            Standing::Untold => format!(
+                "its standard error is {:.0} % of it; above {:.0} % the experiment keeps the value that it had; {HELP}",
+                100.0 * outcome.deviation(index),
+                100.0 * WORTH_SETTING
+            ),
+        };
+        add(name, why);
     }
 }
 
 fn worst_pair(identification: &mut Identification, place: &str, outcome: &Outcome) {
-    let c = &outcome.found.covariance;
     let pairs = (0..unknown::COUNT).flat_map(|i| (0..i).map(move |j| (j, i)));
-    let correlation = |i: usize, j: usize| c.get(i, j) / (c.get(i, i) * c.get(j, j)).sqrt();
     let worst = pairs
-        .map(|(i, j)| (correlation(i, j), [i, j]))
+        .map(|(i, j)| (outcome.found.correlation(i, j), [i, j]))
         .filter(|(correlation, _)| correlation.is_finite())
         .max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
     if let Some((correlation, pair)) = worst {

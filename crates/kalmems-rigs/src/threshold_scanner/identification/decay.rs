@@ -1,6 +1,6 @@
 //! Mechanics, comb and delay from a free decay that both channels saw.
 
-use crate::fit::{Bounds, ByDual, Fit, FitError, FitSettings, Law, fit};
+use crate::fit::{Bounds, ByDual, Fit, FitError, FitSettings, Law, fit, outliers_beside};
 use crate::identify::{Whiteness, fit_free_decay};
 use kalmems_core::{Over, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -64,6 +64,8 @@ pub struct DecayFit {
     pub fitted: Vec<[f64; 2]>,
     /// What the signal leaves looks like, and what the reference leaves.
     pub whiteness: [Whiteness; 2],
+    /// Samples of the signal, and of the reference, that are none, by what the motion leaves of them.
+    pub left_out: [usize; 2],
     shape: CurveShape,
 }
 
@@ -120,7 +122,23 @@ const LEAST_EXPLAINED: f64 = 0.1;
 /// The start is the damped sine of the reference, and the best of a grid of delays within a quarter of a cycle and
 /// of steepnesses: beyond, a delay and the motion's other direction are not told apart well. The first quarter of a cycle
 /// of the reference is left out, since a late one shows there what was before the decay.
+///
+/// Samples that are more than 5.33 standard deviations off, by the median of what is left, are left out, and the fit is done anew.
 pub fn fit_decay(record: &Decay) -> Result<DecayFit, DecayError> {
+    let mut found = fit_samples(record)?;
+    for _ in 0..ROUNDS {
+        let Some((channels, left_out)) = record.without_outliers(&found) else { break };
+        if left_out == found.left_out {
+            break;
+        }
+        let [signal, angle] = &channels;
+        found = DecayFit { left_out, ..fit_samples(&Decay { signal, angle, ..*record })? };
+    }
+    Ok(found)
+}
+
+/// The fit of all samples.
+fn fit_samples(record: &Decay) -> Result<DecayFit, DecayError> {
     let count = record.signal.len().min(record.angle.len());
     for (channel, values) in [("signal", record.signal), ("reference", record.angle)] {
         let mut finite = values.iter().filter(|value| value.is_finite());
@@ -182,6 +200,26 @@ fn tangent<S: Scalar>(angle: S) -> S {
 }
 
 impl Decay<'_> {
+    /// Both channels without what a fit leaves far more of than of the rest, and how many samples these are; `None` where they are many.
+    fn without_outliers(&self, found: &DecayFit) -> Option<([Vec<f64>; 2], [usize; 2])> {
+        // A late reference shows there what was before the decay.
+        let quarter_s = 0.25 * TAU / found.fit.parameters[NATURAL_RATE];
+        let of = |channel: usize, values: &[f64]| {
+            let left = found.fitted.iter().zip(values).enumerate().map(|(k, (fitted, value))| {
+                let is_used = channel == 0 || k as f64 * self.interval_s >= quarter_s;
+                if is_used { value - fitted[channel] } else { f64::NAN }
+            });
+            let is_out = outliers_beside(&left.collect::<Vec<f64>>(), 0.0)?;
+            let count = is_out.iter().filter(|is_out| **is_out).count();
+            let kept =
+                values.iter().zip(is_out).map(|(value, is_out)| if is_out { f64::NAN } else { *value });
+            Some((kept.collect(), count))
+        };
+        let (signal, of_signal) = of(0, self.signal)?;
+        let (angle, of_angle) = of(1, self.angle)?;
+        Some(([signal, angle], [of_signal, of_angle]))
+    }
+
     /// What the reference's noise is added to.
     fn tangents(&self, count: usize) -> Vec<f64> {
         self.angle[..count].iter().map(|angle| tangent(self.multiple * angle)).collect()
@@ -326,7 +364,15 @@ impl Motion<'_> {
                 .collect()
         };
         let whiteness = [0, 1].map(|channel| Whiteness::of(&left(channel)));
-        DecayFit { deviations: self.left(p), fit, motion, fitted, whiteness, shape: self.record.shape }
+        DecayFit {
+            deviations: self.left(p),
+            fit,
+            motion,
+            fitted,
+            whiteness,
+            left_out: [0; 2],
+            shape: self.record.shape,
+        }
     }
 }
 

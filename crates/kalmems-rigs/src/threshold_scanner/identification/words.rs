@@ -40,6 +40,14 @@ pub fn of(identification: &mut Identification, material: &Material, found: &Foun
         Some(per_volt) => say("noise of the reference, sd", noise(1, 1.0 / per_volt), "V"),
         None => say("noise of the reference, sd", noise(1, 1.0), "rad"),
     }
+    for (count, channel) in found.decay.left_out.into_iter().zip(["signal", "reference"]) {
+        if count > 0 {
+            identification.warnings.push(format!(
+                "{place}, {channel}: {count} samples are outliers, more than 5.33 standard deviations off the motion that fits the others, and were \
+                 left out"
+            ));
+        }
+    }
     for (whiteness, channel) in found.decay.whiteness.iter().zip(["signal", "reference"]) {
         if whiteness.samples > 0 && !whiteness.is_white() {
             identification.warnings.push(format!(

@@ -1,0 +1,469 @@
+//! Which samples of a signal are no samples of it: an innovation gate that cannot lock itself out.
+//!
+//! A sample is rejected where its normalised innovation squared z² is above the quantile L of χ² with one degree of freedom that a filter that
+//! is right passes with the stated probability. Three rules keep a filter that is wrong from rejecting what would put it right:
+//!
+//! - Before the settling time nothing is rejected.
+//! - The innovations are measured by themselves as well. m follows the median of z² over the accepted samples of the last hundred, and the
+//!   bound is L·max(1, m/m₀) with the median m₀ of χ². Innovations that are all larger than claimed, because the noise is stated too small or
+//!   the model is not quite the device, so are no outliers, and their mean NIS tells of it. A median does not move by outliers.
+//! - A forgetting mean follows the share of the samples beyond the bound. Above [`OPENS`] the gate opens, and everything is accepted until the
+//!   share is below [`CLOSES`]. With a memory of [`MEMORY_S`], but not below [`FEWEST`] samples, an uninterrupted burst is survived for
+//!   −ln(1 − 1/8)·10 ms = 1.34 ms, and after a step of the signal the filter is corrected from then on; one outlier in twelve never opens it.
+
+use super::transition::Sensor;
+use kalmems_core::{FilterError, Innovation, Scalar};
+use statrs::function::erf::erfc_inv;
+use std::f64::consts::SQRT_2;
+use std::sync::Arc;
+
+/// How improbable a sample of a filter that is right must be for it to be rejected, where the file does not say.
+pub const FALSE_REJECTIONS: f64 = 1e-7;
+
+/// The share of samples beyond the bound from which on they are accepted again, and below which they are not.
+const OPENS: f64 = 0.125;
+const CLOSES: f64 = 0.0625;
+
+/// Over how long, in s, and over how many samples at least that share is taken.
+const MEMORY_S: f64 = 10e-3;
+const FEWEST: f64 = 64.0;
+
+/// The place of what is no signal among the signals: an event, such as a crossing of a threshold.
+pub const EVENTS: usize = usize::MAX;
+
+/// How suspect a rejection makes the samples behind it, from where on they are, and at most. What comes in a burst and is near enough by
+/// chance would be believed the more, the less is known by then; so of a burst's end so many samples are left out.
+const SUSPECT: u32 = 2;
+const SUSPECTED: u32 = 2;
+const MOST_SUSPECT: u32 = 16;
+
+/// The median of χ² with one degree of freedom.
+const MEDIAN: f64 = 0.454_936_423_119_573;
+
+/// How much the median is moved by a sample: e^(±1/64). The bound's standard deviation is 7 % of it then.
+const UP: f64 = 1.015_747_708_586_685_7;
+const DOWN: f64 = 0.984_496_437_005_408_5;
+
+/// Events that the median of an event's z² is taken over; they are too few to follow one.
+const EVENTS_BEFORE: usize = 9;
+
+/// What a gate rejects of a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rejection {
+    /// The sample, by its place in the trajectory.
+    pub sample: usize,
+    /// When, in s.
+    pub time_s: f64,
+    /// The signal: 0 for the first one, and further ones from 1 on.
+    pub signal: usize,
+    /// Measured minus predicted, in the signal's unit.
+    pub innovation: f64,
+    /// The standard deviation that the filter gives it.
+    pub sd: f64,
+}
+
+impl Rejection {
+    /// The innovation in standard deviations.
+    pub fn size(&self) -> f64 {
+        self.innovation / self.sd
+    }
+}
+
+/// A time at which a gate began to accept what is beyond its bound, or ended to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateTurn {
+    /// When, in s.
+    pub time_s: f64,
+    /// Whether it began.
+    pub opens: bool,
+}
+
+/// The largest normalised innovation squared of a filter that is right but for this share of its samples.
+pub fn largest_nis(false_rejections: f64) -> f64 {
+    (SQRT_2 * erfc_inv(false_rejections)).powi(2)
+}
+
+/// What a sample is corrected with where its innovation is large.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum UpdateLaw {
+    /// The noise is normally distributed.
+    #[default]
+    Normal,
+    /// It is so up to this many standard deviations, and has exponential tails beyond (Huber).
+    Huber(f64),
+    /// It has Student's t distribution with so many degrees of freedom, the stated variance being the square of its scale.
+    StudentT(f64),
+}
+
+/// How a filter takes its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taking {
+    /// The largest normalised innovation squared that is believed, where there is a gate.
+    pub largest_nis: Option<f64>,
+    /// How long the filter has to settle, in s.
+    pub after_s: f64,
+    /// The law of the noise.
+    pub law: UpdateLaw,
+}
+
+/// A gate of events on its way.
+#[derive(Clone, Copy, Debug)]
+struct EventGate {
+    /// z² of the last ones, taken or not, the oldest to be replaced next; infinite before there were as many.
+    last: [f64; EVENTS_BEFORE],
+    next: usize,
+}
+
+impl EventGate {
+    const NEW: Self = Self { last: [f64::INFINITY; EVENTS_BEFORE], next: 0 };
+
+    /// The largest z² that is believed.
+    fn bound(&self, largest_nis: f64) -> f64 {
+        let mut sorted = self.last;
+        sorted.sort_by(f64::total_cmp);
+        largest_nis * (sorted[EVENTS_BEFORE / 2] / MEDIAN).max(1.0)
+    }
+
+    fn note(&mut self, nis: f64) {
+        self.last[self.next] = nis;
+        self.next = (self.next + 1) % EVENTS_BEFORE;
+    }
+}
+
+/// Rejections by another filter: of each the time in s and the signal, in that order.
+pub type Decisions = Arc<[(f64, usize)]>;
+
+/// A gate of one signal on its way.
+#[derive(Clone, Copy, Debug)]
+struct Gate {
+    /// The share of samples beyond the bound.
+    share: f64,
+    /// The median of z².
+    median: f64,
+    is_open: bool,
+    /// How suspect the next sample is.
+    suspect: u32,
+    /// Samples of the settling time.
+    settling: u32,
+}
+
+impl Gate {
+    const NEW: Self = Self { share: 0.0, median: MEDIAN, is_open: false, suspect: 0, settling: 0 };
+
+    /// The largest z² that is no outlier.
+    fn bound(&self, largest_nis: f64) -> f64 {
+        largest_nis * (self.median / MEDIAN).max(1.0)
+    }
+
+    /// Takes notice of a sample; `forgets` is the share of the memory that one is.
+    fn note(&mut self, nis: f64, (is_beyond, is_taken): (bool, bool), has_settled: bool, forgets: f64) {
+        // At the end of the settling time the share is that of its last quarter: a filter that is lost by then is not kept so.
+        let forgets = if has_settled { forgets } else { forgets.max(4.0 / (4.0 + f64::from(self.settling))) };
+        self.settling = self.settling.saturating_add(u32::from(!has_settled));
+        self.share += (f64::from(u8::from(is_beyond)) - self.share) * forgets;
+        self.is_open = self.share > if self.is_open { CLOSES } else { OPENS };
+        self.suspect = match (self.is_open, is_beyond) {
+            (true, _) => 0,
+            (_, true) => (self.suspect + SUSPECT).min(MOST_SUSPECT),
+            _ => self.suspect.saturating_sub(1),
+        };
+        if is_taken {
+            let by = if nis > self.median { UP } else { DOWN };
+            // A careful filter's median is not followed to nothing, so that it is back in time.
+            self.median = (self.median * by).max(0.25 * MEDIAN);
+        }
+    }
+}
+
+/// Who decides what is rejected.
+#[derive(Clone, Debug, Default)]
+enum Decided {
+    /// The gate itself.
+    #[default]
+    Itself,
+    /// Another run of the filter, of all samples.
+    Before(Decisions),
+    /// Another filter beside, of the present sample: the signals that it rejected.
+    Beside(Vec<usize>),
+}
+
+/// How a filter on its way takes its samples.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    taking: Taking,
+    /// From when on it may reject, in s.
+    from_s: f64,
+    /// The share of the memory that a sample is.
+    forgets: f64,
+    /// One for each signal.
+    gates: Vec<Gate>,
+    events: EventGate,
+    decided: Decided,
+    /// The time of the present sample in s, what was rejected of it, and whether a gate turned.
+    now_s: f64,
+    rejected: Vec<(usize, f64, f64)>,
+    turned: Option<bool>,
+}
+
+impl Watch {
+    /// From a segment's beginning in s on, with samples in this interval in s.
+    pub(super) fn new(taking: Taking, start_s: f64, interval_s: f64) -> Self {
+        // Half an ulp of a decimal time must not decide about a sample.
+        let from_s = start_s + taking.after_s * (1.0 - 1e-12);
+        let memory = (MEMORY_S / interval_s).max(FEWEST);
+        let (gates, rejected, events) = (Vec::new(), Vec::new(), EventGate::NEW);
+        Self {
+            taking,
+            from_s,
+            forgets: memory.recip(),
+            gates,
+            events,
+            decided: Decided::Itself,
+            now_s: f64::NAN,
+            rejected,
+            turned: None,
+        }
+    }
+
+    /// Follows what another run of the filter decided, or decides by itself.
+    pub(super) fn follow(&mut self, decided: Option<&Decisions>) {
+        self.decided = decided.map_or(Decided::Itself, |decided| Decided::Before(Arc::clone(decided)));
+    }
+
+    /// Comes to the present sample of a filter that says what several do, of which this one decides for all.
+    pub(super) fn lead(&mut self, led: &Self) {
+        self.at(led.now_s);
+        self.decided = match &led.decided {
+            Decided::Before(decided) => Decided::Before(Arc::clone(decided)),
+            Decided::Itself | Decided::Beside(_) => Decided::Itself,
+        };
+    }
+
+    /// Comes to the present sample of such a filter, and follows what was decided.
+    pub(super) fn follow_beside(&mut self, led: &Self) {
+        self.at(led.now_s);
+        if !matches!(self.decided, Decided::Beside(_)) {
+            self.decided = Decided::Beside(Vec::new());
+        }
+        if let Decided::Beside(signals) = &mut self.decided {
+            signals.clear();
+            signals.extend(led.rejected.iter().map(|(signal, ..)| *signal));
+        }
+    }
+
+    /// Says what the one that decides did with the present sample.
+    pub(super) fn take_over(&mut self, leader: &Self) {
+        self.rejected.clone_from(&leader.rejected);
+        self.turned = leader.turned;
+    }
+
+    /// The largest normalised innovation squared of a filter that is right; infinite without a gate.
+    pub(super) fn largest_nis(&self) -> f64 {
+        self.taking.largest_nis.unwrap_or(f64::INFINITY)
+    }
+
+    /// Comes to a sample.
+    #[inline]
+    pub(super) fn at(&mut self, time_s: f64) {
+        self.now_s = time_s;
+        self.rejected.clear();
+        self.turned = None;
+    }
+
+    /// What was rejected of the present sample: the signal, innovation and standard deviation.
+    pub(super) fn rejected(&self) -> &[(usize, f64, f64)] {
+        &self.rejected
+    }
+
+    /// Whether a signal of it was.
+    pub(super) fn rejects(&self, signal: usize) -> bool {
+        self.rejected.iter().any(|(of, ..)| *of == signal)
+    }
+
+    /// Whether a gate turned at the present sample, and to which side.
+    pub(super) fn turned(&self) -> Option<GateTurn> {
+        self.turned.map(|opens| GateTurn { time_s: self.now_s, opens })
+    }
+
+    /// As numbers, for another run to go on from.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let of_gate = |gate: &Gate| {
+            let (open, suspect) = (f64::from(u8::from(gate.is_open)), f64::from(gate.suspect));
+            [gate.share, gate.median, open, suspect, f64::from(gate.settling)]
+        };
+        let of_events = self.events.last.iter().cycle().skip(self.events.next).take(EVENTS_BEFORE).copied();
+        std::iter::once(self.from_s).chain(of_events).chain(self.gates.iter().flat_map(of_gate)).collect()
+    }
+
+    /// Goes on from such numbers.
+    pub(super) fn resume(&mut self, numbers: &[f64]) {
+        let Some((from_s, rest)) = numbers.split_first() else { return };
+        let Some((events, gates)) = rest.split_first_chunk() else { return };
+        self.from_s = *from_s;
+        self.events = EventGate { last: *events, next: 0 };
+        let of_gate = |numbers: &[f64]| match *numbers {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small counts
+            [share, median, open, suspect, settling] => Some(Gate {
+                share,
+                median,
+                is_open: open != 0.0,
+                suspect: suspect as u32,
+                settling: settling as u32,
+            }),
+            _ => None,
+        };
+        self.gates = gates.chunks(5).filter_map(of_gate).collect();
+    }
+
+    /// Whether nothing has to be looked at.
+    fn is_off(&self) -> bool {
+        self.taking == Taking { after_s: self.taking.after_s, ..Taking::default() }
+            && matches!(self.decided, Decided::Itself)
+    }
+
+    /// Takes what an event says. Its size is known by those before it: a filter that is wrong, and to which events tell so, believes them.
+    fn take_event(
+        &mut self,
+        (sensor, y, variance): (&dyn Sensor, f64, f64),
+        mut update: impl FnMut(&dyn Sensor, f64, f64, f64) -> Result<Innovation<f64, 1>, FilterError>,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        let largest = match self.taking.largest_nis {
+            Some(largest) if self.now_s >= self.from_s => self.events.bound(largest),
+            _ => f64::INFINITY,
+        };
+        let found = update(sensor, y, variance, largest)?;
+        self.events.note(found.nis);
+        Ok(found)
+    }
+
+    /// Takes a sample of a signal by a filter's own update, which is given a sensor, the sample, its variance and the largest
+    /// normalised innovation squared that it may take.
+    pub(super) fn take(
+        &mut self,
+        signal: usize,
+        (sensor, y, variance): (&dyn Sensor, f64, f64),
+        mut update: impl FnMut(&dyn Sensor, f64, f64, f64) -> Result<Innovation<f64, 1>, FilterError>,
+    ) -> Result<Innovation<f64, 1>, FilterError> {
+        if self.is_off() {
+            return update(sensor, y, variance, f64::INFINITY);
+        }
+        if signal == EVENTS {
+            return self.take_event((sensor, y, variance), update);
+        }
+        while self.gates.len() <= signal {
+            self.gates.push(Gate::NEW);
+        }
+        let gate = self.gates[signal];
+        let has_settled = self.now_s >= self.from_s;
+        let bound = self.taking.largest_nis.map_or(f64::INFINITY, |largest| gate.bound(largest));
+        let rejects = |rejects: bool| if rejects { NEVER } else { f64::INFINITY };
+        let believed = match has_settled && !gate.is_open {
+            false => f64::INFINITY,
+            true if gate.suspect > SUSPECTED && bound.is_finite() => NEVER,
+            true => bound,
+        };
+        let largest = match &self.decided {
+            Decided::Before(decided) => rejects(
+                decided
+                    .binary_search_by(|(time_s, of)| time_s.total_cmp(&self.now_s).then(of.cmp(&signal)))
+                    .is_ok(),
+            ),
+            Decided::Beside(signals) => rejects(signals.contains(&signal)),
+            Decided::Itself => believed,
+        };
+        let law = self.taking.law;
+        let mut found = update(sensor, y, variance, largest.min(law.bulk()))?;
+        if !found.taken && law != UpdateLaw::Normal {
+            let weighed = law.weigh((found.residual[0], found.covariance.get(0, 0)), variance);
+            if weighed.deviance <= largest {
+                found.taken = update(sensor, y, variance / weighed.weight, f64::INFINITY)?.taken;
+            }
+            found.nis = weighed.deviance;
+            found.residual[0] =
+                (weighed.deviance * found.covariance.get(0, 0)).sqrt().copysign(found.residual[0]);
+        }
+        let is_rejected = !found.taken && found.nis > largest;
+        if is_rejected {
+            let sd = found.covariance.standard_deviation(0);
+            self.rejected.push((signal, found.residual[0], sd));
+        }
+        let gate = &mut self.gates[signal];
+        let was_open = gate.is_open;
+        gate.note(found.nis, (found.nis > bound, !is_rejected), has_settled, self.forgets);
+        if has_settled && gate.is_open != was_open && self.taking.largest_nis.is_some() {
+            self.turned = Some(gate.is_open);
+        }
+        Ok(found)
+    }
+}
+
+/// A normalised innovation squared that no innovation is below.
+const NEVER: f64 = -1.0;
+
+/// How much of a sample is believed.
+struct Weighed {
+    /// The variance is divided by it.
+    weight: f64,
+    /// Twice the logarithm by which the density is below its largest: the square of the innovation that is as improbable of normal noise.
+    deviance: f64,
+}
+
+/// Iterations of the weight of Student's t at most, and when it has settled.
+const ITERATIONS: usize = 20;
+const SETTLED: f64 = 1e-9;
+
+impl UpdateLaw {
+    /// The normalised innovation squared below which a sample is surely taken as one of normal noise.
+    fn bulk(self) -> f64 {
+        match self {
+            Self::Normal => f64::INFINITY,
+            Self::Huber(bound) => bound * bound,
+            Self::StudentT(_) => NEVER,
+        }
+    }
+
+    /// The weight of a sample with this innovation r of the variance S, of which R is that of the noise.
+    ///
+    /// Huber: the most probable state given the prediction and the sample, whose residual e costs k·|e|/√R − k²/2 beyond k·√R, is that of an
+    /// update with R′ = |r|·√R/k − (S − R), in closed form because the signal is one number; all it costs is k·(2·|r|/√R − k·S/R)/2.
+    ///
+    /// Student's t: noise of the variance R/λ with λ of a gamma distribution. The update and the mean of λ are found in turn (variational
+    /// Bayes: Agamennoni, Nieto & Nebot, IEEE Trans. Signal Process. 60, 5024, 2012), λ = (ν + 1)/(ν + ⟨e²⟩/R), with ⟨e²⟩ = (r·R′/S′)² + (S − R)·R′/S′
+    /// of the residual after the update, R′ = R/λ and S′ = S − R + R′.
+    fn weigh(self, (residual, total): (f64, f64), noise: f64) -> Weighed {
+        let spread = (total - noise).max(0.0);
+        let square = residual * residual / total;
+        match self {
+            Self::Normal => Weighed { weight: 1.0, deviance: square },
+            Self::Huber(bound) => {
+                let left = residual.abs() * noise.sqrt() / bound - spread;
+                if left <= noise {
+                    return Weighed { weight: 1.0, deviance: square };
+                }
+                let deviance = bound * (2.0 * residual.abs() / noise.sqrt() - bound * total / noise);
+                Weighed { weight: noise / left, deviance }
+            }
+            Self::StudentT(freedom) => {
+                let mut weight = 1.0;
+                for _ in 0..ITERATIONS {
+                    let noise_then = noise / weight;
+                    let kept = noise_then / (spread + noise_then);
+                    let error = (residual * kept).powi(2) + spread * kept;
+                    let next = (freedom + 1.0) / (freedom + error / noise);
+                    let moved = (next - weight).abs();
+                    weight = next;
+                    if moved <= SETTLED * weight {
+                        break;
+                    }
+                }
+                Weighed { weight, deviance: normal_score(square, freedom) }
+            }
+        }
+    }
+}
+
+/// The square of the normal number that is as probable as one of Student's distribution with this square (Wallace, Ann. Math. Statist. 30,
+/// 1121, 1959): right to 0.02 up to the tails.
+fn normal_score(square: f64, freedom: f64) -> f64 {
+    ((8.0 * freedom + 1.0) / (8.0 * freedom + 3.0)).powi(2) * freedom * Scalar::ln(1.0 + square / freedom)
+}
