@@ -1,0 +1,7 @@
+//! Whether intervals of what is identified hold the truth as often as they say, and whether an experiment is better with what was found than
+//! it was before. The recordings are made by programs written here, which share nothing with the models, integrators and random numbers of the
+//! library.
+
+mod accelerometer;
+mod chance;
+mod rows;
