@@ -66,7 +66,7 @@ impl<'de> Deserialize<'de> for Gate {
                 )))
             }
 
-            #[allow(clippy::cast_precision_loss)] // refused
+            #[allow(clippy::cast_precision_loss)] // what is not exact is far above `MOST`, and refused
             fn visit_i64<E: Error>(self, number: i64) -> Result<Gate, E> {
                 self.visit_f64(number as f64)
             }
