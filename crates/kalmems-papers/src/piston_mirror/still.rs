@@ -40,8 +40,8 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
             ))
             .remark(
                 "The bound is the posterior one for the filter's own process noise, along the true motion. That the filter \
-                 attains it, with noise in the motion as the filter has it and without any, is tested by `cargo test -p \
-                 kalmems-models --test piston`. Nothing of it is lost by a drift if its rate is a state.",
+                 attains it, with noise in the motion as the filter has it and without any, is tested by `cargo test \
+                 --workspace --test models piston::`. Nothing of it is lost by a drift if its rate is a state.",
             ),
     ])
 }

@@ -1,0 +1,12 @@
+//! The command, as a process.
+
+mod cli;
+mod columns;
+mod diagnosis;
+mod gaps;
+mod image;
+mod interruption;
+mod rest;
+mod spectrum;
+mod store;
+mod study;

@@ -1,0 +1,181 @@
+//! The formulas of the language against the laws of `kalmems-models` of which they are the formula, and the parts of the
+//! language that no published device uses: curves, delays, arguments of functions.
+
+use crate::common;
+
+use common::{Chance, device};
+use kalmems_core::{Dual, Nodes};
+use kalmems_equations::Device;
+use kalmems_models::capacitance::{CoaxialDisks, DifferentialPlates, ParallelPlate, TiltingPlate};
+use kalmems_models::circuit::Transimpedance;
+use kalmems_models::dynamics::{Duffing, ProofMass, torque};
+use kalmems_models::readout::{CarrierDivider, DifferentialReadout};
+
+/// Five states without units, which the law takes as its arguments in units of its own.
+fn law(expression: &str, unit: &str) -> Device {
+    device(&format!(
+        "[states]\na = '1'\nb = '1'\nc = '1'\ne = '1'\nf = '1'\n\
+         [derivative]\na = '0'\nb = '0'\nc = '0'\ne = '0'\nf = '0'\n[measure]\ny = '{expression} in {unit}'\n"
+    ))
+}
+
+/// Value and slopes of the law at random points between 1 and 2 against a function of dual numbers.
+fn hold(expression: &str, unit: &str, f: impl Fn([Dual<f64, 5>; 5]) -> Dual<f64, 5>) {
+    let device = law(expression, unit);
+    let readout = device.readout(0, &[]).unwrap();
+    let mut work = readout.work(&[]);
+    let mut chance = Chance::new(11);
+    for _ in 0..500 {
+        let x: [f64; 5] = std::array::from_fn(|_| chance.between(1.0, 2.0));
+        let mut slopes = [0.0; 5];
+        let value = readout.linearize(&mut work, &x, &[], &mut slopes);
+        let expected = f(Dual::variables(&x));
+        let near = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-13 * b.abs();
+        assert!(near(value, expected.value()), "{expression}: {value:e} {:e}", expected.value());
+        for (found, expected) in slopes.iter().zip(expected.gradient()) {
+            assert!(near(*found, expected), "{expression}: {found:e} {expected:e}");
+        }
+    }
+}
+
+fn of(value: f64) -> Dual<f64, 5> {
+    Dual::constant(value)
+}
+
+#[test]
+fn formulas_are_their_laws() {
+    hold("parallel_plate(a*1[m], b*1[m^2], c)", "F", |[a, b, c, ..]| {
+        ParallelPlate { area: b, relative_permittivity: c }.capacitance(a)
+    });
+    hold("electrostatic_force(a*1[F/m], b*1[V^2])", "N", |[a, b, ..]| torque(a, b));
+    hold("viscous_damping(a*1[N s/m], b*1[m/s])", "N", |[a, b, ..]| a * b);
+    hold("squeeze_film(a/4, b*1[N s/m], c/2)", "N s/m", |[a, b, c, ..]| {
+        let zero = of(0.0);
+        ProofMass { mass: zero, damping: b, squeezed: c * of(0.5), spring: zero }.damping_at(a * of(0.25))
+    });
+    hold("cubic_spring(a*1[m], b*1[N/m], c*1[N/m^3])", "N", |[a, b, c, ..]| {
+        let zero = of(0.0);
+        -Duffing { damping: zero, stiffness: b, cubic: c, gain: zero }.acceleration(a, zero, zero)
+    });
+    hold("transimpedance(a*1[F], b*1[F/s], c*1[V], e*1[V/s], f*1[ohm], 2[F])", "V", |[a, b, c, e, f]| {
+        Transimpedance { feedback_resistance: f, parasitic_capacitance: of(2.0) }.voltage(a, b, c, e)
+    });
+    hold("differential_plates(a/4*1[m], b*1[m^2], c*1[m], e*1[F/m])", "F", |[a, b, c, e, _]| {
+        DifferentialPlates { area: b, gap: c, permittivity: e }.difference(a * of(0.25))
+    });
+    hold(
+        "differential_force(a/4*1[m], b*1[m^2], c*1[m], e*1[F/m], f*1[V^2], 0.5[V^2])",
+        "N",
+        |[a, b, c, e, f]| {
+            DifferentialPlates { area: b, gap: c, permittivity: e }.force(a * of(0.25), [f, of(0.5)])
+        },
+    );
+    hold(
+        "charge_amplifier(differential_plates(a/4*1[m], b*1[m^2], 2[m], 1[F/m]), c*1[V], e*1[F])",
+        "V",
+        |[a, b, c, e, _]| {
+            let plates = DifferentialPlates { area: b, gap: of(2.0), permittivity: of(1.0) };
+            DifferentialReadout { plates, carrier_amplitude: c, feedback_capacitance: e }
+                .voltage(a * of(0.25))
+        },
+    );
+}
+
+#[test]
+fn native_laws_are_their_laws_by_every_argument() {
+    hold("carrier(a*1[F], b*1[V], c*1[rad/s], e*1[S], f*1[F], 0.3[S], 2[F])", "V", |[a, b, c, e, f]| {
+        let divider = CarrierDivider {
+            excitation: b,
+            carrier_rate: c,
+            shunt_conductance: e,
+            parallel_capacitance: f,
+            input_conductance: of(0.3),
+            blocking_capacitance: of(2.0),
+        };
+        divider.voltage(a)
+    });
+    hold(
+        "tilting_plate(a/10*1[rad], b*1[m], (b + c)*1[m], e*1[m], 4*f*1[m], 1[F/m])",
+        "F",
+        |[a, b, c, e, f]| {
+            let half = e * of(0.5);
+            let plate = TiltingPlate {
+                w1: b,
+                w2: b + c,
+                w3: -half,
+                w4: half,
+                gap: f * of(4.0),
+                permittivity: of(1.0),
+            };
+            plate.capacitance(a * of(0.1))
+        },
+    );
+    // Two derivatives, one of them by another argument.
+    hold("1[rad]*d(gaussian_comb(a*1[rad], b*1[F], c*1[rad], e*1[F]), a)/1[rad]", "F", |[a, b, c, e, _]| {
+        kalmems_models::capacitance::GaussianComb { nominal: b, angular_width: c, bias: e }.slope(a)
+    });
+}
+
+#[test]
+fn disks_are_the_solution_of_loves_equation() {
+    let device = law("disks(a*1[mm], b*1[mm])", "F");
+    let readout = device.readout(0, &[]).unwrap();
+    let mut work = readout.work(&[]);
+    for (distance, radius) in [(1.0, 1.9), (0.3, 1.0), (2.0, 1.0)] {
+        let at = |d: f64| CoaxialDisks { radius: radius * 1e-3 }.capacitance(d * 1e-3).unwrap();
+        let mut slopes = [0.0; 5];
+        let found = readout.linearize(&mut work, &[distance, radius, 0.0, 0.0, 0.0], &[], &mut slopes);
+        assert!((found / at(distance) - 1.0).abs() < 1e-11);
+        let difference = (at(distance + 1e-4) - at(distance - 1e-4)) / 2e-4;
+        assert!((slopes[0] / difference - 1.0).abs() < 1e-6, "{} {difference}", slopes[0]);
+    }
+    assert!(readout.read(&mut work, &[0.1, 1.0, 0.0, 0.0, 0.0], &[]).is_nan());
+}
+
+/// A curve's derivatives go into rates and their Jacobian, and beyond its points it says that nothing is known.
+#[test]
+fn curves_have_two_derivatives_and_an_end() {
+    let x: Vec<f64> = (0..=40).map(|k| -1.0 + 0.05 * f64::from(k)).collect();
+    let y: Vec<f64> = x.iter().map(|x| (-x * x).exp()).collect();
+    let text = format!(
+        "[states]\nx = 'mm'\nv = 'mm/s'\n[derivative]\nx = 'v'\nv = 'd(C(x), x)*1[m^2/(F s^2)]'\n[measure]\nseen = 'C(x) in pF'\n\
+         [tables.C]\nx = {x:?}\ny = {y:?}\nx_unit = 'mm'\ny_unit = 'pF'\n"
+    );
+    let device = device(&text);
+    let motion = device.motion(&[]).unwrap();
+    let mut work = motion.work(&[]);
+    let (mut rates, mut jacobian) = ([0.0; 2], [0.0; 4]);
+    assert!(motion.linearize(&mut work, &[0.33e-3, 0.0], &[], &mut rates, &mut jacobian));
+    let bell = (-0.33_f64 * 0.33).exp();
+    assert!((rates[1] / (-2.0 * 0.33 * bell * 1e-9) - 1.0).abs() < 1e-4);
+    assert!((jacobian[2] / ((4.0 * 0.33 * 0.33 - 2.0) * bell * 1e-6) - 1.0).abs() < 1e-2);
+    assert!(!motion.linearize(&mut work, &[1.01e-3, 0.0], &[], &mut rates, &mut jacobian));
+    let (mut next, nodes) = ([0.0; 2], Nodes::held(&[][..]));
+    assert!(!motion.step(&mut work, &[1.01e-3, 0.0], &nodes, 1e-3, &mut next));
+}
+
+/// Padé's approximation of a delay has the gain 1, and the phase that its doc says.
+#[test]
+fn a_delay_is_late_by_its_time() {
+    for (order, worst) in [(1, 0.3_f64.powi(3) / 12.0), (2, 0.3_f64.powi(5) / 720.0)] {
+        // A turning phasor is delayed: u = cos φ, and cos(φ − ωτ) is expected once the start has died away.
+        let text = format!(
+            "[states]\nphi = 'rad'\n[derivative]\nphi = '1[rad/s]'\n[measure]\nlate = 'was in V'\n\
+             [delay]\nwas = {{ of = '1[V]*cos(phi) in V', time = '0.3 [s]', order = {order} }}\n"
+        );
+        let device = device(&text);
+        assert_eq!(device.states().len(), 1 + order);
+        let (motion, readout) = (device.motion(&[]).unwrap(), device.readout(0, &[]).unwrap());
+        let (mut work, mut seen) = (motion.work(&[]), readout.work(&[]));
+        let mut x = vec![0.0; 1 + order];
+        let (mut next, mut error) = (x.clone(), 0.0_f64);
+        for k in 0..20_000 {
+            assert!(motion.step(&mut work, &x, &Nodes::held(&[][..]), 1e-3, &mut next));
+            x.clone_from(&next);
+            if k > 8000 {
+                error = error.max((readout.read(&mut seen, &x, &[]) - (x[0] - 0.3).cos()).abs());
+            }
+        }
+        assert!(error < 1.05 * worst && error > 0.8 * worst, "order {order}: {error:e} against {worst:e}");
+    }
+}

@@ -1,0 +1,10 @@
+//! The language of equations.
+
+mod bounds;
+#[path = "../common/mod.rs"]
+mod common;
+mod energy;
+mod laws;
+mod mistakes;
+mod published;
+mod typeset;

@@ -1,0 +1,4 @@
+//! What the papers print, and what becomes of it.
+
+mod misprints;
+mod reproduction;

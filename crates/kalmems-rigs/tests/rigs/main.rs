@@ -1,0 +1,5 @@
+//! The rigs behind the words of an experiment file.
+
+mod equations_table;
+mod experiment_texts;
+mod methods;

@@ -1,0 +1,428 @@
+//! What `kalmems export` writes: the same bytes each time, a Rust module and a C source that compile, and the estimate
+//! of the filter that they were made from.
+
+mod c;
+
+use kalmems::config::Experiment;
+use kalmems::estimate::SegmentEstimate;
+use kalmems::export::{ExportError, Exported, Request, Target, write_export};
+use kalmems::progress::Silent;
+use kalmems::recording::Recording;
+use kalmems::results::{Output, OutputError, Work};
+use kalmems::rigs::published;
+use kalmems::signal::cubic_between;
+use kalmems_core::{Covariance, Ekf, Filter, Nodes};
+use std::fs;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+
+// The modules that the firmware is made of.
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../../firmware/src/generated/scanner.rs"]
+mod scanner;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../../firmware/src/generated/scanner_rk4.rs"]
+mod scanner_rk4;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../../firmware/src/generated/scanner_samples.rs"]
+mod scanner_samples;
+#[rustfmt::skip]
+#[allow(dead_code, clippy::all, clippy::pedantic)]
+#[path = "../../../../firmware/src/generated/threshold.rs"]
+mod threshold;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn example(path: &str) -> Experiment {
+    published().load(&root().join("examples").join(path)).unwrap()
+}
+
+const SCANNER: &str = "shared_scanner/microcontroller.toml";
+const THRESHOLD: &str = "threshold_scanner/experiment.toml";
+
+fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+    published().rig(experiment).unwrap().export(experiment, request)
+}
+
+fn request(target: Target, filter: &str) -> Request {
+    Request {
+        target,
+        filter: filter.to_owned(),
+        interval_s: None,
+        update_every: NonZeroU32::MIN,
+        samples: 0,
+        adjustable: Vec::new(),
+    }
+}
+
+fn file<'a>(exported: &'a Exported, name: &str) -> &'a str {
+    &exported.files.iter().find(|(found, _)| found == name).unwrap().1
+}
+
+/// `.ci/firmware generate` makes them anew.
+#[test]
+fn the_firmware_holds_what_the_examples_give() {
+    let of = |example_file: &str, filter: &str, (every, samples): (u32, usize)| {
+        let request = Request {
+            update_every: NonZeroU32::new(every).unwrap(),
+            samples,
+            ..request(Target::Rust, filter)
+        };
+        export(&example(example_file), &request).unwrap()
+    };
+    let euler = of(SCANNER, "Euler EKF", (1, 1000));
+    let rk4 = of(SCANNER, "EKF", (4, 0));
+    let hybrid = of(THRESHOLD, "Hybrid", (1, 3000));
+    for (exported, name, kept) in [
+        (&euler, "filter.rs", "scanner.rs"),
+        (&euler, "samples.rs", "scanner_samples.rs"),
+        (&rk4, "filter.rs", "scanner_rk4.rs"),
+        (&hybrid, "filter.rs", "threshold.rs"),
+        (&hybrid, "samples.rs", "threshold_samples.rs"),
+    ] {
+        let kept = root().join("firmware/src/generated").join(kept);
+        let same = fs::read_to_string(&kept).unwrap() == file(exported, name);
+        assert!(same, "{} is not what the example gives: run `.ci/firmware generate`", kept.display());
+    }
+}
+
+/// The estimates of the first recording of an example.
+fn estimated(experiment: &Experiment) -> (Recording, SegmentEstimate) {
+    let rig = published().rig(experiment).unwrap();
+    let index = rig.wanted(experiment).unwrap()[0];
+    let file = experiment.resolve(&experiment.recording(index).unwrap().file);
+    let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
+    let mut estimates = rig.estimate(experiment, index, &recording, &Silent).unwrap();
+    (recording, estimates.remove(0))
+}
+
+/// The largest difference of angles relative to the largest angle, where the sign of the motion may have been mirrored.
+fn apart(estimate: &SegmentEstimate, key: &str, angle: &[f64], from: usize) -> f64 {
+    let trajectory = estimate.trajectories.iter().find(|t| t.key == key).unwrap();
+    let sign = if trajectory.mirrored { -1.0 } else { 1.0 };
+    let theirs = &trajectory.states[0].mean;
+    assert_eq!(theirs.len(), angle.len());
+    let size = theirs.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let pairs = theirs.iter().zip(angle).skip(from);
+    pairs.map(|(x, y)| (sign * x - y).abs()).fold(0.0, f64::max) / size
+}
+
+#[test]
+fn an_exported_filter_of_the_scanner_estimates_what_the_program_does() {
+    let (recording, estimate) = estimated(&example(SCANNER));
+    let segment = &recording.segments()[0];
+    let column = |name: &str| recording.column(name).unwrap().of(segment);
+    let (drive, signal, time_s) = (column("drive_V"), column("cap_V"), segment.time.to_vec());
+
+    let mut euler = scanner::Estimator::<f64>::new();
+    euler.begin(signal[0]).unwrap();
+    let mut angle = vec![euler.mean()[0] * scanner::ANGLE_UNIT_RAD];
+    for k in 1..signal.len() {
+        euler.step(&drive[k - 1], signal[k]).unwrap();
+        angle.push(euler.mean()[0] * scanner::ANGLE_UNIT_RAD);
+    }
+    // The same numbers but for their units: rounding, over 24 000 steps.
+    let found = apart(&estimate, "euler_ekf", &angle, 0);
+    println!("Euler: {found:e}");
+    assert!(found < 1e-9, "{found:e}");
+
+    // Of every sample, where the firmware's copy corrects by one in four.
+    let mut filter = Ekf::new(
+        scanner_rk4::Estimator::<f64>::new().mean(),
+        scanner_rk4::Estimator::<f64>::new().covariance(),
+    );
+    let one = Covariance::from_variances([1.0]);
+    let mut angle = Vec::new();
+    for k in 0..signal.len() {
+        if k > 0 {
+            let middle = cubic_between(&time_s, |i| drive[i], k, time_s[k - 1].midpoint(time_s[k]));
+            let nodes = Nodes { start: drive[k - 1], middle, end: drive[k] };
+            filter.predict(&scanner_rk4::process(), &nodes).unwrap();
+        }
+        filter.update(&scanner_rk4::readout(), &[signal[k] * scanner_rk4::PER_VOLT], &one).unwrap();
+        angle.push(filter.mean()[0] * scanner_rk4::ANGLE_UNIT_RAD);
+    }
+    let found = apart(&estimate, "ekf", &angle, 0);
+    println!("Runge–Kutta: {found:e}");
+    assert!(found < 1e-9, "{found:e}");
+}
+
+/// The program fits the signal's offset on the way and integrates by Runge and Kutta; the exported filter knows the
+/// offset and steps exactly: less apart than a tenth of what either is from the truth, 2 mrad.
+#[test]
+fn an_exported_threshold_filter_estimates_nearly_what_the_program_does() {
+    let (recording, estimate) = estimated(&example(THRESHOLD));
+    let signal = recording.column("cap_V").unwrap().of(&recording.segments()[0]);
+    let mut filter = threshold::Estimator::<f64>::new().unwrap();
+    let mut angle = Vec::new();
+    for (k, volts) in signal.iter().enumerate() {
+        filter.step(*volts, k == 0).unwrap();
+        angle.push(filter.mean()[0] * threshold::ANGLE_UNIT_RAD);
+    }
+    let counts = estimate.trajectories.iter().find(|t| t.key == "hybrid").unwrap().counts;
+    println!("crossings {} of {}", filter.crossings(), counts.crossings);
+    let found = apart(&estimate, "hybrid", &angle, 0);
+    println!("threshold: {found:e} of the largest angle");
+    assert_eq!(filter.crossings() as usize, counts.crossings);
+    assert!(found < 2e-3, "{found:e}");
+}
+
+#[test]
+fn what_cannot_be_exported_says_why() {
+    let why = |file: &str, request: &Request| export(&example(file), request).unwrap_err().to_string();
+    let scanner = "shared_scanner/experiment.toml";
+    for (file, request, expected) in [
+        (scanner, request(Target::Rust, "no such"), "the experiment has: `Model alone`, `EKF`, `UKF`"),
+        (scanner, request(Target::C, "UKF"), "the methods `ekf` and `euler_ekf` can be exported"),
+        (THRESHOLD, request(Target::Rust, "Hybrid as printed"), "the variant `full`"),
+        (THRESHOLD, request(Target::Rust, "Hybrid, resonance tracked"), "leave `states` out"),
+        (
+            THRESHOLD,
+            Request { update_every: NonZeroU32::new(2).unwrap(), ..request(Target::C, "Hybrid") },
+            "needs every sample",
+        ),
+        (
+            THRESHOLD,
+            Request { update_every: NonZeroU32::new(2).unwrap(), ..request(Target::Rust, "Hybrid") },
+            "needs every sample",
+        ),
+        (
+            scanner,
+            Request { samples: 30_000, ..request(Target::Rust, "EKF") },
+            "of the first 30000 samples only 24001 have a drive and a signal",
+        ),
+        (
+            scanner,
+            Request { samples: 3, interval_s: Some(1e-6), ..request(Target::Rust, "EKF") },
+            "leave `--rate` or `--samples` out",
+        ),
+        (
+            "piston_mirror/experiment.toml",
+            request(
+                Target::Rust,
+                &example("piston_mirror/experiment.toml").estimate.unwrap().filters[0].name.to_string(),
+            ),
+            "no filter of the rig `piston_mirror` can be exported",
+        ),
+    ] {
+        let found = why(file, &request);
+        assert!(found.contains(expected), "{file}: {found}");
+    }
+}
+
+#[test]
+fn an_export_is_whole_and_replaces_no_other() {
+    let experiment = example(SCANNER);
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("filter");
+    let write = |filter: &str, force: bool| {
+        let exported = export(&experiment, &request(Target::C, filter)).unwrap();
+        let output = Output::begin(&target, &Work::named("export", filter).forced(force))?;
+        write_export(&exported, &output).unwrap();
+        output.commit()
+    };
+    write("EKF", false).unwrap();
+    let read = |name: &str| fs::read(target.join(name)).unwrap();
+    let first = ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read);
+    write("EKF", false).unwrap();
+    assert!(first == ["scanner_filter.c", "scanner_filter.h", "run.toml"].map(read));
+    assert!(matches!(write("Euler EKF", false), Err(OutputError::OtherWork { .. })));
+    write("Euler EKF", true).unwrap();
+    assert!(first[0] != read("scanner_filter.c"));
+    let source = String::from_utf8(read("scanner_filter.c")).unwrap();
+    assert!(source.contains(env!("CARGO_PKG_VERSION")) && source.contains("sha256") && !source.contains('@'));
+}
+
+/// Compiles C without a warning and runs it; `None` without a compiler.
+fn compiled(files: &[(String, String)], folder: &Path) -> Option<std::process::Output> {
+    use std::process::Command;
+    for (name, content) in files {
+        fs::write(folder.join(name), content).unwrap();
+    }
+    let sources: Vec<&String> = files
+        .iter()
+        .map(|(name, _)| name)
+        .filter(|name| Path::new(name).extension().is_some_and(|e| e == "c"))
+        .collect();
+    let flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"];
+    let made = Command::new("gcc")
+        .current_dir(folder)
+        .args(flags)
+        .args(["-o", "program"])
+        .args(&sources)
+        .arg("-lm")
+        .output();
+    let Ok(made) = made else {
+        println!("skipped: there is no gcc");
+        return None;
+    };
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    Some(Command::new(folder.join("program")).stdin(std::process::Stdio::null()).output().unwrap())
+}
+
+#[test]
+fn a_filter_of_equations_tests_itself_against_the_library() {
+    let experiment = example(SCANNER);
+    let expanded = kalmems::expand::expand(published(), &experiment).unwrap();
+    let own = published().parse(&expanded.text, experiment.path()).unwrap();
+    for filter in own.estimate.as_ref().unwrap().filters.iter().map(|filter| filter.name.to_string()) {
+        let wanted =
+            Request { samples: 300, adjustable: vec!["stiffness".to_owned()], ..request(Target::C, &filter) };
+        let exported = export(&own, &wanted).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        if let Some(run) = compiled(&exported.files, folder.path()) {
+            assert!(run.status.success(), "{filter}: {}", String::from_utf8_lossy(&run.stderr));
+        }
+        // Another source of the same bytes.
+        assert_eq!(export(&own, &wanted).unwrap().files, exported.files);
+        let rust = export(&own, &Request { target: Target::Rust, ..wanted }).unwrap();
+        assert!(rust.files.iter().any(|(name, _)| name == "scanner_filter.rs"));
+    }
+}
+
+#[test]
+fn what_is_faster_than_the_samples_is_predicted_in_parts() {
+    let experiment = example("tuning_fork/experiment.toml");
+    let exported = export(&experiment, &request(Target::C, "EKF")).unwrap();
+    let header = exported.files.iter().find(|(name, _)| name == "tuning_fork.h").unwrap();
+    assert!(header.1.contains("`tuning_fork_predict` 5 times"), "{}", header.1);
+    let refused = export(&experiment, &Request { samples: 10, ..request(Target::C, "EKF") }).unwrap_err();
+    assert!(refused.to_string().contains("6 predictions for a sample"), "{refused}");
+    let refused =
+        export(&experiment, &Request { adjustable: vec!["q".to_owned()], ..request(Target::C, "EKF") });
+    assert!(refused.unwrap_err().to_string().contains("unknown word `q`"));
+}
+
+/// An oscillator whose passes of a place are recorded, with filters that they correct and filters with a constant gain.
+const OSCILLATOR: &str = r#"
+name = "oscillator"
+[device.equations.states]
+x = "m"
+v = "m/s"
+[device.equations.parameters]
+rate = "6283.185307179586 rad/s"
+place = "0.3 mm"
+[device.equations.derivative]
+x = "v"
+v = "-0.02*rate*v - rate^2*x"
+[device.equations.measure]
+signal = "x/1[mm/V] in V"
+[device.equations.events]
+pass = "x - place"
+[device.equations.noise]
+v = "1e-3[m^2/s^3]"
+signal = "1e-4[V^2]"
+pass = "1e-14[s^2]"
+[simulate]
+duration = "20 ms"
+sampling_rate = "100 kHz"
+integration_rate = "200 kHz"
+start = { x = "0 m", v = "6.283185307179586 m/s" }
+seed = 4
+[simulate.drive.constant]
+voltage = "0 V"
+"#;
+
+const OSCILLATOR_FILTERS: [(&str, &str); 6] = [
+    ("told", "method = \"ekf\"\nevents = { pass = { sd = \"2 um\" } }"),
+    ("told by Euler", "method = \"euler_ekf\"\nevents = { pass = { sd = \"2 um\" } }"),
+    ("settled", "method = \"steady_state\""),
+    ("placed", "method = \"luenberger\"\nobserver_bandwidth = \"1 kHz\""),
+    ("by its time", "method = \"ekf\"\nevents = { pass = {} }"),
+    ("gated", "method = \"ekf\"\nevents = { pass = { sd = \"2 um\", gate = 4 } }"),
+];
+
+fn oscillator(folder: &Path) -> Experiment {
+    use std::fmt::Write as _;
+    let simulated = published().parse(OSCILLATOR, &folder.join("oscillator.toml")).unwrap();
+    let simulation = published().rig(&simulated).unwrap().simulate(&simulated).unwrap();
+    let mut csv = "time_s,signal_V,pass_ago_s\n".to_owned();
+    simulation
+        .run(&mut |sample| {
+            let [signal, ago] = sample.recorded else { panic!("{:?}", sample.recorded) };
+            let ago = if ago.is_finite() { format!("{ago:e}") } else { String::new() };
+            writeln!(csv, "{:.9},{signal:e},{ago}", sample.time_s).unwrap();
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap();
+    fs::write(folder.join("recording.csv"), csv).unwrap();
+    let mut text = OSCILLATOR.split("[simulate]").next().unwrap().to_owned()
+        + "[[recording]]\nrole = \"test\"\nfile = \"recording.csv\"\nclock = { column = \"time_s\" }\n\
+           channels = { signal = \"signal_V\", pass = \"pass_ago_s\" }\n[estimate]\nskip = \"1 ms\"\n";
+    for (name, what) in OSCILLATOR_FILTERS {
+        write!(
+            text,
+            "[[estimate.filter]]\nname = \"{name}\"\n{what}\nstart = {{ x = \"20 um\", v = \"6.2 m/s\" }}\n\
+             start_sd = {{ x = \"30 um\", v = \"0.1 m/s\" }}\n"
+        )
+        .unwrap();
+    }
+    published().parse(&text, &folder.join("oscillator.toml")).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn filters_with_events_and_with_a_constant_gain_test_themselves_against_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = oscillator(folder.path());
+    for (filter, _) in OSCILLATOR_FILTERS.iter().take(4) {
+        let wanted = Request { samples: 900, ..request(Target::C, filter) };
+        let mut exported = export(&experiment, &wanted).unwrap();
+        let is_told = filter.starts_with("told");
+        assert_eq!(file(&exported, "oscillator.h").contains("oscillator_update_pass"), is_told);
+        let count = file(&exported, "oscillator_self_test.c").matches("-1.0F}").count();
+        // 9 ms are 18 passes.
+        assert!(!is_told || (900 - 19..=900 - 17).contains(&count), "{filter}: {count}");
+        // The program says how far the source is off.
+        let (_, main) = exported.files.iter_mut().find(|(name, _)| name == "main.c").unwrap();
+        *main = "#include \"oscillator_self_test.h\"\n#include <stdio.h>\nint main(void)\n{\n    float worst;\n    \
+                 const int passes = oscillator_self_test(&worst);\n    printf(\"%g\\n\", (double)worst);\n    return !passes;\n}\n"
+            .to_owned();
+        let made = tempfile::tempdir().unwrap();
+        if let Some(run) = compiled(&exported.files, made.path()) {
+            let worst: f64 = String::from_utf8_lossy(&run.stdout).trim().parse().unwrap();
+            println!("{filter}: C is off by {worst:.1e} of the largest value of a state");
+            assert!(run.status.success() && worst < 1e-5, "{filter}: {worst:e}");
+        }
+        let rust = export(&experiment, &Request { target: Target::Rust, ..wanted }).unwrap();
+        let made = tempfile::tempdir().unwrap();
+        for (name, content) in &rust.files {
+            fs::write(made.path().join(name), content).unwrap();
+        }
+        let compiler = std::process::Command::new("rustc")
+            .current_dir(made.path())
+            .args(["--edition=2024", "-Dwarnings", "-Copt-level=1", "-o", "program", "main.rs"])
+            .output()
+            .unwrap();
+        assert!(compiler.status.success(), "{filter}: {}", String::from_utf8_lossy(&compiler.stderr));
+        let mut program = std::process::Command::new(made.path().join("program"));
+        let run = program.stdin(std::process::Stdio::null()).output().unwrap();
+        assert!(run.status.success(), "{filter}: {}", String::from_utf8_lossy(&run.stderr));
+    }
+}
+
+#[test]
+fn events_that_a_source_cannot_have_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = oscillator(folder.path());
+    let refused = |experiment: &Experiment, filter: &str| {
+        export(experiment, &request(Target::C, filter)).unwrap_err().to_string()
+    };
+    let said = refused(&experiment, "by its time");
+    assert!(said.contains("event `pass`") && said.contains("a constant one by `sd`"), "{said}");
+    let said = refused(&experiment, "gated");
+    assert!(said.contains("leave `gate` out"), "{said}");
+    let detector = "detector = { width = \"60 us\", separation = \"300 us\", threshold = 4 }";
+    let text = experiment.to_toml().unwrap().replacen(
+        "[estimate]\n",
+        &format!("[estimate]\nevents = {{ pass = {{ signal = \"signal\", {detector} }} }}\n"),
+        1,
+    );
+    let shown = published().parse(&text, experiment.path()).unwrap();
+    let said = refused(&shown, "told");
+    assert!(said.contains("the detector is not part of the source"), "{said}");
+}

@@ -1,0 +1,14 @@
+//! Devices that an experiment file describes by equations, and numbers that are uncertain.
+
+mod equations;
+mod events;
+mod example_devices;
+mod export;
+mod measured_devices;
+mod own_device;
+mod own_inputs;
+mod own_start;
+#[path = "../parts/mod.rs"]
+mod parts;
+mod shooting;
+mod uncertain_device;

@@ -1,0 +1,6 @@
+//! Diagnoses of simulated recordings whose fault is known.
+
+use crate::devices;
+mod faults;
+mod outside;
+mod single;

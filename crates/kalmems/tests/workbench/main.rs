@@ -1,0 +1,16 @@
+//! What holds for all devices: files, studies, reports, recordings, calibrations.
+
+mod allan;
+mod calibration;
+mod experiment_files;
+mod folders;
+mod identification;
+mod nist_strd;
+mod outlook;
+#[path = "../parts/mod.rs"]
+mod parts;
+mod report;
+mod report_demo;
+mod simulation;
+mod study;
+mod times;
