@@ -1,7 +1,7 @@
 //! What happens in a trajectory that goes on.
 
 use super::supervision::{FilterHealth, LockState};
-use crate::estimate::{Crossing, Foretold, GateTurn, LockEvent, Passed, Trajectory};
+use crate::estimate::{Crossing, Foretold, GateTurn, LockEvent, Passed, StateSeries, Trajectory};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -49,6 +49,21 @@ pub enum Event {
         /// When and how.
         #[serde(flatten)]
         foretold: Foretold,
+    },
+    /// An angle passed zero at a rate that its standard deviation does not tell from zero: what the filter follows may be noise, and
+    /// zero phases are not told.
+    MotionInNoise {
+        /// The angle, by its name among the states.
+        of: &'static str,
+        /// When, in s.
+        time_s: f64,
+    },
+    /// They are again.
+    MotionInNoiseOver {
+        /// The angle, by its name among the states.
+        of: &'static str,
+        /// When, in s.
+        time_s: f64,
     },
     /// The filter lost the motion, or changed the branch.
     Lock(LockEvent),
@@ -102,6 +117,8 @@ impl Event {
             Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
+            | Self::MotionInNoise { time_s, .. }
+            | Self::MotionInNoiseOver { time_s, .. }
             | Self::DeviceEvent { time_s, .. }
             | Self::Rejected { time_s, .. }
             | Self::GateOpens { time_s }
@@ -134,16 +151,31 @@ impl From<&Crossing> for Event {
 /// The share of alarms in a filter that is right.
 const BY_CHANCE: f64 = 1e-9;
 
+/// A zero phase is told where the rate is at least so many of its standard deviations. The amplitude is as many of its own then, and a filter
+/// that is right finds as much in noise once in 3·10⁵ times.
+const DISTINCT: f64 = 5.0;
+
 /// Watches one trajectory.
 pub struct Watch {
-    /// The last sample of each angle: time, angle and rate.
-    last: Vec<Option<[f64; 3]>>,
+    /// Of each angle.
+    passages: Vec<Passages>,
+    /// Zero phases that were not told since that was last asked.
+    withheld: u64,
     alarm: Alarm,
     lost: bool,
     stopped: bool,
     /// Samples that were rejected since the stretch began, and whether the gate is open.
     rejected: u64,
     gate_is_open: bool,
+}
+
+/// Watches the zeros of an angle.
+#[derive(Clone, Copy, Default)]
+struct Passages {
+    /// The last sample: time, angle and rate.
+    last: Option<[f64; 3]>,
+    /// Whether the rate was too small at the last one to tell it from noise.
+    in_noise: bool,
 }
 
 /// Watches the mean NIS over so many updates.
@@ -166,15 +198,28 @@ impl Watch {
             [1.0 - BY_CHANCE, 0.975].map(|p| chi.inverse_cdf(p) / over as f64)
         });
         let alarm = Alarm { over, bounds, count: 0, sum: 0.0, raised: false, mean_nis: None };
-        Self { last: Vec::new(), alarm, lost: false, stopped: false, rejected: 0, gate_is_open: false }
+        Self {
+            passages: Vec::new(),
+            withheld: 0,
+            alarm,
+            lost: false,
+            stopped: false,
+            rejected: 0,
+            gate_is_open: false,
+        }
     }
 
     /// Begins anew with a stretch that does not go on from the last one. An alarm stands until it is over.
     pub fn begin(&mut self) {
-        self.last.clear();
+        self.passages.clear();
         (self.alarm.count, self.alarm.sum, self.alarm.mean_nis) = (0, 0.0, None);
         (self.lost, self.stopped) = (false, false);
         (self.rejected, self.gate_is_open) = (0, false);
+    }
+
+    /// How many zero phases were not told since that was last asked.
+    pub fn take_withheld(&mut self) -> u64 {
+        std::mem::take(&mut self.withheld)
     }
 
     /// How the filter fares.
@@ -189,6 +234,7 @@ impl Watch {
             lock,
             mean_nis: self.alarm.mean_nis,
             alarm: self.alarm.raised,
+            motion_in_noise: self.passages.iter().any(|passages| passages.in_noise),
             rejected: self.rejected,
             gate_is_open: self.gate_is_open,
             failing: Vec::new(),
@@ -199,17 +245,27 @@ impl Watch {
     pub fn look(&mut self, trajectory: &Trajectory, angles: &[[&'static str; 2]], from_s: f64) -> Vec<Event> {
         self.lost = trajectory.lock.lost;
         let mut events: Vec<Event> = trajectory.lock.events.iter().copied().map(Event::Lock).collect();
-        self.last.resize(angles.len(), None);
-        for ([of, rate], last) in angles.iter().zip(&mut self.last) {
+        self.passages.resize(angles.len(), Passages::default());
+        for ([of, rate], passages) in angles.iter().zip(&mut self.passages) {
             let (Some(angle), Some(rate)) = (trajectory.state(of), trajectory.state(rate)) else { continue };
             for (k, time_s) in trajectory.time_s.iter().enumerate() {
                 let now = [*time_s, angle.mean[k], rate.mean[k]];
-                if let Some(before) = last.replace(now)
-                    && *time_s >= from_s
-                    && (before[1] < 0.0) != (now[1] < 0.0)
-                    && let Some((time_s, slope)) = zero(before, now)
-                {
-                    let sd_s = angle.sd.get(k).map_or(f64::NAN, |sd| sd / slope.abs());
+                let Some(before) = passages.last.replace(now) else { continue };
+                if *time_s < from_s || (before[1] < 0.0) == (now[1] < 0.0) {
+                    continue;
+                }
+                let Some((time_s, slope)) = zero(before, now) else { continue };
+                let sd = |state: &StateSeries| state.sd.get(k).copied().unwrap_or(f64::NAN);
+                let in_noise = slope.abs() < DISTINCT * sd(rate);
+                if passages.in_noise != in_noise {
+                    passages.in_noise = in_noise;
+                    let over = Event::MotionInNoiseOver { of, time_s };
+                    events.push(if in_noise { Event::MotionInNoise { of, time_s } } else { over });
+                }
+                if in_noise {
+                    self.withheld += 1;
+                } else {
+                    let sd_s = sd(angle) / slope.abs();
                     events.push(Event::ZeroPhase { of, time_s, sd_s, rising: now[1] >= 0.0 });
                 }
             }
@@ -328,6 +384,43 @@ mod tests {
                     && (alarms[1] - 3099e-6).abs() < 1e-12
             );
             assert_eq!(*whole.get_or_insert(events.clone()), events);
+        }
+    }
+
+    #[test]
+    fn zeros_of_a_motion_that_may_be_noise_are_counted_and_not_told() {
+        let (hz, h) = (1000.0, 1e-5);
+        let time: Vec<f64> = (0..10_000).map(|k| f64::from(k) * h).collect();
+        let states = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
+        let samples = (&time[..], &time[..], &(0..time.len()));
+        let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &states);
+        for (k, t) in time.iter().enumerate() {
+            // Ten standard deviations, then four, then ten again.
+            let amplitude = if (2500..7500).contains(&k) { 4e-3 } else { 1e-2 };
+            let (s, c) = (TAU * hz * t + 0.3).sin_cos();
+            trajectory.states[0].mean[k] = amplitude * s;
+            trajectory.states[1].mean[k] = amplitude * TAU * hz * c;
+            trajectory.states[0].sd[k] = 1e-3;
+            trajectory.states[1].sd[k] = 1e-3 * TAU * hz;
+        }
+        for length in [10_000, 1, 77] {
+            let (mut watch, mut rest, mut events) = (Watch::new(100), trajectory.clone(), Vec::new());
+            let mut withheld = 0;
+            while !rest.time_s.is_empty() {
+                events.extend(watch.look(&rest.take_front(length), &[["angle", "rate"]], 0.0));
+                withheld += watch.take_withheld();
+            }
+            let times = |wanted: fn(&Event) -> bool| -> Vec<f64> {
+                events.iter().filter(|event| wanted(event)).map(Event::time_s).collect()
+            };
+            let zeros = times(|event| matches!(event, Event::ZeroPhase { .. }));
+            // Two hundred zeros within 0.1 s, half of them of the small motion.
+            assert_eq!((zeros.len(), withheld), (100, 100));
+            assert!(zeros.iter().all(|time_s| !(0.025..0.075).contains(time_s)), "{zeros:?}");
+            let begins = times(|event| matches!(event, Event::MotionInNoise { .. }));
+            let ends = times(|event| matches!(event, Event::MotionInNoiseOver { .. }));
+            assert!(begins.len() == 1 && (begins[0] - 0.025).abs() < 1e-3, "{begins:?}");
+            assert!(ends.len() == 1 && (ends[0] - 0.075).abs() < 1e-3, "{ends:?}");
         }
     }
 }

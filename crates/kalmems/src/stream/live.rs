@@ -418,7 +418,9 @@ impl<'a> Live<'a> {
             if self.watches.len() <= place {
                 self.watches.push((trajectory.key.clone(), Watch::new(over)));
             }
-            let mut events = self.watches[place].1.look(trajectory, angles, from_s);
+            let watch = &mut self.watches[place].1;
+            let mut events = watch.look(trajectory, angles, from_s);
+            self.summary.withheld += watch.take_withheld();
             self.withhold(&mut events, is_noise);
             self.summary.events += events.len() as u64;
             self.writer.events(Some(&trajectory.key), &events)?;

@@ -115,7 +115,7 @@ pub struct StreamSummary {
     pub events: u64,
     /// Times at which the signal was found to be only noise.
     pub noise_only: u64,
-    /// Zero phases and crossings that were not told while it was.
+    /// Zero phases and crossings that were not told while it was, and zero phases of a motion that a filter cannot tell from noise.
     pub withheld: u64,
     /// Crossings of a threshold that were told by the steepest slope of the signal, as it has no zero there, or one that may be noise.
     #[serde(skip_serializing_if = "is_zero")]

@@ -110,6 +110,8 @@ pub struct FilterHealth {
     pub mean_nis: Option<f64>,
     /// Whether that is an alarm.
     pub alarm: bool,
+    /// Whether zero phases are not told, as the motion that it follows may be noise.
+    pub motion_in_noise: bool,
     /// Samples that it rejected as outliers since the stretch began.
     pub rejected: u64,
     /// Whether it takes all samples, as too many were rejected.

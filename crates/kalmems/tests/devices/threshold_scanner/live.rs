@@ -68,6 +68,31 @@ fn told_otherwise() -> String {
     .concat()
 }
 
+/// A filter that was told of a decay and is given noise follows what is left of it: it says so, and tells no zero phases. Of the decay itself
+/// it tells them all.
+#[test]
+fn zero_phases_of_noise_are_not_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = experiment(folder.path(), &[], "");
+    let mut noise = kalmems::simulate::WhiteNoise::new(20_261_124, 1);
+    let mut rows = "time_s,drive_V,cap_V,psd_V\n".to_owned();
+    for k in 0..100_000 {
+        rows += &format!("{:.6},0,{:.6},0\n", f64::from(k) * 2e-6, 0.0435 * noise.sample());
+    }
+    let count = |run: &Streamed, event: &str| run.events.iter().filter(|e| e["event"] == event).count();
+    let run = streamed(&experiment, std::io::Cursor::new(rows), None);
+    // 250 cycles: some 500 zeros of nothing. What is left of the start is gone within a few cycles.
+    let (told, begins) = (count(&run, "zero_phase"), count(&run, "motion_in_noise"));
+    assert!(told <= 10 && begins >= 1, "{told} told, {begins}");
+    let withheld = run.ended.as_ref().unwrap().withheld;
+    assert!(withheld > 300, "{withheld}");
+
+    let decay = std::fs::read(example("recording.csv")).unwrap();
+    let run = streamed(&experiment, std::io::Cursor::new(decay), None);
+    assert_eq!((count(&run, "motion_in_noise"), run.ended.as_ref().unwrap().withheld), (0, 0));
+    assert!(count(&run, "zero_phase") > 20);
+}
+
 #[test]
 fn a_decay_in_parts_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
