@@ -1,9 +1,7 @@
 //! Noise and models found while filtering, against the truth that made the data. `--nocapture` prints the
 //! figures.
 
-use crate::chance;
-
-use chance::{Chance, binomial_interval, minus, plus, spread};
+use crate::chance::{Chance, binomial_interval, minus, plus, spread};
 use kalmems_core::adapt::{Bank, Bounds, InnovationWindow, Score};
 use kalmems_core::consistency::{Consistency, nees};
 use kalmems_core::{

@@ -1,8 +1,6 @@
 //! Singular values, observability, and the bound on the accuracy.
 
-use crate::chance;
-
-use chance::{Chance, minus, plus, spread};
+use crate::chance::{Chance, minus, plus, spread};
 use kalmems_core::bound::{CramerRao, MeanInformation, MeanTransition};
 use kalmems_core::{
     Covariance, Ekf, Filter, FilterError, Kalman, LinearMeasurement, LinearProcess, Mat, Measurement,

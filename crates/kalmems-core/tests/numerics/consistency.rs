@@ -1,9 +1,7 @@
 //! The statistics of consistency against dense formulas and printed values, and whether right filters pass
 //! and wrong ones fail.
 
-use crate::chance;
-
-use chance::{Chance, binomial_interval, minus, plus, spread};
+use crate::chance::{Chance, binomial_interval, minus, plus, spread};
 use kalmems_core::consistency::{Consistency, nees};
 use kalmems_core::{
     Covariance, Ekf, Filter, Innovation, Kalman, LinearMeasurement, LinearProcess, Mat, Measurement, Nodes,

@@ -1,8 +1,6 @@
 //! What fewer corrections cost: every k-th sample, and on need. Run with `--nocapture` for the tables.
 
-use crate::chance;
-
-use chance::{Chance, minus, plus, spread};
+use crate::chance::{Chance, minus, plus, spread};
 use core::num::NonZeroU32;
 use kalmems_core::consistency::nees;
 use kalmems_core::update::{Decimation, OnNeed, SteadyDecimation};

@@ -1,8 +1,6 @@
 //! The detector against closed forms, and its stream against its batch.
 
-use crate::chance;
-
-use chance::{Chance, spread};
+use crate::chance::{Chance, spread};
 use kalmems_core::detect::{
     CubicDesign, CubicFit, DetectError, Detection, Detector, Hold, Peak, SlopeDesign, SlopeKernel, Threshold,
     angle_at, peaks,

@@ -1,7 +1,5 @@
 //! Components one by one against the vector at once.
 
-use crate::chance;
-
 use kalmems_core::update::{Always, Gate, Sequential};
 use kalmems_core::{
     Covariance, Ekf, Filter, FilterError, LinearMeasurement, Mat, Measurement, Over, Scalar, SigmaPoints, Ukf,

@@ -1,13 +1,11 @@
 //! Each lane of a filter goes its own way: what it holds is, to the bit, what one number alone would.
 
-use crate::pair;
-
+use crate::pair::{Pair, PairMask};
 use kalmems_core::update::Gate;
 use kalmems_core::{
     Covariance, Ekf, Filter, IteratedEkf, Mat, Measurement, Over, Process, ProcessNoise, Scalar, SchmidtEkf,
     SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
-use pair::{Pair, PairMask};
 
 /// A product and a square: they bend.
 struct Curve;

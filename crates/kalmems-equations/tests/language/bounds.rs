@@ -1,8 +1,6 @@
 //! What would be large stays small: long sums, nested literals, repeated derivatives, equal parts.
 
-use crate::common;
-
-use common::device;
+use crate::common::device;
 use kalmems_equations::{Description, Device};
 
 fn one_state(rate: &str) -> String {

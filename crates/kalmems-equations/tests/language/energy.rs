@@ -1,8 +1,6 @@
 //! The check of the energy that a device states: what is right passes, and each mistake that units cannot see is found.
 
-use crate::common;
-
-use common::{device, example, example_text};
+use crate::common::{device, example, example_text};
 use kalmems_equations::{Device, EnergyCheck};
 
 /// Sizes of the states and inputs of the two scanners.

@@ -1,9 +1,7 @@
 //! The formulas of the language against the laws of `kalmems-models` of which they are the formula, and the parts of the
 //! language that no published device uses: curves, delays, arguments of functions.
 
-use crate::common;
-
-use common::{Chance, device};
+use crate::common::{Chance, device};
 use kalmems_core::{Dual, Nodes};
 use kalmems_equations::Device;
 use kalmems_models::capacitance::{CoaxialDisks, DifferentialPlates, ParallelPlate, TiltingPlate};

@@ -1,8 +1,6 @@
 //! What a reader gets wrong, and what is said of it. Each snapshot is the whole message.
 
-use crate::common;
-
-use common::example_text;
+use crate::common::example_text;
 use kalmems_equations::{Description, Device};
 
 /// The example with some text in another's place, and what is said of it: an error or notices.

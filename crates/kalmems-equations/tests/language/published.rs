@@ -2,8 +2,7 @@
 //! states and by parameters, at random points. The derivatives of the laws come from dual numbers.
 
 use crate::common;
-
-use common::{Chance, device, example};
+use crate::common::{Chance, device, example};
 use kalmems_core::{
     Dual, Dynamics, Measurement, Nodes, NoiseDensity, Parameters, ParametricDynamics, Process, Rk4,
 };

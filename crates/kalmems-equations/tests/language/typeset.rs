@@ -1,8 +1,6 @@
 //! Equations as they are written by hand.
 
-use crate::common;
-
-use common::example;
+use crate::common::example;
 
 #[test]
 fn the_published_devices_read_as_in_their_papers() {

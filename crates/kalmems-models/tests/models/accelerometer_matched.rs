@@ -1,9 +1,7 @@
 //! The accelerometer's observers where their model is right: against their own covariance, against Wiener's filter by
 //! another method, and in `f32`.
 
-use crate::chance;
-
-use chance::{Chance, plus, spread};
+use crate::chance::{Chance, plus, spread};
 use kalmems_core::adapt::InnovationWindow;
 use kalmems_core::{
     Covariance, Dynamics, Ekf, Exponential, Filter, FixedGain, Ldl, LinearMeasurement, LinearProcess, Mat,

@@ -1,9 +1,7 @@
 //! The detector on simulated free decays of the threshold-sensing scanner: how many crossings it finds against how
 //! many it makes up, and how well it knows their times.
 
-use crate::chance;
-
-use chance::{Chance, spread};
+use crate::chance::{Chance, spread};
 use kalmems_core::detect::{CubicFit, Hold, Peak, SlopeKernel, Threshold, peaks};
 use kalmems_core::{Measurement, Process};
 use kalmems_models::capacitance::{CombCurve, CurveShape};

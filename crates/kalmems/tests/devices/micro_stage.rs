@@ -2,7 +2,7 @@
 
 use crate::parts;
 use crate::stage;
-
+use crate::stage::{ESTIMATE, GAINS, GAPS, Laboratory, MOTIONS, NAMES, NOISE, OFF, ON, STILL};
 use kalmems::applications::calibration::CalibrationSummary;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
@@ -21,7 +21,6 @@ use kalmems::simulate::Unwritten;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Ldl, Mat};
 use kalmems_models::capacitance::TiltingPlate;
-use stage::{ESTIMATE, GAINS, GAPS, Laboratory, MOTIONS, NAMES, NOISE, OFF, ON, STILL};
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::{Duration, SystemTime};

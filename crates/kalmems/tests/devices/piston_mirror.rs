@@ -1,8 +1,7 @@
 //! The piston mirror: a recording of independent origin, and simulated ones.
 
 use crate::parts;
-use crate::piston;
-
+use crate::piston::{CASE, Case, FIVE, trajectory};
 use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
 use kalmems::progress::Silent;
@@ -11,7 +10,6 @@ use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
-use piston::{CASE, Case, FIVE, trajectory};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,7 @@
 //! A drifting mirror: how it is followed, and what is left of a spectrum that is measured along it.
 
-use crate::piston;
-use crate::scene;
-
+use crate::piston::{CASE, Case, FIVE, trajectory};
+use crate::scene::write_columns;
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{
     Apodisation, dip_between, line_near, measure, path_weights, spectrum_at,
@@ -14,8 +13,6 @@ use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow;
-use piston::{CASE, Case, FIVE, trajectory};
-use scene::write_columns;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 

@@ -1,11 +1,9 @@
 //! A readout that is late by a constant time: simulated, estimated, and through the circuit whose high-pass
 //! makes it late.
 
-use crate::scanner;
-
+use crate::scanner::{Simulated, TRUTH, WIDE, errors, estimate, filter, quartiles};
 use kalmems::evaluate::{Accuracy, MotionErrors, Reference};
 use kalmems::rigs::published;
-use scanner::{Simulated, TRUTH, WIDE, errors, estimate, filter, quartiles};
 use std::ops::ControlFlow;
 use std::path::Path;
 

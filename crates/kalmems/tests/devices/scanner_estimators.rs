@@ -3,19 +3,18 @@
 
 mod faults;
 use crate::parts;
-use crate::scanner;
 mod stream;
 
+use crate::scanner::{
+    NOISE_VARIANCE, SKIP_S, Simulated, TRUTH, Told, WIDE, errors, estimate, experiment, filter, simulate,
+    swept_down,
+};
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
 use kalmems::workflow::{self, Outcome, WorkflowError};
-use scanner::{
-    NOISE_VARIANCE, SKIP_S, Simulated, TRUTH, Told, WIDE, errors, estimate, experiment, filter, simulate,
-    swept_down,
-};
 use std::path::{Path, PathBuf};
 
 fn example(file: &str) -> PathBuf {

@@ -3,17 +3,15 @@
 //!
 //!     cargo test --release --workspace --test devices scanner_studies:: -- --ignored --nocapture
 
-use crate::scanner;
-
+use crate::scanner::{
+    DURATION_S, NOISE_VARIANCE, RATE_HZ, READOUT, SCANNER, SKIP_S, Simulated, Steady, TRUTH, Told, WIDE,
+    drive, errors, estimate, experiment, filter, low_passed, quartiles, simulate, swept_down,
+};
 use kalmems::simulate::WhiteNoise;
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
 use kalmems_core::bound::CramerRao;
 use kalmems_core::{Covariance, Measurement, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::dynamics::DriveGain;
-use scanner::{
-    DURATION_S, NOISE_VARIANCE, RATE_HZ, READOUT, SCANNER, SKIP_S, Simulated, Steady, TRUTH, Told, WIDE,
-    drive, errors, estimate, experiment, filter, low_passed, quartiles, simulate, swept_down,
-};
 use std::fmt::Write as _;
 
 /// What one filter reached in one recording.

@@ -1,7 +1,6 @@
 //! Spectra of recorded interferograms against the instrument's own, and of simulated ones against what they must be.
 
-use crate::scene;
-
+use crate::scene::{Scene, write_columns};
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::SpectrumMetrics;
 use kalmems::applications::spectrum::{
@@ -9,7 +8,6 @@ use kalmems::applications::spectrum::{
 };
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use scene::{Scene, write_columns};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 

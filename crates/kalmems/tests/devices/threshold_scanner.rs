@@ -1,9 +1,8 @@
 //! The threshold-sensing scanner against an independent estimator, closed forms, and recordings that are wrong.
 
 mod live;
-use crate::parts;
 use crate::threshold;
-
+use crate::threshold::{Case, crossings_at, expected, rmse_rad, simulated, text};
 use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, notices};
@@ -11,7 +10,6 @@ use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::workflow::{WorkflowError, estimate_unwritten};
 use std::path::Path;
-use threshold::{Case, crossings_at, expected, rmse_rad, simulated, text};
 
 /// The four filters of the published comparison, and those beyond it.
 #[test]

@@ -1,8 +1,7 @@
 //! Events of a device of one's own that correct its filters at their own times: against the rig that has them built in, against what
 //! events can tell by theory, and sample by sample as they arrive.
 
-use crate::parts;
-
+use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
 use kalmems::estimate::{Passed, Trajectory};
 use kalmems::expand::expand;
@@ -10,7 +9,6 @@ use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs::published;
 use kalmems::simulate::Simulation;
-use parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::f64::consts::TAU;

@@ -1,7 +1,6 @@
 //! A device of one's own: curves from files, several channels, identification, and what is refused.
 
-use crate::parts;
-
+use crate::parts::same_bits_in_a_stream;
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
 use kalmems::progress::Silent;
@@ -9,7 +8,6 @@ use kalmems::recording::Recording;
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems::workflow::{Outcome, estimate_unwritten};
-use parts::same_bits_in_a_stream;
 use std::fmt::Write as _;
 use std::path::Path;
 

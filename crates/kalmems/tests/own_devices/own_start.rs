@@ -1,7 +1,6 @@
 //! A device of one's own whose filters start from the signal.
 
-use crate::parts;
-
+use crate::parts::same_bits_in_parts;
 use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
@@ -9,7 +8,6 @@ use kalmems::recording::Recording;
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, WhiteNoise, described};
 use kalmems::workflow::{Outcome, estimate_unwritten};
-use parts::same_bits_in_parts;
 use std::fmt::Write as _;
 use std::path::Path;
 

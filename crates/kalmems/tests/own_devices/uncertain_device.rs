@@ -1,7 +1,6 @@
 //! What is uncertain of a device: how it is written, in parts and in a stream, and against a filter that is told the truth.
 
-use crate::parts;
-
+use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
@@ -9,7 +8,6 @@ use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{Unwritten, described};
 use kalmems::workflow::{Outcome, estimate_unwritten};
-use parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use std::path::{Path, PathBuf};
 
 /// Finds a number within this part of what was expected.

@@ -1,7 +1,6 @@
 //! The verdict on simulated recordings: of filters that are told what is true, and of filters that are told something wrong.
 
 mod calibration;
-use crate::devices;
 mod power;
 mod right;
 mod uncertain;

@@ -1,8 +1,6 @@
 //! Calibrations: what is drawn, what is counted, the same bytes by every way, and what is refused.
 
-use crate::folders;
-
-use folders::{files, table};
+use crate::folders::{files, table};
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{Metrics, Output, Verdict};
 use kalmems::rigs::published;

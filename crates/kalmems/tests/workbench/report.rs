@@ -3,10 +3,9 @@
 //! What is drawn is read back from the SVG and compared with the data that went in.
 
 use crate::report_demo;
-
+use crate::report_demo::{all, demo, error, odd, signals, spectrum};
 use kalmems::figures::{Axis, Figure, Page, Panel, Role, Section, Series, Shape};
 use proptest::prelude::*;
-use report_demo::{all, demo, error, odd, signals, spectrum};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
 

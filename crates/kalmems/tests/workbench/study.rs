@@ -1,8 +1,6 @@
 //! Studies: the same bytes by every way, and what is refused.
 
-use crate::folders;
-
-use folders::{files, table};
+use crate::folders::{files, table};
 use kalmems::progress::{Progress, Silent};
 use kalmems::recording::{Clock, Hints, Layout, Recording};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};

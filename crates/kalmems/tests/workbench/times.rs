@@ -1,14 +1,12 @@
 //! The same recording with times since 1970, in every way that laboratories write them, and with times from its first row on.
 
-use crate::parts;
-
+use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream};
 use kalmems::config::Experiment;
 use kalmems::inspect::inspect;
 use kalmems::progress::Silent;
 use kalmems::recording::{FindingKind, Recording};
 use kalmems::rigs::published;
 use kalmems::workflow;
-use parts::{goes_on_after_a_kill, same_bits_in_a_stream};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Samples that are estimated while they arrive.
 
 use super::example;
-use super::parts::{
+use crate::parts::{
     Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
 };
 use kalmems::config::Experiment;

@@ -1,8 +1,8 @@
 //! Recordings in parts, and samples that are estimated while they arrive.
 
-use super::parts::{Pieces, in_parts};
-use super::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
-use super::threshold::text;
+use crate::parts::{Pieces, in_parts};
+use crate::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
+use crate::threshold::text;
 use kalmems::config::Experiment;
 use kalmems::estimate::Crossing;
 use kalmems::progress::Silent;

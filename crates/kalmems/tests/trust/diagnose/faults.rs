@@ -1,6 +1,6 @@
 //! Faults of a device, of its readout and of what was recorded of it.
 
-use super::devices::{Device, Setting};
+use crate::devices::{Device, Setting};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{Diagnosis, diagnose_recording};
 use kalmems::evaluate::{SegmentJudge, TestResult};
@@ -128,7 +128,7 @@ impl Faulty {
         for edit in &cause.edits {
             let value: toml::Table = format!("x = {}", edit.to).parse().unwrap();
             let key = edit.key.replace('[', ".").replace(']', "");
-            super::devices::put(&mut document, &key, Some(&value["x"].to_string()));
+            crate::devices::put(&mut document, &key, Some(&value["x"].to_string()));
         }
         let text = toml::to_string(&document).unwrap();
         error(&published().parse(&text, self.told.path()).unwrap(), &self.simulated)

@@ -1,7 +1,7 @@
 //! Faults that the program does not know: it says so, and names nothing in their place.
 
-use super::devices::DEVICES;
 use super::faults::{Does, Fault, compressed, drifting, noisier, stepping, stuck, wandering};
+use crate::devices::DEVICES;
 use kalmems::diagnose::Finding;
 
 /// What is wrong, by a name, the function that does it, and the sizes from the first to the largest.

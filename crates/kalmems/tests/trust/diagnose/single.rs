@@ -1,7 +1,7 @@
 //! Single faults that the program knows: it names them, alone or among those that the recording cannot tell apart.
 
-use super::devices::DEVICES;
 use super::faults::{Does, Fault, hum, late, scaled, spikes};
+use crate::devices::DEVICES;
 use kalmems::diagnose::Finding;
 
 const SHARED: &str = "shared scanner";

@@ -81,7 +81,7 @@ fn noise_that_is_told_too_small_is_no_set_of_outliers() {
         let (mut experiment, simulated) = of.recorded(&[], 614);
         let text = experiment.to_toml().unwrap();
         let mut document: toml::Value = text.parse::<toml::Table>().unwrap().into();
-        super::devices::put(&mut document, key, Some(&format!("\"{value}\"")));
+        crate::devices::put(&mut document, key, Some(&format!("\"{value}\"")));
         experiment = published().parse(&toml::to_string(&document).unwrap(), experiment.path()).unwrap();
         let outcome = Outcome::of(&experiment, &simulated);
         let first = outcome.first().unwrap();

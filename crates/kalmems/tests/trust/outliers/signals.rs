@@ -1,6 +1,6 @@
 //! Simulated recordings with outliers, and what the first filter makes of them.
 
-use super::devices::{Device, Setting, put};
+use crate::devices::{Device, Setting, put};
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};

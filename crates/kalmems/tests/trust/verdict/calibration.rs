@@ -1,6 +1,6 @@
 //! Whether verdicts and claims hold over devices that are drawn from what their filters are told.
 
-use super::devices::{Device, Setting};
+use crate::devices::{Device, Setting};
 use kalmems::progress::Silent;
 use kalmems::results::Output;
 use kalmems::rigs::published;

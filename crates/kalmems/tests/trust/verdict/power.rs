@@ -10,8 +10,8 @@
 //! does, needs d² = 165 for the same: noncentral χ² of 100 degrees. Definitions and sizes were written down before a verdict was
 //! looked at.
 
-use super::devices::{Device, Setting};
 use super::wrong::{By, KINDS, Kind, claims, size};
+use crate::devices::{Device, Setting};
 use kalmems::results::{EstimatorMetrics, Metrics};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;

@@ -1,6 +1,6 @@
 //! Filters that are told what is true: their verdict may hardly ever be "doubtful".
 
-use super::devices::{Device, Setting};
+use crate::devices::{Device, Setting};
 use kalmems::results::Metrics;
 use std::collections::BTreeMap;
 

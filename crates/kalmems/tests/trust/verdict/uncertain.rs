@@ -1,7 +1,7 @@
 //! Whether claims hold over devices that are drawn from what their tables state as uncertain.
 
 use super::calibration::calibrated;
-use super::devices::Setting;
+use crate::devices::Setting;
 use kalmems::study::ClaimCalibration;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 

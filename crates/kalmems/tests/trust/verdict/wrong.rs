@@ -1,6 +1,6 @@
 //! Filters that are told something wrong, with a reference: all of them fail.
 
-use super::devices::{Device, Setting};
+use crate::devices::{Device, Setting};
 use kalmems::evaluate::{Claim, Grade, MotionErrors, WRONG};
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
