@@ -36,6 +36,8 @@ pub enum Command {
     Image(ImageArguments),
     /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
     Inspect(InspectArguments),
+    /// Write an experiment file to begin with, from a recording or for a device.
+    New(NewArguments),
     /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
     #[cfg(feature = "papers")]
     Reproduce(ReproduceArguments),
@@ -123,6 +125,39 @@ pub struct EstimateArguments {
     /// Do not write the trajectories, which take several times the room of a long recording.
     #[arg(long)]
     pub no_trajectories: bool,
+}
+
+#[derive(Args)]
+pub struct NewArguments {
+    /// The recording whose motion is to be estimated; without it the experiment simulates one.
+    pub recording: Option<PathBuf>,
+    /// List the devices, with what the signal of each looks like.
+    #[arg(long, conflicts_with_all = ["recording", "device", "write"])]
+    pub list: bool,
+    /// The device, by its name in the list.
+    #[arg(long, value_name = "NAME", required_unless_present = "list")]
+    pub device: Option<String>,
+    /// Which column of the recording a channel of the device is, such as `signal=ch2_V`; more than once for several.
+    #[arg(long = "channel", value_name = "CHANNEL=COLUMN", value_parser = pair, requires = "recording")]
+    pub channels: Vec<(String, String)>,
+    /// A further recording with the same columns, by its role, such as `ring_down=decay.csv`; more than once for several.
+    #[arg(long = "further", value_name = "ROLE=FILE", value_parser = pair, requires = "recording")]
+    pub further: Vec<(String, String)>,
+    /// The rate of the samples, such as `1 MHz`, of a recording without a column of times.
+    #[arg(long, value_name = "RATE", requires = "recording")]
+    pub rate: Option<String>,
+    /// Write it to this file and not to the console.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
+    #[arg(long, requires = "write")]
+    pub force: bool,
+}
+
+/// Two texts about the first `=`.
+fn pair(text: &str) -> Result<(String, String), String> {
+    let (first, second) = text.split_once('=').ok_or("expected two names with `=` between them")?;
+    Ok((first.trim().to_owned(), second.trim().to_owned()))
 }
 
 #[derive(Args)]

@@ -56,6 +56,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(workbench, arguments),
         Command::Inspect(arguments) => commands::inspect::run(workbench, arguments),
+        Command::New(arguments) => commands::new::run(workbench, arguments),
         #[cfg(feature = "papers")]
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
         Command::Simulate(arguments) => commands::simulate::run(workbench, arguments),

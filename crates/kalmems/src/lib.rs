@@ -29,8 +29,8 @@
 //! ```
 
 pub mod diagnose;
+pub mod draft;
 pub mod expand;
-
 pub mod results;
 pub mod stream;
 pub mod study;

@@ -8,6 +8,7 @@ pub mod export;
 pub mod identify;
 pub mod image;
 pub mod inspect;
+pub mod new;
 #[cfg(feature = "papers")]
 pub mod reproduce;
 pub mod schema;

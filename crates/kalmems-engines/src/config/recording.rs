@@ -83,6 +83,19 @@ pub enum Role {
 }
 
 impl Role {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Test,
+        Self::Training,
+        Self::SteadyState,
+        Self::RingDown,
+        Self::Sweep,
+        Self::BiasOn,
+        Self::BiasOff,
+        Self::ZeroDrive,
+        Self::Gyro,
+    ];
+
     /// As a file has it.
     pub const fn key(self) -> &'static str {
         match self {

@@ -4,6 +4,7 @@
 //! which. A file that cannot be used as a recording is inspected all the same, as far as its columns can be told.
 
 mod channel;
+mod character;
 mod envelope;
 mod longest;
 mod pipe;
@@ -16,6 +17,7 @@ mod survey;
 mod tests;
 mod text;
 
+pub use character::{Character, Course};
 pub use envelope::{Envelope, EnvelopePoint, envelope};
 pub use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
@@ -117,6 +119,11 @@ pub struct Series {
     pub maximum: Vec<f64>,
     /// How many values are missing.
     pub missing: usize,
+}
+
+/// Values as a small plot of braille dots for a terminal, in lines of `width` characters.
+pub fn sketch(values: &[f64], width: usize, height: usize) -> Vec<String> {
+    plot::plot(&envelope(values, 2 * width), values.len(), width, height)
 }
 
 /// Inspects a file.

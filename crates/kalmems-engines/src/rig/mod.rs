@@ -7,11 +7,13 @@ mod considering;
 mod driven;
 mod expansion;
 mod left_out;
+mod template;
 mod workbench;
 
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
 pub use left_out::{Form, LeftOut};
+pub use template::{Template, TemplateChannel};
 pub use workbench::Workbench;
 
 use crate::config::kinds::Length;
@@ -38,6 +40,11 @@ pub trait Rig: Send + Sync {
     /// Reads the device table of an experiment that has one of this name, and says whether it is for this device; where
     /// several rigs read the same table, one of them is.
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError>;
+
+    /// What an experiment with its device begins from, where there is one to give.
+    fn template(&self) -> Option<Template> {
+        None
+    }
 
     /// What of an experiment file its device has a use for.
     fn uses(&self, experiment: &Experiment) -> Uses {

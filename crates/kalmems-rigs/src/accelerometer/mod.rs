@@ -24,7 +24,7 @@ mod simulation;
 mod uncertainty;
 mod varied;
 
-use super::{Estimator, Form, LeftOut, Rig};
+use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
@@ -68,6 +68,29 @@ impl Rig for AccelerometerRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<Accelerometer>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[
+                        TemplateChannel::SIGNAL,
+                        TemplateChannel::optional(
+                            "feedback",
+                            ("the voltage that the loop feeds back", "V"),
+                            &["feedback", "loop", "vfb"],
+                        ),
+                    ],
+                    references: &[TemplateChannel::optional(
+                        "acceleration",
+                        ("the acceleration, measured otherwise", "m/s²"),
+                        &["acc", "reference"],
+                    )],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

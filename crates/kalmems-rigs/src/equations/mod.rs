@@ -32,7 +32,7 @@ use crate::outlook::Outlook;
 use crate::progress::Progress;
 use crate::recording::Layout;
 use crate::simulate::{SimulateError, Simulation};
-use crate::{Channels, Estimator, Rig};
+use crate::{Channels, Estimator, Rig, Template, TemplateChannel};
 use kalmems_equations::Named;
 use segment::EquationEstimator;
 use settings::{OwnDevice, Settings};
@@ -129,6 +129,18 @@ impl Rig for EquationsRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<EquationsTable>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+                    references: &[],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -20,7 +20,7 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::{Estimator, Rig};
+use super::{Estimator, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{
@@ -71,6 +71,28 @@ impl Rig for MicroStageRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<MicroStage>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[
+                        TemplateChannel::DRIVE,
+                        TemplateChannel::needed("signal_1A", ("the output of electrode 1A", "V"), &["1a"]),
+                        TemplateChannel::needed("signal_1B", ("the output of electrode 1B", "V"), &["1b"]),
+                        TemplateChannel::needed("signal_2A", ("the output of electrode 2A", "V"), &["2a"]),
+                        TemplateChannel::needed("signal_2B", ("the output of electrode 2B", "V"), &["2b"]),
+                    ],
+                    references: &[TemplateChannel::optional(
+                        "edge_velocity",
+                        ("the output of the vibrometer", "V"),
+                        &["ldv", "vibro", "edge"],
+                    )],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

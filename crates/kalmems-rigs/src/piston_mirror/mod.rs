@@ -25,7 +25,7 @@ mod simulation;
 mod start;
 mod trigger;
 
-use super::{Estimator, Rig};
+use super::{Estimator, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role};
 use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
@@ -77,6 +77,26 @@ impl Rig for PistonMirrorRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<PistonMirror>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[TemplateChannel::needed(
+                        "signal",
+                        ("the measured capacitance", "F"),
+                        &["signal", "cap", "c_"],
+                    )],
+                    references: &[TemplateChannel::optional(
+                        "position",
+                        ("the position, measured otherwise", "m"),
+                        &["position", "displacement", "distance"],
+                    )],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

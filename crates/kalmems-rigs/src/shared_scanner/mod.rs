@@ -22,7 +22,7 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use super::{Estimator, Form, LeftOut, Rig};
+use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
@@ -80,6 +80,18 @@ impl Rig for SharedScannerRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<SharedScanner>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+                    references: &[TemplateChannel::ANGLE, TemplateChannel::RATE],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -18,7 +18,7 @@ mod settings;
 mod simulation;
 mod verdict;
 
-use super::{Estimator, Form, LeftOut, Rig};
+use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
 use crate::crossings::{Crossing, Instant, Kept, Needed, Sought};
@@ -64,6 +64,26 @@ impl Rig for ThresholdScannerRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<ThresholdScanner>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+                    references: &[
+                        TemplateChannel::ANGLE,
+                        TemplateChannel::RATE,
+                        TemplateChannel::optional(
+                            "position",
+                            ("the output of the position detector", "V"),
+                            &["psd", "position", "detector"],
+                        ),
+                    ],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

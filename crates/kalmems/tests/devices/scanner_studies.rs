@@ -1,7 +1,7 @@
 //! What the scanner's estimators reach over many frequencies and seeds, on simulations whose truth differs from what the
 //! filters are told; as tables, beside the posterior Cramér–Rao bound.
 //!
-//!     cargo test --release --workspace --test devices scanner_studies:: -- --ignored --nocapture
+//!     cargo test --release --workspace --test trust scanner_studies:: -- --ignored --nocapture
 
 use crate::scanner::{
     DURATION_S, NOISE_VARIANCE, RATE_HZ, READOUT, SCANNER, SKIP_S, Simulated, Steady, TRUTH, Told, WIDE,

@@ -2,6 +2,7 @@
 
 mod allan;
 mod calibration;
+mod draft;
 mod experiment_files;
 mod folders;
 mod identification;

@@ -15,7 +15,7 @@ use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crate::{Estimator, Expansion, Rig};
+use crate::{Estimator, Expansion, Rig, Template, TemplateChannel};
 
 /// The rig.
 pub struct TwoAxesRig;
@@ -36,6 +36,29 @@ impl Rig for TwoAxesRig {
 
     fn device(&self) -> DeviceKind {
         DeviceKind::of::<SharedScanner>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(
+            const {
+                Template {
+                    text: include_str!("template.toml"),
+                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+                    references: &[
+                        TemplateChannel::optional(
+                            "angle_x",
+                            ("the angle of x, measured otherwise", "rad"),
+                            &["angle_x", "theta_x", "x"],
+                        ),
+                        TemplateChannel::optional(
+                            "angle_y",
+                            ("the angle of y, measured otherwise", "rad"),
+                            &["angle_y", "theta_y", "y"],
+                        ),
+                    ],
+                }
+            },
+        )
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -1,6 +1,6 @@
 //! What a wrong model of one axis, of the drive or of the readout costs both axes, and what states for it regain.
 //!
-//!     cargo test --release --workspace --test devices -- --ignored slow_wrong_models --nocapture
+//!     cargo test --release --workspace --test trust -- --ignored slow_wrong_models --nocapture
 
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::estimate::driven::DrivenSegment;

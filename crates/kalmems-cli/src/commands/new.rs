@@ -1,0 +1,135 @@
+//! `kalmems new`.
+
+use crate::args::NewArguments;
+use crate::progress::Bar;
+use crate::tell::tell;
+use crate::{Ending, print};
+use kalmems::config::Role;
+use kalmems::draft::{self, DraftError, Question, Sorted, Wanted, listed, of_device};
+use kalmems::progress::Reader;
+use kalmems::recording::ReadError;
+use kalmems::results::create_file;
+use kalmems::rigs::Workbench;
+use std::fmt::Write as _;
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending> {
+    let Some(device) = &arguments.device else { return list(workbench) };
+    let Some(recording) = &arguments.recording else {
+        let text = of_device(workbench, device).map_err(|e| wrong(&e))?;
+        return put(arguments, &text, "simulate");
+    };
+    let further = further(&arguments.further)?;
+    let here = Path::new("").to_owned();
+    let folder = arguments.write.as_ref().and_then(|path| path.parent()).map_or(here, Path::to_owned);
+    let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
+    let wanted = Wanted {
+        device,
+        recording,
+        further: &further,
+        channels: &arguments.channels,
+        rate: arguments.rate.as_deref(),
+        folder: &folder,
+    };
+    let mut sorted = sort(workbench, &wanted)?;
+    let mut answers = arguments.channels.clone();
+    while let Some(answer) = ask(&sorted.questions)? {
+        answers.push(answer);
+        sorted = sort(workbench, &Wanted { channels: &answers, ..wanted.clone() })?;
+    }
+    let draft = draft::write(sorted, &wanted).map_err(|e| wrong(&e))?;
+    for sentence in &draft.recognised {
+        tell!("{sentence}");
+    }
+    for one in &draft.assigned {
+        tell!("`{}` is the column `{}`, {}", one.meaning, one.column, one.why);
+    }
+    put(arguments, &draft.text, "estimate")
+}
+
+fn wrong(e: &dyn std::fmt::Display) -> Ending {
+    Ending::Wrong(e.to_string())
+}
+
+/// All devices, with a sketch of the signal of each.
+fn list(workbench: &Workbench) -> Result<(), Ending> {
+    let mut text = String::new();
+    for device in listed(workbench).map_err(|e| wrong(&e))? {
+        let _ = writeln!(text, "{}: {}", device.name, device.description);
+        for line in &device.sketch {
+            let _ = writeln!(text, "    {line}");
+        }
+    }
+    print(&text)
+}
+
+fn further(stated: &[(String, String)]) -> Result<Vec<(Role, PathBuf)>, Ending> {
+    let one = |(role, file): &(String, String)| {
+        let role = Role::ALL.into_iter().find(|known| known.key() == role).ok_or_else(|| {
+            let known: Vec<String> = Role::ALL.iter().map(|role| format!("`{}`", role.key())).collect();
+            Ending::Wrong(format!(
+                "`--further`: found the role `{role}`; expected one of {}",
+                known.join(", ")
+            ))
+        })?;
+        Ok((role, PathBuf::from(file)))
+    };
+    stated.iter().map(one).collect()
+}
+
+fn sort(workbench: &Workbench, wanted: &Wanted) -> Result<Sorted, Ending> {
+    let bar = Bar::default();
+    let mut reading = Reader::new(&bar, "reading");
+    draft::sort(workbench, wanted, &mut |done, total| reading.hear(done, total)).map_err(|e| match e {
+        DraftError::Read(ReadError::Interrupted { .. }) => Ending::Interrupted,
+        e => wrong(&e),
+    })
+}
+
+/// Asks the first question, where somebody is there to answer it; a channel and its column.
+fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
+    let Some(question) = questions.first().filter(|question| !question.candidates.is_empty()) else {
+        return Ok(None);
+    };
+    let (input, output) = (std::io::stdin(), std::io::stderr());
+    if !(input.is_terminal() && output.is_terminal()) {
+        return Ok(None);
+    }
+    tell!("Which column is `{}`, {}?", question.meaning, question.what);
+    for (index, column) in question.candidates.iter().enumerate() {
+        tell!("  {}: {column}", index + 1);
+    }
+    let failed = |e: std::io::Error| Ending::Wrong(format!("no answer: {e}"));
+    loop {
+        let mut to = output.lock();
+        write!(to, "its number or name: ").and_then(|()| to.flush()).map_err(failed)?;
+        let mut answer = String::new();
+        if input.lock().read_line(&mut answer).map_err(failed)? == 0 {
+            return Ok(None);
+        }
+        let answer = answer.trim();
+        let by_number = answer.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+        let by_number = by_number.and_then(|index| question.candidates.get(index));
+        if let Some(column) =
+            by_number.or_else(|| question.candidates.iter().find(|column| *column == answer))
+        {
+            return Ok(Some((question.meaning.to_owned(), column.clone())));
+        }
+    }
+}
+
+/// Writes the file, or prints it, and says what to do with it.
+fn put(arguments: &NewArguments, text: &str, next: &str) -> Result<(), Ending> {
+    let Some(path) = &arguments.write else { return print(text) };
+    if path.exists() && !arguments.force {
+        let why =
+            format!("`{}` is there already; give another path, or --force to keep it beside", path.display());
+        return Err(Ending::Wrong(why));
+    }
+    let failed = |e: &dyn std::fmt::Display| Ending::Wrong(format!("cannot write {}: {e}", path.display()));
+    let mut file = create_file(path, |_| false, arguments.force).map_err(|e| wrong(&e))?;
+    file.write_all(text.as_bytes()).map_err(|e| failed(&e))?;
+    tell!("the experiment: {}; {next} it with: kalmems {next} {0}", path.display());
+    Ok(())
+}

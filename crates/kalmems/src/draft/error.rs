@@ -1,0 +1,93 @@
+//! Why there is no draft.
+
+use super::Question;
+use crate::recording::ReadError;
+use crate::simulate::SimulateError;
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why there is no draft of an experiment file.
+#[derive(Debug, thiserror::Error)]
+pub enum DraftError {
+    /// No device of this name has a template.
+    #[error(
+        "found the device `{found}`; expected one of {}: `kalmems new --list` says what each is",
+        named(known)
+    )]
+    Device {
+        /// The name.
+        found: String,
+        /// Those that have one.
+        known: Vec<&'static str>,
+    },
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The recording cannot be used as it is.
+    #[error("`{file}` cannot be used as a recording as it is; `kalmems inspect {file}` says why", file = file.display())]
+    Unusable {
+        /// The file.
+        file: PathBuf,
+    },
+    /// The recording has no column of times, and no rate is stated.
+    #[error("`{}` has no column of times; state how many samples come in a second, such as `--rate \"1 MHz\"`", file.display())]
+    NoTime {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A channel is stated that the device does not have.
+    #[error("found the channel `{found}`; the device has {}", named(known))]
+    Meaning {
+        /// What was stated.
+        found: String,
+        /// Those that it has.
+        known: Vec<&'static str>,
+    },
+    /// A column is stated that the recording does not have.
+    #[error("`{meaning}` is to be in the column `{found}`; the recording has {}", named(known))]
+    Column {
+        /// The channel.
+        meaning: String,
+        /// What was stated.
+        found: String,
+        /// Those that it has.
+        known: Vec<String>,
+    },
+    /// A template cannot be simulated.
+    #[error(transparent)]
+    Simulation(SimulateError),
+    /// It is not known which column is what.
+    #[error("{}", Questions(.0))]
+    Open(Vec<Question>),
+}
+
+/// Names one after the other, in marks.
+fn named(names: &[impl fmt::Display]) -> String {
+    let marked: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    match marked.split_last() {
+        None => "none".to_owned(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+    }
+}
+
+struct Questions<'a>(&'a [Question]);
+
+impl fmt::Display for Questions<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, question) in self.0.iter().enumerate() {
+            let joint = if index == 0 { "" } else { "\n" };
+            let Question { meaning, what, candidates } = question;
+            if candidates.is_empty() {
+                write!(f, "{joint}no column can be `{meaning}`, {what}: none that is left has its unit")?;
+            } else {
+                let (columns, first) = (named(candidates), &candidates[0]);
+                write!(
+                    f,
+                    "{joint}`{meaning}`, {what}, may be {columns}; say which, such as `--channel {meaning}={first}`"
+                )?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,133 @@
+//! The text of an experiment file with a recording in the place of a template's simulation.
+
+use super::{Assigned, Sorted, Wanted};
+use crate::inspect::Inspection;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// The part of a record that a filter has to settle, where the template's time would take more.
+const SETTLING: f64 = 0.2;
+
+/// What a recording seems to hold, in sentences.
+pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
+    let mut sentences = inspection.recognised.clone();
+    if let Some(longest) = inspection.longest_segment()
+        && let (Some(rate), Some(duration)) = (longest.rate_hz, longest.duration_s)
+        && inspection.time.is_some()
+    {
+        let of = if inspection.segments.len() > 1 { "The longest of its records has" } else { "It has" };
+        sentences.push(format!("{of} {} samples at {rate} Hz, {duration} s.", longest.rows));
+    }
+    for channel in &inspection.channels {
+        if let Some(character) = inspection.character(channel) {
+            let says = character.sentence(&channel.si_unit, inspection.frequency_unit);
+            sentences.push(format!("`{}`: {says}.", channel.column));
+        }
+    }
+    sentences
+}
+
+/// The file.
+pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -> String {
+    let template = sorted.template.text;
+    let (device, rest) = template.split_once("\n[simulate]\n").unwrap_or((template, ""));
+    let estimate = rest.split_once("\n[estimate]\n").map_or("", |(_, estimate)| estimate);
+    let name = wanted.recording.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy());
+    // The template's name and description are those of a published device.
+    let device = device
+        .lines()
+        .skip_while(|line| line.starts_with("name =") || line.starts_with("description ="))
+        .fold(String::new(), |mut text, line| {
+            text += line;
+            text.push('\n');
+            text
+        });
+    let mut text = String::new();
+    let file = wanted.recording.file_name().map_or_else(|| "it".into(), |name| name.to_string_lossy());
+    let _ = writeln!(text, "# From {file}, which holds:");
+    for sentence in recognised {
+        let _ = writeln!(text, "#   {sentence}");
+    }
+    let _ = writeln!(text, "name = {}", quoted(&name));
+    let _ = writeln!(text, "{device}");
+    recordings(&mut text, sorted, wanted);
+    let _ = write!(text, "[estimate]\n{}", settling(estimate, sorted));
+    text
+}
+
+fn recordings(text: &mut String, sorted: &Sorted, wanted: &Wanted) {
+    let further = wanted.further.iter().map(|(role, path)| (role.key(), path.as_path()));
+    for (role, path) in std::iter::once(("test", wanted.recording)).chain(further) {
+        let _ = writeln!(
+            text,
+            "[[recording]]\nrole = \"{role}\"\nfile = {}",
+            quoted(&from_folder(path, wanted.folder))
+        );
+        if let Some(column) = &sorted.inspection.segment_column {
+            let _ = writeln!(text, "segments = {{ column = {} }}", quoted(column));
+        }
+        let clock = match (&sorted.inspection.time, wanted.rate) {
+            (Some(column), None) => format!("column = {}", quoted(column)),
+            (Some(column), Some(rate)) => format!("column = {}, rate = {}", quoted(column), quoted(rate)),
+            (None, rate) => format!("rate = {}", quoted(rate.unwrap_or_default())),
+        };
+        let _ = writeln!(text, "clock = {{ {clock} }}");
+        let _ = writeln!(text, "channels = {{ {} }}", channels(&sorted.assigned, false));
+        let references = channels(&sorted.assigned, true);
+        if !references.is_empty() {
+            let _ = writeln!(
+                text,
+                "# Read by the evaluation alone.\nreference = {{ channels = {{ {references} }} }}"
+            );
+        }
+        text.push('\n');
+    }
+}
+
+fn channels(assigned: &[Assigned], references: bool) -> String {
+    let of = assigned.iter().filter(|one| one.is_reference == references);
+    let entry = |one: &Assigned| match one.unit {
+        None => format!("{} = {}", one.meaning, quoted(&one.column)),
+        Some(unit) => {
+            format!("{} = {{ column = {}, unit = {} }}", one.meaning, quoted(&one.column), quoted(unit))
+        }
+    };
+    of.map(entry).collect::<Vec<_>>().join(", ")
+}
+
+/// The table of the estimate, with a settling time that leaves most of a short recording.
+fn settling(estimate: &str, sorted: &Sorted) -> String {
+    let duration = sorted.inspection.longest_segment().and_then(|segment| segment.duration_s);
+    let mut text = String::new();
+    for line in estimate.lines() {
+        let stated = line.strip_prefix("skip = \"").and_then(|rest| rest.split_once('"'));
+        let seconds =
+            stated.and_then(|(value, _)| crate::units::Value::parse(value).ok()).map(|value| value.si());
+        match (seconds, duration.map(|duration| SETTLING * duration)) {
+            (Some(stated), Some(most)) if stated > most => {
+                let _ = writeln!(
+                    text,
+                    "skip = \"{most:e} s\" # the time that the filter takes to settle; it is not judged"
+                );
+            }
+            _ => {
+                let _ = writeln!(text, "{line}");
+            }
+        }
+    }
+    text
+}
+
+/// A path as it is found from a folder.
+fn from_folder(path: &Path, folder: &Path) -> String {
+    let (absolute, folder) = (path.canonicalize(), folder.canonicalize());
+    match (absolute, folder) {
+        (Ok(path), Ok(folder)) => path.strip_prefix(&folder).unwrap_or(&path).display().to_string(),
+        _ => path.display().to_string(),
+    }
+}
+
+/// A string as TOML has it.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}

@@ -1,0 +1,143 @@
+//! Experiment files to begin with.
+
+use kalmems::config::Experiment;
+use kalmems::draft::{self, DraftError, Wanted};
+use kalmems::evaluate::Grade;
+use kalmems::progress::Silent;
+use kalmems::results::{EstimatorMetrics, Metrics};
+use kalmems::rigs::published;
+use kalmems::simulate::{Unwritten, described};
+use kalmems::workflow::{estimate, estimate_unwritten};
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+fn template(device: &str) -> String {
+    draft::of_device(published(), device).unwrap()
+}
+
+fn parsed(text: &str, path: &Path) -> Experiment {
+    published().parse(text, path).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// What its filters claim passes, and their errors are within it where there is something to compare.
+fn assert_passes(metrics: &Metrics, what: &str) {
+    let estimators: Vec<&EstimatorMetrics> =
+        metrics.recordings.iter().flat_map(|one| &one.estimators).collect();
+    assert!(!estimators.is_empty());
+    for estimator in estimators {
+        let passes = estimator.grade.is_none_or(|grade| grade <= Grade::PassesWithRemarks);
+        assert!(passes, "{what}, {}: {:?} {:?}", estimator.name, estimator.grade, estimator.tests);
+    }
+}
+
+#[test]
+fn what_a_template_simulates_its_filters_estimate() {
+    for rig in published().rigs() {
+        for seed in [1, 20_261_124] {
+            let mut experiment = parsed(&template(rig.name()), Path::new("own.toml"));
+            experiment.simulate.as_mut().unwrap().seed = seed.into();
+            let simulation = rig.simulate(&experiment).unwrap();
+            let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+            let told = described(&experiment, &*simulation);
+            let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+            assert_passes(&Metrics::of(&outcome), &format!("{}, seed {seed}", rig.name()));
+        }
+    }
+}
+
+/// Every key of a device in its template has a value that its own parser takes, and a reader finds a word on where numbers come from.
+#[test]
+fn a_template_says_whose_numbers_it_has() {
+    for rig in published().rigs() {
+        let text = template(rig.name());
+        assert!(text.contains("# "), "{}", rig.name());
+        assert!(text.contains("\n[simulate]\n") && text.contains("\n[estimate]\n"), "{}", rig.name());
+        assert!(text.find("\n[simulate]\n") < text.find("\n[estimate]\n"), "{}", rig.name());
+    }
+}
+
+fn simulated_files(device: &str, folder: &Path) {
+    let experiment = parsed(&template(device), &folder.join("own.toml"));
+    let rig = published().rig(&experiment).unwrap();
+    let mut names: Vec<&str> = vec!["time_s"];
+    let simulation = rig.simulate(&experiment).unwrap();
+    names.extend(simulation.recorded().iter().map(|channel| channel.column));
+    let mut rows = names.join(",") + "\n";
+    simulation
+        .run(&mut |sample| {
+            rows += &format!("{}", sample.time_s);
+            sample.recorded.iter().for_each(|value| rows += &format!(",{value}"));
+            rows.push('\n');
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    fs::write(folder.join("shake 1.csv"), rows).unwrap();
+}
+
+/// From a recording alone, whose columns have the names that a simulation gives them, comes an experiment whose filters pass.
+#[test]
+fn a_recording_gives_an_experiment_that_runs() {
+    for device in
+        ["shared_scanner", "shared_scanner_two_axes", "threshold_scanner", "micro_stage", "piston_mirror"]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        simulated_files(device, folder.path());
+        let recording = folder.path().join("shake 1.csv");
+        let wanted = Wanted {
+            device,
+            recording: &recording,
+            further: &[],
+            channels: &[],
+            rate: None,
+            folder: folder.path(),
+        };
+        let sorted = draft::sort(published(), &wanted, &mut |_, _| ControlFlow::Continue(())).unwrap();
+        assert!(sorted.questions.is_empty(), "{device}: {:?}", sorted.questions);
+        let draft = draft::write(sorted, &wanted).unwrap();
+        let path = folder.path().join("shake.toml");
+        fs::write(&path, &draft.text).unwrap();
+        let experiment = parsed(&draft.text, &path);
+        assert!(experiment.simulate.is_none() && draft.text.contains("file = \"shake 1.csv\""));
+        // What is told of the recording: its swing.
+        assert!(
+            draft.recognised.iter().any(|sentence| sentence.contains("a swing")),
+            "{:?}",
+            draft.recognised
+        );
+        let outcome = estimate(published(), &experiment, &Silent).unwrap();
+        assert_passes(&Metrics::of(&outcome), device);
+    }
+}
+
+#[test]
+fn what_a_recording_does_not_tell_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("scope.csv");
+    let rows: String = (0..200).map(|k| format!("{}e-6,{},{}\n", k, k % 7, k % 5)).collect();
+    fs::write(&recording, format!("time_s,CH1_V,CH2_V\n{rows}")).unwrap();
+    let mut wanted = Wanted {
+        device: "shared_scanner",
+        recording: &recording,
+        further: &[],
+        channels: &[],
+        rate: None,
+        folder: folder.path(),
+    };
+    let mut go_on = |_, _| ControlFlow::Continue(());
+    let sorted = draft::sort(published(), &wanted, &mut go_on).unwrap();
+    let open = draft::write(sorted, &wanted).unwrap_err();
+    assert_eq!(
+        open.to_string(),
+        "`drive`, the voltage that drives the device, may be `CH1_V` and `CH2_V`; say which, such as `--channel drive=CH1_V`\n\
+         `signal`, the output of the readout, may be `CH1_V` and `CH2_V`; say which, such as `--channel signal=CH1_V`"
+    );
+    let stated = [("signal".to_owned(), "CH1_V".to_owned())];
+    wanted.channels = &stated;
+    let sorted = draft::sort(published(), &wanted, &mut go_on).unwrap();
+    let draft = draft::write(sorted, &wanted).unwrap();
+    assert!(draft.text.contains("channels = { signal = \"CH1_V\", drive = \"CH2_V\" }"), "{}", draft.text);
+    wanted.device = "piston";
+    let unknown = draft::sort(published(), &wanted, &mut go_on).unwrap_err();
+    assert!(matches!(&unknown, DraftError::Device { found, .. } if found == "piston"), "{unknown}");
+}
