@@ -79,7 +79,7 @@ fn simulated_files(device: &str, folder: &Path) {
 #[test]
 fn a_recording_gives_an_experiment_that_runs() {
     for device in
-        ["shared_scanner", "shared_scanner_two_axes", "threshold_scanner", "micro_stage", "piston_mirror"]
+        ["shared_scanner", "shared_scanner.second_axis", "threshold_scanner", "micro_stage", "piston_mirror"]
     {
         let folder = tempfile::tempdir().unwrap();
         simulated_files(device, folder.path());
