@@ -1,7 +1,7 @@
 //! The text of an experiment file with a recording in the place of a template's simulation.
 
 use super::{Assigned, Sorted, Wanted};
-use crate::inspect::Inspection;
+use crate::inspect::{Inspection, quantity};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -16,7 +16,8 @@ pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
         && inspection.time.is_some()
     {
         let of = if inspection.segments.len() > 1 { "The longest of its records has" } else { "It has" };
-        sentences.push(format!("{of} {} samples at {rate} Hz, {duration} s.", longest.rows));
+        let (rate, duration) = (quantity(rate, "Hz"), quantity(duration, "s"));
+        sentences.push(format!("{of} {} samples at {rate}, {duration}.", longest.rows));
     }
     for channel in &inspection.channels {
         if let Some(character) = inspection.character(channel) {
@@ -107,7 +108,8 @@ fn settling(estimate: &str, sorted: &Sorted) -> String {
             (Some(stated), Some(most)) if stated > most => {
                 let _ = writeln!(
                     text,
-                    "skip = \"{most:e} s\" # the time that the filter takes to settle; it is not judged"
+                    "skip = \"{}\" # the time that the filter takes to settle; it is not judged",
+                    quantity(most, "s")
                 );
             }
             _ => {
