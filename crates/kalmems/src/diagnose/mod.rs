@@ -37,7 +37,7 @@ pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use likeliest::likeliest;
-pub use noise::{FoundNoise, load_with_noise};
+pub use noise::{FoundNoise, load_with_noise, noise_of_recording};
 pub use note::ScaleNote;
 pub use paste::pasted;
 pub use report::{CauseReport, Diagnosis, Edit, Finding};

@@ -10,6 +10,7 @@ use super::trial::{Blocks, Trial};
 use super::{DiagnoseError, TWO_SIDED};
 use crate::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Step, put};
 use crate::progress::Progress;
+use crate::recording::Recording;
 use crate::rigs::Workbench;
 use crate::units::Unit;
 use kalmems_core::Scalar;
@@ -62,15 +63,40 @@ pub fn load_with_noise(
 ) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
     // What is wrong with a file is said by who reads all of it.
     let Ok(raw) = Experiment::load(path) else { return Ok((workbench.load(path)?, Vec::new())) };
-    let sought = sought(&raw)?;
+    found(workbench, &raw, &|bench| bench.with_files(ROWS, progress), progress)
+}
+
+/// The same of an experiment whose device was not read yet, as [`Experiment::parse`] gives it, by a recording that is there already.
+///
+/// # Errors
+/// Those of [`load_with_noise`].
+pub fn noise_of_recording(
+    workbench: &Workbench,
+    raw: &Experiment,
+    recording: &Recording,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    found(workbench, raw, &|bench| bench.with_recording(recording.clone()), progress)
+}
+
+/// Finds the noises with what this makes of a bench.
+fn found(
+    workbench: &Workbench,
+    raw: &Experiment,
+    with_recordings: &dyn Fn(Bench) -> Result<Bench, DiagnoseError>,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    let path = raw.path();
+    let sought = sought(raw)?;
     if sought.is_empty() {
         return Ok((workbench.parse(raw.text(), path)?, Vec::new()));
     }
     let stand_in = |text: String, one: &Sought| with(&text, &one.key, &one.written(1.0)).unwrap_or(text);
     let text = sought.iter().fold(raw.text().to_owned(), stand_in);
     let told = workbench.parse(&text, path)?;
-    let mut bench = Bench::of(workbench, &told, None)?.with_files(ROWS, progress)?;
-    let watched = bench.stop.watching(progress);
+    let mut bench = with_recordings(Bench::of(workbench, &told, None)?)?;
+    let stop = bench.stop.clone();
+    let watched = stop.watching(progress);
     let progress: &dyn Progress = &watched;
     progress.begin("noise of the recording", 0);
     let guesses: Vec<f64> =
