@@ -3,7 +3,7 @@
 use super::bench::{Bench, Extent};
 use super::cause::Cause;
 use super::paste::changed;
-use super::report::{Edit, rounded};
+use super::report::{Edit, digits, rounded};
 use super::search::{MOST_SIZES, MostLikelySizes, Search};
 use super::suspect::{Number, Suspect, What};
 use super::trial::{Blocks, Trial};
@@ -29,6 +29,9 @@ const FARTHEST: f64 = 3.0;
 
 /// A noise that is known no better than to this, relative to itself, is not determined by the recording.
 const DETERMINED: f64 = 0.3;
+
+/// Digits of a standard deviation: more than any recording tells of it.
+const DIGITS: usize = 5;
 
 /// Searches of a dozen iterations each, and a gain of ln p below which there is no further one.
 const SEARCHES: usize = 8;
@@ -118,7 +121,7 @@ fn found(
                        recording without motion";
             return Err(raw.error(one.key.clone(), Fault::Value { why: why.to_owned() }).into());
         }
-        let value = rounded(&one.written(guess * Scalar::exp(*at)), Some(*sd));
+        let value = one.rounded(guess * Scalar::exp(*at), *sd);
         text = with(&text, &one.key, &value).unwrap_or(text);
         noises.push(FoundNoise {
             key: one.key.to_string(),
@@ -214,6 +217,16 @@ impl Sought {
         match &self.form {
             Form::Variance(unit) | Form::Density(unit) => Value::String(format!("{number:e} {unit}")),
             Form::Measurement(unit) => Value::String(square(number, unit)),
+        }
+    }
+
+    /// The same with the digits that a relative standard error leaves.
+    fn rounded(&self, number: f64, sd: f64) -> Value {
+        match &self.form {
+            Form::Variance(_) | Form::Density(_) => rounded(&self.written(number), Some(sd)),
+            Form::Measurement(unit) => {
+                Value::String(format!("({} [{unit}])^2", digits(number.sqrt(), DIGITS)))
+            }
         }
     }
 
