@@ -14,6 +14,7 @@
 
 mod args;
 mod commands;
+mod experiment;
 mod interrupt;
 mod progress;
 mod target;

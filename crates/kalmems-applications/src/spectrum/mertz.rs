@@ -2,6 +2,7 @@
 
 use super::transform::{reach, weighted_transform};
 use super::{Apodisation, Spectrum, TransformError};
+use realfft::num_complex::Complex64;
 
 /// Why there is no corrected spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -22,21 +23,26 @@ pub enum MertzError {
 /// The fewest samples on the short side.
 const MINIMUM: usize = 16;
 
-/// The real spectrum of an interferogram whose short side lies in front of the zero path, its phase removed
-/// (Mertz, Infrared Physics 7, 17, 1967).
+/// The spectrum of an interferogram whose short side lies in front of the zero path, and what tells its phase.
+#[derive(Clone, Debug)]
+pub struct OneSided {
+    /// The spectrum with its phase. It is of the size of those of [`transform`](super::transform) on a double-sided interferogram.
+    pub fine: Spectrum,
+    /// The spectrum of the double-sided part about the zero path, at the same wavenumbers, with less resolution.
+    pub coarse: Vec<Complex64>,
+}
+
+/// The spectrum of an interferogram whose short side lies in front of the zero path, with the double-sided part from which its phase is
+/// taken (Mertz, Infrared Physics 7, 17, 1967).
 ///
-/// The phase is that of the double-sided part about the zero path, in which it is seen with less resolution: it must
-/// vary slowly with the wavenumber. In that part, which is there twice, the weight is a ramp from 0 to 1, so that both
-/// sides together count once. Noise stays of either sign and averages out, other than in magnitudes.
-///
-/// The values are of the size of those of [`transform`](super::transform) on a double-sided interferogram.
-pub fn mertz(
+/// In the double-sided part, which is there twice, the weight is a ramp from 0 to 1, so that both sides together count once.
+pub fn one_sided(
     interferogram: &[f64],
     zero_path: usize,
     step_m: f64,
     (apodisation, largest_m): (Apodisation, f64),
     points: usize,
-) -> Result<(Spectrum, Vec<f64>), MertzError> {
+) -> Result<OneSided, MertzError> {
     let reach = reach(interferogram, zero_path, step_m, largest_m)?;
     let after = reach.min(interferogram.len() - 1 - zero_path);
     let short = zero_path.min(after);
@@ -51,12 +57,33 @@ pub fn mertz(
         let ramp = (1.0 + (place - centre) / reach).clamp(0.0, 2.0);
         ramp * apodisation.weight((place - centre) * step_m / largest_m)
     })?;
-    let corrected = fine.values.iter().zip(&coarse.values).map(|(fine, coarse)| {
+    Ok(OneSided { fine, coarse: coarse.values })
+}
+
+/// The real spectrum of values with a phase that is told by others: Re S·C*/|C|.
+///
+/// The phase must vary slowly with the wavenumber, as it is seen with less resolution. Where C is that of S itself, or has its noise, noise is
+/// turned towards positive values, by a share that falls with the resolution of C: the phase of several scans is to be taken from their mean.
+pub fn without_phase(fine: &[Complex64], coarse: &[Complex64]) -> Vec<f64> {
+    let one = |(fine, coarse): (&Complex64, &Complex64)| {
         let size = coarse.norm();
         // Where there is no light there is no phase, and nothing to correct.
         if size > 0.0 { (fine * coarse.conj()).re / size } else { fine.re }
-    });
-    let corrected = corrected.collect();
+    };
+    fine.iter().zip(coarse).map(one).collect()
+}
+
+/// The real spectrum of a single interferogram whose short side lies in front of the zero path, its phase removed by its own double-sided
+/// part: [`one_sided`] and [`without_phase`].
+pub fn mertz(
+    interferogram: &[f64],
+    zero_path: usize,
+    step_m: f64,
+    end: (Apodisation, f64),
+    points: usize,
+) -> Result<(Spectrum, Vec<f64>), MertzError> {
+    let OneSided { fine, coarse } = one_sided(interferogram, zero_path, step_m, end, points)?;
+    let corrected = without_phase(&fine.values, &coarse);
     Ok((fine, corrected))
 }
 

@@ -36,7 +36,7 @@ pub use grid::Grid;
 pub use light::{detect, intensity};
 pub use line::{Line, dip_between, line_near};
 pub use measure::{Comparison, Correction, SpectrumError, SpectrumOutcome, measure};
-pub use mertz::{MertzError, mertz};
+pub use mertz::{MertzError, OneSided, mertz, one_sided, without_phase};
 pub use nonuniform::{path_weights, spectrum_at};
 pub use process::{PathSample, Processed};
 pub use recalibrate::{KnownLine, Recalibration, recalibrate};

@@ -1,6 +1,7 @@
 //! `kalmems diagnose`.
 
 use crate::args::DiagnoseArguments;
+use crate::experiment::load;
 use crate::progress::Bar;
 use crate::target::BesideExperiment;
 use crate::tell::tell;
@@ -10,7 +11,10 @@ use kalmems::rigs::Workbench;
 
 pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let (experiment, noise) = load(workbench, &arguments.experiment)?;
+    for noise in noise {
+        tell!("{noise}");
+    }
     let beside = BesideExperiment::of(arguments.write.as_deref(), &arguments.experiment, arguments.force)?;
     let bar = Bar::default();
     let found = diagnose(workbench, &experiment, arguments.filter.as_deref(), &bar)

@@ -1,11 +1,12 @@
 //! `kalmems estimate`.
 
 use crate::args::EstimateArguments;
+use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
 use kalmems::config::{Experiment, Recording};
-use kalmems::diagnose::{ScaleNote, scale_notes};
+use kalmems::diagnose::{FoundNoise, ScaleNote, scale_notes};
 use kalmems::results::{
     LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
     parameters_table, summary_table, write_estimate,
@@ -17,13 +18,13 @@ use std::time::{Instant, SystemTime};
 pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let (experiment, noise) = load(workbench, &arguments.experiment)?;
     let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
     let metrics = if workflow::is_long(workbench, &experiment).map_err(|e| wrong(&e))? {
-        in_parts((workbench, &experiment), arguments, &output, (started, clock))?
+        in_parts((workbench, &experiment, noise), arguments, &output, (started, clock))?
     } else {
-        at_once((workbench, &experiment), arguments, &output, (started, clock))?
+        at_once((workbench, &experiment, noise), arguments, &output, (started, clock))?
     };
     let out = target::finish(output)?;
 
@@ -56,7 +57,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
 
 /// Of recordings that are held in memory.
 fn at_once(
-    (workbench, experiment): (&Workbench, &Experiment),
+    (workbench, experiment, noise): (&Workbench, &Experiment, Vec<FoundNoise>),
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
@@ -64,7 +65,7 @@ fn at_once(
     let bar = Bar::default();
     let outcome = workflow::estimate(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let metrics = Metrics::of(&outcome).with_scale_notes(notes(workbench, experiment)?);
+    let metrics = Metrics::of(&outcome).with_scale_notes(notes(workbench, experiment)?).with_noise(noise);
     let info = RunInfo { started, took: clock.elapsed() };
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
     write_estimate(&outcome, &metrics, output, wanted, info, &crate::interrupt::requested)
@@ -74,7 +75,7 @@ fn at_once(
 
 /// Of recordings of any length.
 fn in_parts(
-    (workbench, experiment): (&Workbench, &Experiment),
+    (workbench, experiment, noise): (&Workbench, &Experiment, Vec<FoundNoise>),
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
@@ -90,7 +91,7 @@ fn in_parts(
     })?;
     drop(bar);
     let notes = notes(workbench, experiment)?;
-    results.finish(&whole, notes, RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
+    results.finish(&whole, (notes, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
 }
 
 /// What the signal cannot tell, where there is a file that can be read again and a filter whose innovations say anything.

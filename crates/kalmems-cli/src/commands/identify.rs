@@ -1,6 +1,7 @@
 //! `kalmems identify`.
 
 use crate::args::IdentifyArguments;
+use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, target};
@@ -12,7 +13,10 @@ use std::time::{Instant, SystemTime};
 pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), Ending> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
-    let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
+    let (experiment, noise) = load(workbench, &arguments.experiment)?;
+    for noise in noise {
+        tell!("{noise}");
+    }
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;

@@ -68,7 +68,7 @@ pub use key::Step;
 pub use name::Name;
 pub use outliers::{Gate, Update};
 pub use patch::{absent, get, put};
-pub use quantity::{Quantity, with_sd, written};
+pub use quantity::{FROM_RECORDING, Quantity, noise_schema, with_sd, written};
 pub use reader::read_source;
 pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};

@@ -2,7 +2,7 @@
 
 use super::error::shown;
 use super::kinds::KindOf;
-use super::sign::{Any, Sign, SignOf};
+use super::sign::{Any, Positive, Sign, SignOf};
 use crate::units::{Kind, UnitError, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor};
@@ -172,12 +172,25 @@ impl<K: KindOf, S: SignOf> JsonSchema for Quantity<K, S> {
 /// What every value starts with; the rest of the grammar is checked when it is read.
 pub(super) const NUMBER_FIRST: &str = r"^\s*[+-]?(\d|\.\d)";
 
+/// What stands in the place of a readout's noise that is to be found from the recording.
+pub const FROM_RECORDING: &str = "from_recording";
+
+/// The schema of a noise, which may be left to the recording.
+pub fn noise_schema<K: KindOf>(generator: &mut SchemaGenerator) -> Schema {
+    let stated = Quantity::<K, Positive>::json_schema(generator);
+    json_schema!({ "anyOf": [stated, { "const": FROM_RECORDING }] })
+}
+
 /// Reads a value; what is wrong comes back in words, with `expected` and an example.
 pub(super) fn parse(text: &str, expected: &str, example: &str) -> Result<Value, String> {
     // A value is a few words; anything else would make the messages unreadable.
     const LONGEST: usize = 100;
     let wrong = if text.chars().count() > LONGEST || text.chars().any(char::is_control) {
         format!("`{}` is not a number and a unit on one line", shown(text))
+    } else if text == FROM_RECORDING {
+        format!(
+            "`{FROM_RECORDING}` is the noise of a readout that `kalmems estimate`, `diagnose` and `identify` find; it is not known here"
+        )
     } else {
         match Value::parse(text) {
             Ok(value) => return Ok(value),

@@ -74,7 +74,7 @@ pub(super) fn si_unit(header: &Header) -> String {
 }
 
 /// A value in SI with its unit, such as `31.35 kHz`.
-pub(super) fn quantity(value: f64, unit: &str) -> String {
+pub fn quantity(value: f64, unit: &str) -> String {
     let first = unit.split([' ', '/']).next().unwrap_or_default();
     let takes_prefix = !first.is_empty() && first.chars().all(char::is_alphabetic) && first != "kg";
     if !takes_prefix || value == 0.0 || !value.is_finite() {

@@ -6,6 +6,7 @@ use crate::config::kinds::{
     Acceleration, Area, Capacitance, Damping, Frequency, IntegralGain, Length, Mass, Ratio, SpringConstant,
     Temperature, Time, Voltage, VoltageVariance,
 };
+use crate::config::noise_schema;
 use crate::config::{NotNegative, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -77,6 +78,7 @@ pub struct SwitchedReadout {
     /// The capacitance that turns charge into voltage.
     pub feedback_capacitance: Quantity<Capacitance, Positive>,
     /// The variance of one sample.
+    #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
 }
 

@@ -6,6 +6,7 @@ use crate::config::kinds::{
     AngularRate, CurrentGain, DriveGain, Frequency, Length, LengthPerVoltage, RateVariance, Ratio, Time,
     VoltageVariance,
 };
+use crate::config::noise_schema;
 use crate::config::{DeviceDescription, Key};
 use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
@@ -101,8 +102,8 @@ pub struct Electrode {
     /// The output per rate of change of the capacitance: minus the bias times the feedback resistance.
     pub gain: Quantity<CurrentGain, NotZero>,
     /// The variance of one sample's noise; an estimate needs it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"1.6e-11 V^2")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Option<Quantity<VoltageVariance, Positive>>,
     /// What of the drive its amplifier shows; an estimate of a recording without its counterpart with the bias off takes
     /// it away.

@@ -5,6 +5,7 @@ use crate::config::kinds::{
     Capacitance, CapacitanceDensity, Frequency, Length, Mass, Pressure, Ratio, Resistance, Voltage,
     VoltageNoise,
 };
+use crate::config::noise_schema;
 use crate::config::{DeviceDescription, Key};
 use crate::config::{NotNegative, Positive};
 use schemars::JsonSchema;
@@ -53,6 +54,7 @@ fn parallel_plate() -> serde_json::Value {
 #[serde(deny_unknown_fields)]
 pub struct CapacitanceReadout {
     /// The one-sided density; one sample has its square times half the sample rate as variance.
+    #[schemars(schema_with = "noise_schema::<CapacitanceDensity>")]
     pub noise_density: Quantity<CapacitanceDensity, Positive>,
     /// The bandwidth before the sampling; half the sample rate if left out. Noise beyond half the sample rate is folded.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -5,6 +5,7 @@ use crate::config::kinds::{
     Angle, Capacitance, Frequency, Length, LengthPerVoltage, PerAngle, Ratio, Resistance, SquareDriveGain,
     Time, Voltage, VoltagePerRate, VoltageVariance,
 };
+use crate::config::noise_schema;
 use crate::config::{DeviceDescription, Key};
 use crate::config::{NotNegative, NotZero, Positive};
 use crate::evaluate::BeamPosition;
@@ -103,6 +104,7 @@ pub struct TransimpedanceReadout {
     /// The capacitance through which the drive reaches the output.
     pub feedthrough_capacitance: Quantity<Capacitance>,
     /// The variance of one sample.
+    #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
 }
 

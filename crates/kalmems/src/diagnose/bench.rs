@@ -132,6 +132,16 @@ impl<'a> Bench<'a> {
         Ok(self)
     }
 
+    /// The first recording's samples of a channel, by its meaning, in SI, and the interval between them in s.
+    pub(super) fn samples(&self, meaning: &str) -> Option<(&[f64], f64)> {
+        let (index, recording) = self.recordings.first()?;
+        let described = self.experiment.recordings.get(*index)?;
+        let (_, column) = described.channels.iter().find(|(own, _)| *own == meaning)?;
+        let values = recording.columns().iter().find(|own| own.header.column == *column)?;
+        let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+        Some((&values.values, interval_s.unwrap_or(f64::NAN)))
+    }
+
     /// What the filter says with these changes; `None` where it cannot be run.
     pub(super) fn run(&self, changes: &[Change]) -> Option<Trial> {
         let mut document = self.document.clone();

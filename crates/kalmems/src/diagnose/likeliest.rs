@@ -8,7 +8,7 @@ use super::report::{Edit, digits, rounded};
 use super::search::{MOST_SIZES, MostLikelySizes, Search};
 use super::suspect::{Suspect, What};
 use super::trial::{Blocks, Trial};
-use super::{DiagnoseError, begin};
+use super::{DiagnoseError, TWO_SIDED, begin};
 use crate::config::get;
 use crate::config::{ConfigError, Experiment, Fault, Key, Role, Step};
 use crate::identify::{Correlated, Identification, Identified, IdentifyError, Undetermined};
@@ -36,9 +36,6 @@ const FARTHEST: f64 = 3.0;
 /// Searches of a dozen iterations each, and a gain of ln p below which there is no further one.
 const SEARCHES: usize = 8;
 const NO_GAIN: f64 = 0.01;
-
-/// 95 % of a Gaussian lie within so many standard deviations.
-const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// Identifies the numbers that the experiment's `identify.parameters` names, of whatever device, by the innovations of the first of its
 /// filters whose innovations are white when it is right: all recordings of the role `training`, or, where there is none, all that move

@@ -24,6 +24,7 @@ mod distinguish;
 mod error;
 mod explain;
 mod likeliest;
+mod noise;
 mod note;
 mod paste;
 mod report;
@@ -36,6 +37,7 @@ pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use likeliest::likeliest;
+pub use noise::{FoundNoise, load_with_noise, noise_of_recording};
 pub use note::ScaleNote;
 pub use paste::pasted;
 pub use report::{CauseReport, Diagnosis, Edit, Finding};
@@ -50,6 +52,9 @@ use explain::Explained;
 use std::num::NonZero;
 use suspect::Suspect;
 use trial::Trial;
+
+/// 95 % of a Gaussian lie within so many standard deviations.
+const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// Rows after the settling time that a diagnosis looks at.
 const ROWS: Extent = Extent(50_000);

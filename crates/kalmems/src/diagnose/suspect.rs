@@ -1,6 +1,7 @@
 //! What may be wrong: numbers of the device table, and what was recorded.
 
 use super::change::{Altered, Change};
+use super::noise::square;
 use crate::config::{Experiment, Key, Step, written};
 use crate::rigs::{Channels, LeftOut, Rig};
 use crate::units::Value as Quantity;
@@ -20,6 +21,9 @@ pub(super) struct Suspect {
 pub(super) enum What {
     /// Numbers of the experiment that are wrong by the same factor, e to the size.
     Factor(Vec<Number>),
+    /// The noise of a measurement of equations, which is written as a variance in the square of this unit, is wrong by a factor, e to the
+    /// size.
+    Noise { key: Key, variance: f64, unit: String },
     /// A number that the device table leaves out, or has as zero: the size, in steps.
     LeftOut { key: Key, left_out: LeftOut },
     /// The column of an input is wrong by a factor, e to the size.
@@ -99,6 +103,10 @@ impl Suspect {
                 let factor = Scalar::exp(size);
                 numbers.iter().map(|n| Change::Key(n.key.clone(), n.times(factor))).collect()
             }
+            What::Noise { key, variance, unit } => {
+                let written = square(variance * Scalar::exp(size), unit);
+                vec![Change::Key(key.clone(), Value::String(written))]
+            }
             What::LeftOut { key, left_out } => {
                 if size < 0.0 && left_out.is_never_negative {
                     return None;
@@ -123,7 +131,7 @@ impl Suspect {
                 [one] => below_device(&one.key),
                 all => format!("{} of all {}", all[0].key.last(), all.len()),
             },
-            What::LeftOut { key, .. } => below_device(key),
+            What::Noise { key, .. } | What::LeftOut { key, .. } => below_device(key),
             What::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
             What::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
             What::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),

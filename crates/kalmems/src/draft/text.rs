@@ -1,7 +1,8 @@
 //! The text of an experiment file with a recording in the place of a template's simulation.
 
 use super::{Assigned, Sorted, Wanted};
-use crate::inspect::Inspection;
+use crate::config::FROM_RECORDING;
+use crate::inspect::{Inspection, quantity};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -16,7 +17,8 @@ pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
         && inspection.time.is_some()
     {
         let of = if inspection.segments.len() > 1 { "The longest of its records has" } else { "It has" };
-        sentences.push(format!("{of} {} samples at {rate} Hz, {duration} s.", longest.rows));
+        let (rate, duration) = (quantity(rate, "Hz"), quantity(duration, "s"));
+        sentences.push(format!("{of} {} samples at {rate}, {duration}.", longest.rows));
     }
     for channel in &inspection.channels {
         if let Some(character) = inspection.character(channel) {
@@ -33,15 +35,7 @@ pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -
     let (device, rest) = template.split_once("\n[simulate]\n").unwrap_or((template, ""));
     let estimate = rest.split_once("\n[estimate]\n").map_or("", |(_, estimate)| estimate);
     let name = wanted.recording.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy());
-    // The template's name and description are those of a published device.
-    let device = device
-        .lines()
-        .skip_while(|line| line.starts_with("name =") || line.starts_with("description ="))
-        .fold(String::new(), |mut text, line| {
-            text += line;
-            text.push('\n');
-            text
-        });
+    let device = of_recording(device);
     let mut text = String::new();
     let file = wanted.recording.file_name().map_or_else(|| "it".into(), |name| name.to_string_lossy());
     let _ = writeln!(text, "# From {file}, which holds:");
@@ -52,6 +46,33 @@ pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -
     let _ = writeln!(text, "{device}");
     recordings(&mut text, sorted, wanted);
     let _ = write!(text, "[estimate]\n{}", settling(estimate, sorted));
+    text
+}
+
+/// The device's tables without the name and the description of a published one, and with noises of its readout that are found from the
+/// recording.
+fn of_recording(device: &str) -> String {
+    let (mut text, mut table) = (String::new(), "");
+    for line in
+        device.lines().skip_while(|line| line.starts_with("name =") || line.starts_with("description ="))
+    {
+        if line.starts_with('[') {
+            table = line;
+        }
+        let is_noise = match line.split_once(" =").map(|(key, _)| key) {
+            Some("noise_variance" | "noise_density") => {
+                table.contains("readout") || table.contains("electrodes")
+            }
+            Some("signal") => table == "[device.equations.noise]",
+            _ => false,
+        };
+        let key = line.split_once(" =").map_or(line, |(key, _)| key);
+        let _ = if is_noise {
+            writeln!(text, "{key} = \"{FROM_RECORDING}\" # or a number, where it is known")
+        } else {
+            writeln!(text, "{line}")
+        };
+    }
     text
 }
 
@@ -107,7 +128,8 @@ fn settling(estimate: &str, sorted: &Sorted) -> String {
             (Some(stated), Some(most)) if stated > most => {
                 let _ = writeln!(
                     text,
-                    "skip = \"{most:e} s\" # the time that the filter takes to settle; it is not judged"
+                    "skip = \"{}\" # the time that the filter takes to settle; it is not judged",
+                    quantity(most, "s")
                 );
             }
             _ => {

@@ -1,7 +1,7 @@
 //! A diagnosis in words.
 
 use super::summary::shown;
-use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, Proposal, ScaleNote};
+use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, FoundNoise, Proposal, ScaleNote};
 use kalmems_figures::significant;
 use std::fmt::Write as _;
 
@@ -103,6 +103,19 @@ impl Proposal {
         format!(
             "\nA recording with {} would tell them apart: the true one would be ahead by {:.0} in ln p. As a simulation:\n\n{lines}\n",
             self.what, self.ahead
+        )
+    }
+}
+
+impl std::fmt::Display for FoundNoise {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { key, written, interval: [low, high], rows } = self;
+        let per_cent = |factor: f64| 100.0 * (factor - 1.0);
+        write!(
+            f,
+            "`{key}` is `{written}` by the recording, {rows} samples; the 95 % interval is {:.2} to +{:.2} % about it",
+            per_cent(*low),
+            per_cent(*high)
         )
     }
 }

@@ -11,7 +11,7 @@ use super::{
     WriteOptions,
 };
 use crate::config::Experiment;
-use crate::diagnose::ScaleNote;
+use crate::diagnose::{FoundNoise, ScaleNote};
 use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
 use crate::rigs::Rig;
@@ -175,11 +175,11 @@ impl<'a> LongEstimate<'a> {
         Ok(())
     }
 
-    /// Writes what belongs to the whole, with what the signal cannot tell; the figures.
+    /// Writes what belongs to the whole, with what the signal cannot tell and what noises it told; the figures.
     pub fn finish(
         mut self,
         whole: &[WholeRecording],
-        notes: Vec<ScaleNote>,
+        (notes, noise): (Vec<ScaleNote>, Vec<FoundNoise>),
         info: RunInfo,
     ) -> Result<Metrics, WriteError> {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
@@ -196,6 +196,7 @@ impl<'a> LongEstimate<'a> {
             values: rig.values(self.experiment),
             held_as_exact: self.experiment.held_as_exact(),
             scale_notes: notes,
+            noise_from_recording: noise,
             recordings: std::mem::take(&mut self.recordings),
         };
         self.output.write("metrics.json", |w| {

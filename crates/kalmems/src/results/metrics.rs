@@ -1,7 +1,7 @@
 //! The figures of an estimate.
 
 use super::Verdict;
-use crate::diagnose::ScaleNote;
+use crate::diagnose::{FoundNoise, ScaleNote};
 use crate::estimate::{
     Consistency, Counts, Lock, ParameterCorrelation, SegmentEstimate, StretchSummary, Trajectory,
     TrajectoryKind,
@@ -33,6 +33,9 @@ pub struct Metrics {
     /// What the signal cannot tell of the device, and what that does to the answer; of the first filter that it could tell it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scale_notes: Vec<ScaleNote>,
+    /// Noises that the experiment left to its recording.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub noise_from_recording: Vec<FoundNoise>,
     /// One per recording.
     pub recordings: Vec<RecordingMetrics>,
 }
@@ -327,6 +330,7 @@ impl Metrics {
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
             held_as_exact: outcome.experiment.held_as_exact(),
             scale_notes: Vec::new(),
+            noise_from_recording: Vec::new(),
             recordings: recordings.collect(),
         }
     }
@@ -335,6 +339,12 @@ impl Metrics {
     #[must_use]
     pub fn with_scale_notes(self, scale_notes: Vec<ScaleNote>) -> Self {
         Self { scale_notes, ..self }
+    }
+
+    /// The same with noises that were found from the recording.
+    #[must_use]
+    pub fn with_noise(self, noise_from_recording: Vec<FoundNoise>) -> Self {
+        Self { noise_from_recording, ..self }
     }
 
     /// All filters of all segments.

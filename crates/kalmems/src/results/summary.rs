@@ -252,6 +252,9 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             }
         }
     }
+    for noise in &metrics.noise_from_recording {
+        say(Severity::Note, noise.to_string());
+    }
     for note in metrics.scale_notes.iter().take(SCALE_NOTES) {
         say(Severity::Note, note.to_string());
     }

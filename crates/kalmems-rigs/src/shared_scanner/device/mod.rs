@@ -14,6 +14,7 @@ use crate::config::kinds::{
     Angle, Capacitance, Frequency, Inertia, Stiffness, Time, TorsionalDamping, Voltage,
     VoltagePerCapacitance, VoltageVariance,
 };
+use crate::config::noise_schema;
 use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::de::Error;
@@ -77,6 +78,7 @@ pub struct DemodulatedReadout {
     /// The voltage at no capacitance.
     pub offset: Quantity<Voltage>,
     /// The variance of one sample.
+    #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
     /// The corner frequencies of the demodulator's two low-pass stages, such as `["31.35 kHz", "31.35 kHz"]`; for
     /// filters that track them as states.

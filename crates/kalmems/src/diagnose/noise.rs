@@ -1,0 +1,341 @@
+//! Noises of a readout that an experiment leaves to its recording.
+
+use super::bench::{Bench, Extent};
+use super::cause::Cause;
+use super::paste::changed;
+use super::report::{Edit, digits, rounded};
+use super::search::{MOST_SIZES, MostLikelySizes, Search};
+use super::suspect::{Number, Suspect, What};
+use super::trial::{Blocks, Trial};
+use super::{DiagnoseError, TWO_SIDED};
+use crate::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Step, put};
+use crate::progress::Progress;
+use crate::recording::Recording;
+use crate::rigs::Workbench;
+use crate::units::Unit;
+use kalmems_core::Scalar;
+use serde::Serialize;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// Rows after the settling times that are looked at, in all.
+const ROWS: Extent = Extent(200_000);
+
+/// Powers of ten by which a first guess is changed where the filter cannot be run with it.
+const OTHER_GUESSES: [f64; 7] = [1.0, 10.0, 0.1, 100.0, 0.01, 1e3, 1e4];
+
+/// The logarithm of a factor by which a first guess may be off, a third of how far a search may go.
+const FARTHEST: f64 = 3.0;
+
+/// A noise that is known no better than to this, relative to itself, is not determined by the recording.
+const DETERMINED: f64 = 0.3;
+
+/// Digits of a standard deviation: more than any recording tells of it.
+const DIGITS: usize = 5;
+
+/// Searches of a dozen iterations each, and a gain of ln p below which there is no further one.
+const SEARCHES: usize = 8;
+const NO_GAIN: f64 = 0.01;
+
+/// A noise that was found from the recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundNoise {
+    /// Its key in the experiment file.
+    pub key: String,
+    /// What the experiment has in its place.
+    pub written: String,
+    /// Its 95 % interval as factors of it.
+    pub interval: [f64; 2],
+    /// The rows that told it.
+    pub rows: usize,
+}
+
+/// Reads an experiment file, and finds each noise of its readout that it leaves to the recording (`noise_variance = "from_recording"`).
+///
+/// A noise is what makes the innovations of the first filter whose innovations are white when it is right the likeliest: ln p is
+/// maximised over the logarithm of its factor by Fisher's scoring ([`fit::most_likely`](crate::fit::most_likely)), from a first guess by
+/// the differences of neighbouring samples. Where the motion is foreseen well the variance of n samples is then known to √(2/n). The
+/// filter's process noise is taken as it is stated: what is too large or too small of it goes into the noise.
+///
+/// # Errors
+/// An experiment file or a recording that cannot be read, a filter that cannot be run, and a noise that the recording does not determine.
+pub fn load_with_noise(
+    workbench: &Workbench,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    // What is wrong with a file is said by who reads all of it.
+    let Ok(raw) = Experiment::load(path) else { return Ok((workbench.load(path)?, Vec::new())) };
+    found(workbench, &raw, &|bench| bench.with_files(ROWS, progress), progress)
+}
+
+/// The same of an experiment whose device was not read yet, as [`Experiment::parse`] gives it, by a recording that is there already.
+///
+/// # Errors
+/// Those of [`load_with_noise`].
+pub fn noise_of_recording(
+    workbench: &Workbench,
+    raw: &Experiment,
+    recording: &Recording,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    found(workbench, raw, &|bench| bench.with_recording(recording.clone()), progress)
+}
+
+/// Finds the noises with what this makes of a bench.
+fn found(
+    workbench: &Workbench,
+    raw: &Experiment,
+    with_recordings: &dyn Fn(Bench) -> Result<Bench, DiagnoseError>,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    let path = raw.path();
+    let sought = sought(raw)?;
+    if sought.is_empty() {
+        return Ok((workbench.parse(raw.text(), path)?, Vec::new()));
+    }
+    let stand_in = |text: String, one: &Sought| with(&text, &one.key, &one.written(1.0)).unwrap_or(text);
+    let text = sought.iter().fold(raw.text().to_owned(), stand_in);
+    let told = workbench.parse(&text, path)?;
+    let mut bench = with_recordings(Bench::of(workbench, &told, None)?)?;
+    let stop = bench.stop.clone();
+    let watched = stop.watching(progress);
+    let progress: &dyn Progress = &watched;
+    progress.begin("noise of the recording", 0);
+    let guesses: Vec<f64> =
+        sought.iter().map(|one| one.guess(workbench, &bench)).collect::<Result<_, _>>()?;
+    let (guesses, base) = run(&mut bench, &sought, &guesses)
+        .ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
+    let suspects: Vec<Suspect> =
+        sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
+    let found = most_likely(&Search { bench: &bench, suspects: &suspects, base: &base });
+    if progress.reached(0).is_break() {
+        return Err(DiagnoseError::Interrupted);
+    }
+    let found = found.ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
+    let (rows, _) = bench.extent();
+    let (mut text, mut noises) = (raw.text().to_owned(), Vec::new());
+    for ((one, guess), (at, sd)) in sought.iter().zip(&guesses).zip(found.at.iter().zip(&found.sd)) {
+        if !(*sd < DETERMINED) {
+            let why = "the recording does not determine it: the innovations are as likely with another; state it, or find it from a \
+                       recording without motion";
+            return Err(raw.error(one.key.clone(), Fault::Value { why: why.to_owned() }).into());
+        }
+        let value = one.rounded(guess * Scalar::exp(*at), *sd);
+        text = with(&text, &one.key, &value).unwrap_or(text);
+        noises.push(FoundNoise {
+            key: one.key.to_string(),
+            written: value.as_str().map_or_else(|| value.to_string(), str::to_owned),
+            interval: [-1.0, 1.0].map(|side| Scalar::exp(side * TWO_SIDED * sd)),
+            rows,
+        });
+    }
+    Ok((workbench.parse(&text, path)?, noises))
+}
+
+/// The text with another value at a key.
+fn with(text: &str, key: &Key, value: &Value) -> Option<String> {
+    changed(text, &Edit { key: key.to_string(), from: None, to: value.to_string(), sd: None })
+}
+
+/// A noise that is to be found.
+struct Sought {
+    key: Key,
+    form: Form,
+}
+
+/// How a noise is written.
+enum Form {
+    /// The variance of a sample, in this unit.
+    Variance(&'static str),
+    /// The root of a density, one-sided, in this unit.
+    Density(&'static str),
+    /// The variance of a sample of a measurement of equations, in the square of this unit.
+    Measurement(String),
+}
+
+/// The noises that an experiment leaves to its recording.
+fn sought(raw: &Experiment) -> Result<Vec<Sought>, ConfigError> {
+    let unread = |why: String| raw.error(Key::default(), Fault::Value { why });
+    let document: Table = raw.text().parse().map_err(|e: toml::de::Error| unread(e.to_string()))?;
+    let name = raw.device_name();
+    let Some(device) = document.get("device").and_then(|devices| devices.get(name)) else {
+        return Ok(Vec::new());
+    };
+    let mut keys = Vec::new();
+    places(device, &Key::from("device").child(name), &mut keys);
+    if keys.len() > MOST_SIZES {
+        let why = format!("these are {} noises; at most {MOST_SIZES} are found together", keys.len());
+        return Err(raw.error(Key::from("device").child(name), Fault::Value { why }));
+    }
+    let form = |key: &Key| {
+        let names: Vec<&str> = key.steps().iter().filter_map(step_name).collect();
+        match *names.as_slice() {
+            [.., "noise_variance"] => Some(Form::Variance("V^2")),
+            [.., "noise_density"] => Some(Form::Density("F/sqrt(Hz)")),
+            [_, "equations", "noise", measured] => {
+                let law = device.get("measure")?.get(measured)?.as_str()?;
+                Some(Form::Measurement(law.rsplit_once(" in ")?.1.trim().to_owned()))
+            }
+            _ => None,
+        }
+    };
+    let one = |key: Key| match form(&key) {
+        Some(form) => Ok(Sought { key, form }),
+        None => {
+            let why = format!(
+                "`{FROM_RECORDING}` is for the noise of a measurement: `noise_variance` or `noise_density` of a readout, or `noise` of \
+                 what equations measure"
+            );
+            Err(raw.error(key, Fault::Value { why }))
+        }
+    };
+    keys.into_iter().map(one).collect()
+}
+
+fn step_name(step: &Step) -> Option<&str> {
+    match step {
+        Step::Name(name) => Some(name),
+        Step::Index(_) => None,
+    }
+}
+
+/// The keys at which a table leaves a value to the recording.
+fn places(value: &Value, key: &Key, keys: &mut Vec<Key>) {
+    match value {
+        Value::Table(table) => {
+            table.iter().for_each(|(name, value)| places(value, &key.clone().child(name), keys));
+        }
+        Value::String(text) if text == FROM_RECORDING => keys.push(key.clone()),
+        _ => {}
+    }
+}
+
+impl Sought {
+    /// What stands in the file for a number: a variance, or the root of a density.
+    fn written(&self, number: f64) -> Value {
+        match &self.form {
+            Form::Variance(unit) | Form::Density(unit) => Value::String(format!("{number:e} {unit}")),
+            Form::Measurement(unit) => Value::String(square(number, unit)),
+        }
+    }
+
+    /// The same with the digits that a relative standard error leaves.
+    fn rounded(&self, number: f64, sd: f64) -> Value {
+        match &self.form {
+            Form::Variance(_) | Form::Density(_) => rounded(&self.written(number), Some(sd)),
+            Form::Measurement(unit) => {
+                Value::String(format!("({} [{unit}])^2", digits(number.sqrt(), DIGITS)))
+            }
+        }
+    }
+
+    /// A first guess of the number, by the differences of neighbouring samples.
+    fn guess(&self, workbench: &Workbench, bench: &Bench) -> Result<f64, DiagnoseError> {
+        let signals = workbench.rig(&bench.experiment)?.channels(&bench.experiment).signals;
+        let names: Vec<&str> = self.key.steps().iter().filter_map(step_name).collect();
+        let of = |signal: &&String| {
+            names.iter().any(|name| *signal == name || signal.strip_prefix("signal_") == Some(name))
+        };
+        let signal = signals.iter().find(of).or_else(|| signals.first());
+        let samples = signal.and_then(|signal| bench.samples(signal));
+        let (values, interval_s) = samples.unwrap_or((&[], f64::NAN));
+        let variance = differences_variance(values).filter(|variance| *variance > 0.0);
+        let variance = variance.ok_or_else(|| {
+            let why = "the recording's signal is constant or too short: there is no noise to find; state it"
+                .to_owned();
+            bench.experiment.error(self.key.clone(), Fault::Value { why })
+        })?;
+        Ok(match &self.form {
+            Form::Variance(_) => variance,
+            Form::Density(_) => (2.0 * interval_s * variance).sqrt(),
+            // In the unit that the measurement is written in.
+            Form::Measurement(unit) => {
+                let factor = Unit::parse(unit).map_or(1.0, |unit| unit.factor());
+                variance / (factor * factor)
+            }
+        })
+    }
+
+    /// What a search changes.
+    fn suspect(&self, guess: f64) -> Suspect {
+        let what = match &self.form {
+            Form::Variance(unit) | Form::Density(unit) => {
+                What::Factor(vec![Number { key: self.key.clone(), written: guess, unit: (*unit).to_owned() }])
+            }
+            Form::Measurement(unit) => {
+                What::Noise { key: self.key.clone(), variance: guess, unit: unit.clone() }
+            }
+        };
+        Suspect { what, sizes: vec![0.1, FARTHEST, -FARTHEST] }
+    }
+}
+
+/// A variance in the square of a unit, as equations write it.
+pub(super) fn square(variance: f64, unit: &str) -> String {
+    format!("({:e} [{unit}])^2", variance.sqrt())
+}
+
+/// Puts guesses into the bench, larger or smaller ones where the filter cannot be run with them, and runs it.
+fn run(bench: &mut Bench, sought: &[Sought], guesses: &[f64]) -> Option<(Vec<f64>, Trial)> {
+    for factor in OTHER_GUESSES {
+        let guesses: Vec<f64> = guesses.iter().map(|guess| guess * factor).collect();
+        for (one, guess) in sought.iter().zip(&guesses) {
+            put(&mut bench.document, &one.key, one.written(*guess)).ok()?;
+        }
+        if let Some(trial) = bench.run(&[]) {
+            return Some((guesses, trial));
+        }
+    }
+    None
+}
+
+fn most_likely(search: &Search) -> Option<MostLikelySizes> {
+    let from = |sizes: &[f64]| {
+        let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
+        search.most_likely(&cause, Blocks::All)
+    };
+    let mut best = from(&vec![0.0; search.suspects.len()])?;
+    for _ in 1..SEARCHES {
+        let Some(next) = from(&best.at) else { break };
+        let gained = next.log_likelihood - best.log_likelihood;
+        best = next;
+        if gained < NO_GAIN {
+            break;
+        }
+    }
+    Some(best)
+}
+
+/// The variance of white noise by the fourth differences of samples, which a slow motion hardly changes; by the median of their sizes,
+/// so that outliers do not either. `None` of fewer than 16 of them.
+fn differences_variance(values: &[f64]) -> Option<f64> {
+    let of = |w: &[f64]| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs();
+    let mut sizes: Vec<f64> = values.windows(5).map(of).filter(|size| size.is_finite()).collect();
+    if sizes.len() < 16 {
+        return None;
+    }
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    // The median of the size of a normal number is 0.6745 standard deviations; 1 + 16 + 36 + 16 + 1 = 70.
+    Some((*median / 0.674_489_75).powi(2) / 70.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::WhiteNoise;
+
+    #[test]
+    fn differences_tell_the_noise_beside_a_motion_and_outliers() {
+        let mut noise = WhiteNoise::new(3, 1);
+        let mut values: Vec<f64> =
+            (0..20_000).map(|k| 5.0 * (0.05 * f64::from(k)).sin() + 0.02 * noise.sample()).collect();
+        for k in (0..values.len()).step_by(400) {
+            values[k] += 3.0;
+        }
+        let variance = differences_variance(&values).unwrap();
+        assert!((variance / 4e-4 - 1.0).abs() < 0.06, "{variance}");
+        assert!(differences_variance(&values[..12]).is_none());
+    }
+}
