@@ -1,6 +1,6 @@
 //! Noises of a readout that an experiment leaves to its recording.
 
-use super::bench::{Bench, Extent};
+use super::bench::{Bench, Extent, is_judged};
 use super::cause::Cause;
 use super::paste::changed;
 use super::report::{Edit, digits, rounded};
@@ -46,16 +46,21 @@ pub struct FoundNoise {
     pub written: String,
     /// Its 95 % interval as factors of it.
     pub interval: [f64; 2],
+    /// How many times as large it is as what the differences of neighbouring samples say, in the unit in which it is written: about 1 where
+    /// the filter follows the signal, less where the motion is fast, and more where the filter's model misses something.
+    pub of_neighbours: f64,
+    /// The filter whose innovations are the likeliest.
+    pub filter: String,
     /// The rows that told it.
     pub rows: usize,
 }
 
 /// Reads an experiment file, and finds each noise of its readout that it leaves to the recording (`noise_variance = "from_recording"`).
 ///
-/// A noise is what makes the innovations of the first filter whose innovations are white when it is right the likeliest: ln p is
-/// maximised over the logarithm of its factor by Fisher's scoring ([`fit::most_likely`](crate::fit::most_likely)), from a first guess by
-/// the differences of neighbouring samples. Where the motion is foreseen well the variance of n samples is then known to √(2/n). The
-/// filter's process noise is taken as it is stated: what is too large or too small of it goes into the noise.
+/// A noise is what makes the innovations of a filter the likeliest, of the first four that have white innovations when they are right that
+/// under which they are the likeliest: ln p is maximised over the logarithm of its factor by Fisher's scoring ([`fit::most_likely`](crate::fit::most_likely)), from a first guess by
+/// the differences of neighbouring samples. Where the motion is foreseen well the variance of n samples is then known to √(2/n). What
+/// a filter's model misses counts as noise with it, and its process noise is taken as it is stated.
 ///
 /// # Errors
 /// An experiment file or a recording that cannot be read, a filter that cannot be run, and a noise that the recording does not determine.
@@ -97,40 +102,108 @@ fn found(
     let stand_in = |text: String, one: &Sought| with(&text, &one.key, &one.written(1.0)).unwrap_or(text);
     let text = sought.iter().fold(raw.text().to_owned(), stand_in);
     let told = workbench.parse(&text, path)?;
-    let mut bench = with_recordings(Bench::of(workbench, &told, None)?)?;
-    let stop = bench.stop.clone();
-    let watched = stop.watching(progress);
-    let progress: &dyn Progress = &watched;
     progress.begin("noise of the recording", 0);
-    let guesses: Vec<f64> =
-        sought.iter().map(|one| one.guess(workbench, &bench)).collect::<Result<_, _>>()?;
-    let (guesses, base) = run(&mut bench, &sought, &guesses)
-        .ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
-    let suspects: Vec<Suspect> =
-        sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
-    let found = most_likely(&Search { bench: &bench, suspects: &suspects, base: &base });
-    if progress.reached(0).is_break() {
-        return Err(DiagnoseError::Interrupted);
+    // Where the model of one filter misses something of the motion, that counts as noise with it; one whose states have it leaves less.
+    let mut best: Option<ByFilter> = None;
+    let filters: Vec<String> = told
+        .estimate
+        .iter()
+        .flat_map(|estimate| &estimate.filters)
+        .filter(|filter| is_judged(filter.method))
+        .map(|filter| filter.name.to_string())
+        .collect();
+    let mut refused = None;
+    for filter in filters.iter().take(FILTERS) {
+        let bench = with_recordings(Bench::of(workbench, &told, Some(filter))?)?;
+        match ByFilter::of(workbench, bench, &sought, progress) {
+            Ok(found) => {
+                let is_better = best.as_ref().is_none_or(|best| {
+                    found.innovations == best.innovations
+                        && found.likeliest.log_likelihood > best.likeliest.log_likelihood
+                });
+                best = if is_better { Some(found) } else { best };
+            }
+            Err(DiagnoseError::Stops { filter }) => {
+                refused = refused.or(Some(DiagnoseError::Stops { filter }))
+            }
+            Err(error) => return Err(error),
+        }
     }
-    let found = found.ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
-    let (rows, _) = bench.extent();
+    let Some(ByFilter { filter, guesses, base_guesses, likeliest, rows, .. }) = best else {
+        // Which filters there are to be, where there is none that tells it.
+        return Err(match refused {
+            Some(refused) => refused,
+            None => Bench::of(workbench, &told, None)
+                .err()
+                .unwrap_or(DiagnoseError::Stops { filter: String::new() }),
+        });
+    };
     let (mut text, mut noises) = (raw.text().to_owned(), Vec::new());
-    for ((one, guess), (at, sd)) in sought.iter().zip(&guesses).zip(found.at.iter().zip(&found.sd)) {
-        if !(*sd < DETERMINED) {
+    for (place, one) in sought.iter().enumerate() {
+        let (at, sd) = (likeliest.at[place], likeliest.sd[place]);
+        if !(sd < DETERMINED) {
             let why = "the recording does not determine it: the innovations are as likely with another; state it, or find it from a \
                        recording without motion";
             return Err(raw.error(one.key.clone(), Fault::Value { why: why.to_owned() }).into());
         }
-        let value = one.rounded(guess * Scalar::exp(*at), *sd);
+        let number = guesses[place] * Scalar::exp(at);
+        let value = one.rounded(number, sd);
         text = with(&text, &one.key, &value).unwrap_or(text);
         noises.push(FoundNoise {
             key: one.key.to_string(),
             written: value.as_str().map_or_else(|| value.to_string(), str::to_owned),
             interval: [-1.0, 1.0].map(|side| Scalar::exp(side * TWO_SIDED * sd)),
+            of_neighbours: number / base_guesses[place],
+            filter: filter.clone(),
             rows,
         });
     }
     Ok((workbench.parse(&text, path)?, noises))
+}
+
+/// Filters that are tried, one after the other.
+const FILTERS: usize = 4;
+
+/// What the innovations of one filter say of the noises.
+struct ByFilter {
+    filter: String,
+    /// How many innovations there are.
+    innovations: usize,
+    /// By the differences of neighbouring samples, and where the search began.
+    base_guesses: Vec<f64>,
+    guesses: Vec<f64>,
+    likeliest: MostLikelySizes,
+    rows: usize,
+}
+
+impl ByFilter {
+    fn of(
+        workbench: &Workbench,
+        mut bench: Bench,
+        sought: &[Sought],
+        progress: &dyn Progress,
+    ) -> Result<Self, DiagnoseError> {
+        let stop = bench.stop.clone();
+        let progress = stop.watching(progress);
+        let base_guesses: Vec<f64> =
+            sought.iter().map(|one| one.guess(workbench, &bench)).collect::<Result<_, _>>()?;
+        let stops = |bench: &Bench| DiagnoseError::Stops { filter: bench.filter_name.clone() };
+        let (guesses, base) = run(&mut bench, sought, &base_guesses).ok_or_else(|| stops(&bench))?;
+        let suspects: Vec<Suspect> =
+            sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
+        let likeliest = most_likely(&Search { bench: &bench, suspects: &suspects, base: &base });
+        if progress.reached(0).is_break() {
+            return Err(DiagnoseError::Interrupted);
+        }
+        Ok(Self {
+            innovations: base.innovations.value.len(),
+            base_guesses,
+            guesses,
+            likeliest: likeliest.ok_or_else(|| stops(&bench))?,
+            rows: bench.extent().0,
+            filter: bench.filter_name,
+        })
+    }
 }
 
 /// The text with another value at a key.

@@ -109,16 +109,27 @@ impl Proposal {
 
 impl std::fmt::Display for FoundNoise {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { key, written, interval: [low, high], rows } = self;
+        let Self { key, written, interval: [low, high], of_neighbours, filter, rows } = self;
         let per_cent = |factor: f64| 100.0 * (factor - 1.0);
         write!(
             f,
-            "`{key}` is `{written}` by the recording, {rows} samples; the 95 % interval is {:.2} to +{:.2} % about it",
+            "`{key}` is `{written}` by the innovations of `{filter}`, {rows} samples; the 95 % interval is {:.2} to +{:.2} % about it",
             per_cent(*low),
             per_cent(*high)
-        )
+        )?;
+        if *of_neighbours > MISSES {
+            write!(
+                f,
+                "; neighbouring samples differ by so much less ({of_neighbours:.3} times as large) that the filter's model misses something of \
+                 the signal, which counts as noise here"
+            )?;
+        }
+        Ok(())
     }
 }
+
+/// A noise that is so many times that of neighbouring samples is no noise of the readout alone.
+const MISSES: f64 = 1.5;
 
 impl std::fmt::Display for ScaleNote {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
