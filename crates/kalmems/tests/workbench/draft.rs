@@ -1,6 +1,7 @@
 //! Experiment files to begin with.
 
 use kalmems::config::Experiment;
+use kalmems::diagnose::load_with_noise;
 use kalmems::draft::{self, DraftError, Wanted};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
@@ -22,8 +23,7 @@ fn parsed(text: &str, path: &Path) -> Experiment {
 
 /// What its filters claim passes, and their errors are within it where there is something to compare.
 fn assert_passes(metrics: &Metrics, what: &str) {
-    let estimators: Vec<&EstimatorMetrics> =
-        metrics.recordings.iter().flat_map(|one| &one.estimators).collect();
+    let estimators: Vec<&EstimatorMetrics> = metrics.estimators().collect();
     assert!(!estimators.is_empty());
     for estimator in estimators {
         let passes = estimator.grade.is_none_or(|grade| grade <= Grade::PassesWithRemarks);
@@ -34,7 +34,7 @@ fn assert_passes(metrics: &Metrics, what: &str) {
 #[test]
 fn what_a_template_simulates_its_filters_estimate() {
     for rig in published().rigs() {
-        for seed in [1, 20_261_124] {
+        for seed in [1_u64, 20_261_124] {
             let mut experiment = parsed(&template(rig.name()), Path::new("own.toml"));
             experiment.simulate.as_mut().unwrap().seed = seed.into();
             let simulation = rig.simulate(&experiment).unwrap();
@@ -97,7 +97,8 @@ fn a_recording_gives_an_experiment_that_runs() {
         let draft = draft::write(sorted, &wanted).unwrap();
         let path = folder.path().join("shake.toml");
         fs::write(&path, &draft.text).unwrap();
-        let experiment = parsed(&draft.text, &path);
+        let (experiment, noises) = load_with_noise(published(), &path, &Silent).unwrap();
+        assert!(!noises.is_empty(), "{device}");
         assert!(experiment.simulate.is_none() && draft.text.contains("file = \"shake 1.csv\""));
         // What is told of the recording: its swing.
         assert!(
@@ -136,6 +137,7 @@ fn what_a_recording_does_not_tell_is_asked_for() {
     wanted.channels = &stated;
     let sorted = draft::sort(published(), &wanted, &mut go_on).unwrap();
     let draft = draft::write(sorted, &wanted).unwrap();
+    assert!(draft.text.contains("noise_variance = \"from_recording\""), "{}", draft.text);
     assert!(draft.text.contains("channels = { signal = \"CH1_V\", drive = \"CH2_V\" }"), "{}", draft.text);
     wanted.device = "piston";
     let unknown = draft::sort(published(), &wanted, &mut go_on).unwrap_err();

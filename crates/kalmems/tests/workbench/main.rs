@@ -7,6 +7,7 @@ mod experiment_files;
 mod folders;
 mod identification;
 mod nist_strd;
+mod noise;
 mod outlook;
 #[path = "../parts/mod.rs"]
 mod parts;
