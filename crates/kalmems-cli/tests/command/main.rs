@@ -6,6 +6,7 @@ mod diagnosis;
 mod gaps;
 mod image;
 mod interruption;
+mod new;
 mod rest;
 mod spectrum;
 mod store;
