@@ -9,6 +9,9 @@ use std::path::Path;
 /// The part of a record that a filter has to settle, where the template's time would take more.
 const SETTLING: f64 = 0.2;
 
+/// The longest name of an experiment.
+const LONGEST_NAME: usize = 64;
+
 /// What a recording seems to hold, in sentences.
 pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
     let mut sentences = inspection.recognised.clone();
@@ -34,7 +37,7 @@ pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -
     let template = sorted.template.text;
     let (device, rest) = template.split_once("\n[simulate]\n").unwrap_or((template, ""));
     let estimate = rest.split_once("\n[estimate]\n").map_or("", |(_, estimate)| estimate);
-    let name = wanted.recording.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy());
+    let name = name(wanted.recording);
     let device = of_recording(device);
     let mut text = String::new();
     let file = wanted.recording.file_name().map_or_else(|| "it".into(), |name| name.to_string_lossy());
@@ -47,6 +50,14 @@ pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -
     recordings(&mut text, sorted, wanted);
     let _ = write!(text, "[estimate]\n{}", settling(estimate, sorted));
     text
+}
+
+/// The name of an experiment with this recording: results have it as the name of their folder.
+fn name(recording: &Path) -> String {
+    let stem = recording.file_stem().map(|stem| stem.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let plain = stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' });
+    let name: String = plain.take(LONGEST_NAME).collect();
+    if name.is_empty() { "recording".to_owned() } else { name }
 }
 
 /// The device's tables without the name and the description of a published one, and with noises of its readout that are found from the
