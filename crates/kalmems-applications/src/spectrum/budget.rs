@@ -1,6 +1,7 @@
 //! What errors of the position do to a spectrum.
 
 use super::coadd::MeasuredLine;
+use super::line::Line;
 use super::process::Processed;
 use crate::config::Quantity;
 use crate::spectrum::file::PathErrors;
@@ -91,6 +92,49 @@ pub fn budget(
     found
 }
 
+/// Wavenumbers at which what is left of a line is computed from all samples; between them it varies slowly.
+const NODES: usize = 33;
+
+/// What the stated errors of the path may be wrong by at each wavenumber of a spectrum, in its unit: the root of the sum of the squares of all
+/// [contributions](Contribution), each as the shift of a line there times the slope of the spectrum and as what is lost of its height. `None`
+/// where no error is stated.
+///
+/// It is the same in all scans, and no number of scans makes it smaller.
+pub fn systematic_error(
+    errors: Option<&PathErrors>,
+    processed: &Processed,
+    spectrum: &[f64],
+) -> Option<Vec<f64>> {
+    let errors = errors?;
+    let grid = processed.scans.grid;
+    let last = grid.points.checked_sub(1)?;
+    let nodes: Vec<Vec<[f64; 2]>> = (0..NODES)
+        .map(|node| {
+            let place = last as f64 * node as f64 / (NODES - 1) as f64;
+            let line = Line { wavenumber_per_m: grid.first_per_m + grid.step_per_m * place, height: 1.0 };
+            let contributions =
+                budget(Some(errors), processed, Some(MeasuredLine { line, standard_error: None }));
+            contributions.iter().map(|one| [one.shift_per_m.hypot(one.sd_per_m), 1.0 - one.height]).collect()
+        })
+        .collect();
+    let at = |index: usize| -> f64 {
+        let slope = match (index.checked_sub(1), spectrum.get(index + 1)) {
+            (Some(before), Some(after)) => (after - spectrum[before]) / (2.0 * grid.step_per_m),
+            _ => 0.0,
+        };
+        let place = (NODES - 1) as f64 * index as f64 / last.max(1) as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a node
+        let node = (place as usize).min(NODES - 2);
+        let part = place - node as f64;
+        let square = nodes[node].iter().zip(&nodes[node + 1]).map(|(a, b)| {
+            let [shift, loss] = [0, 1].map(|i| a[i] + part * (b[i] - a[i]));
+            (shift * slope).powi(2) + (loss * spectrum[index]).powi(2)
+        });
+        square.sum::<f64>().sqrt()
+    };
+    Some((0..spectrum.len()).map(at).collect())
+}
+
 /// What is left of a line's height where each sample's position is that of another moment: |Σ w·e^{i·2π·ν·v·δt}|/Σ w over the
 /// samples, with their speeds v of the path and their weights.
 fn height_by_time_errors(processed: &Processed, wavenumber_per_m: f64, error_s: impl Fn(f64) -> f64) -> f64 {
@@ -133,7 +177,7 @@ pub fn line_shift(wavenumber_per_m: f64, relative_amplitude_error: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::simulate::WhiteNoise;
-    use crate::spectrum::{Apodisation, line_near, path_weights, spectrum_at};
+    use crate::spectrum::{Apodisation, Grid, Scans, line_near, path_weights, spectrum_at};
     use std::f64::consts::TAU;
 
     /// Against spectra that are computed with such errors.
@@ -159,5 +203,58 @@ mod tests {
         let longer: Vec<f64> = x.iter().map(|x| x * (1.0 + 5e-4)).collect();
         let shift = found(&longer).wavenumber_per_m - ideal.wavenumber_per_m;
         assert!((shift - line_shift(line, 5e-4)).abs() < 0.2, "{shift}");
+    }
+
+    /// Of a band with a dip, against spectra along paths that are too long by a share and along paths that are shaken.
+    #[test]
+    fn the_error_at_each_wavenumber_is_that_of_computed_spectra() {
+        let (largest, n) = (0.4e-3, 4_000_i32);
+        let lights: Vec<f64> = (0..600).map(|i| 150e3 + 160.0 * f64::from(i)).collect();
+        let light = |nu: f64| {
+            let band = (-((nu - 200e3) / 15e3).powi(2)).exp();
+            band * (1.0 - 0.5 * (-((nu - 205e3) / 3e3).powi(2)).exp())
+        };
+        let x: Vec<f64> = (-n..=n).map(|k| largest * f64::from(k) / f64::from(n)).collect();
+        let y: Vec<f64> =
+            x.iter().map(|x| lights.iter().map(|nu| light(*nu) * (TAU * nu * x).cos()).sum()).collect();
+        let settings = (Apodisation::NortonBeerMedium, largest);
+        let grid = Grid { first_per_m: 160e3, step_per_m: 400.0, points: 200 };
+        let weights = path_weights(&x);
+        let along = |path: &[f64]| -> Vec<f64> {
+            grid.wavenumbers().iter().map(|nu| spectrum_at(*nu, path, (&y, &weights), settings).re).collect()
+        };
+        let ideal = along(&x);
+        let processed = Processed {
+            scans: Scans { grid, spectra: vec![ideal.clone()], forward: vec![true] },
+            counts: None,
+            zero_m: None,
+            misregistration_m: Vec::new(),
+            inverted: false,
+            path_per_position: 2.0,
+            largest_m: largest,
+            limit_per_m: 0.0,
+            interferogram: Vec::new(),
+            samples: Vec::new(),
+        };
+        let claimed = |errors: &str| {
+            let errors: PathErrors = toml::from_str(errors).unwrap();
+            systematic_error(Some(&errors), &processed, &ideal).unwrap()
+        };
+        let rms = |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / 200.0).sqrt();
+        let of = |found: &[f64]| rms(&mut found.iter().zip(&ideal).map(|(a, b)| a - b));
+        // A share of the path: the shift of each wavenumber.
+        let longer: Vec<f64> = x.iter().map(|x| x * (1.0 + 2e-4)).collect();
+        let (seen, told) = (of(&along(&longer)), rms(&mut claimed("scale_sd = \"0.02 %\"").into_iter()));
+        assert!((told / seen - 1.0).abs() < 0.05, "{told} {seen}");
+        // White errors of the mirror's position, the mean of many: what is lost of the height.
+        let mut noise = WhiteNoise::new(9, 0);
+        let mut mean = vec![0.0; 200];
+        for _ in 0..60 {
+            let shaken: Vec<f64> = x.iter().map(|x| x + 2.0 * 150e-9 * noise.sample()).collect();
+            mean.iter_mut().zip(along(&shaken)).for_each(|(sum, value)| *sum += value / 60.0);
+        }
+        let (seen, told) = (of(&mean), rms(&mut claimed("position_sd = \"150 nm\"").into_iter()));
+        assert!((told / seen - 1.0).abs() < 0.1, "{told} {seen}");
+        assert!(systematic_error(None, &processed, &ideal).is_none());
     }
 }

@@ -1,6 +1,6 @@
 //! From a spectrum file to a spectrum.
 
-use super::budget::{Contribution, budget};
+use super::budget::{Contribution, budget, systematic_error};
 use super::coadd::{CoaddedNoise, MeasuredLine};
 use super::grid::Grid;
 use super::input::Input;
@@ -31,6 +31,8 @@ pub struct SpectrumOutcome {
     pub spectrum: Vec<f64>,
     /// Its standard error by the differences of the scans, where there are several.
     pub standard_error: Option<Vec<f64>>,
+    /// What it may be wrong by in the same way in all scans, where errors of the path are stated.
+    pub systematic_error: Option<Vec<f64>>,
     /// Its noise over the number of scans.
     pub noise: Vec<CoaddedNoise>,
     /// The lines that were asked for, in their order; `None` where there is none.
@@ -223,6 +225,7 @@ pub fn measure(
         budgets: lines.iter().map(|line| budget(errors, &processed, *line)).collect(),
         residual_delay_s: residual_delay(&processed),
         standard_error: processed.scans.standard_error(),
+        systematic_error: systematic_error(errors, &processed, &spectrum),
         noise: processed.scans.noise(),
         file: file.clone(),
         processed,

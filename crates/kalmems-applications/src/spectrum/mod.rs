@@ -25,7 +25,7 @@ mod transform;
 mod zero_path;
 
 pub use apodisation::Apodisation;
-pub use budget::{Contribution, Reason, budget, detector_limit, line_height, line_shift};
+pub use budget::{Contribution, Reason, budget, detector_limit, line_height, line_shift, systematic_error};
 pub use coadd::{CoaddedNoise, MeasuredLine, Scans};
 pub use file::{
     Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,

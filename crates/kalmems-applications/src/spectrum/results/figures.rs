@@ -38,11 +38,20 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
             .collect();
         let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
         figure = figure.with(difference.with(Series::line("", Role::Estimate, differences)).sharing_x());
-    } else if let Some(error) = &outcome.standard_error {
-        let panel = Panel::new(wavenumber(), Axis::new("standard error", "1"));
-        figure = figure.with(panel.with(Series::line("", Role::Estimate, points(error))).sharing_x());
     }
-    figure
+    let errors = [
+        ("noise of the mean", Role::Estimate, &outcome.standard_error),
+        ("errors of the path", Role::Other, &outcome.systematic_error),
+    ];
+    let mut panel = Panel::new(wavenumber(), Axis::new("standard error", "1"));
+    let mut any = false;
+    for (label, role, errors) in errors {
+        if let Some(errors) = errors {
+            panel = panel.with(Series::line(label, role, points(errors)));
+            any = true;
+        }
+    }
+    if any { figure.with(panel.sharing_x()) } else { figure }
 }
 
 fn interferogram(outcome: &SpectrumOutcome) -> Figure {

@@ -76,13 +76,17 @@ pub fn write_spectrum(
 }
 
 fn spectrum_csv(outcome: &SpectrumOutcome, w: &mut dyn Write) -> io::Result<()> {
-    let error = outcome.standard_error.as_ref();
-    writeln!(w, "wavenumber_per_m,spectrum_1{}", error.map_or("", |_| ",spectrum_sd_1"))?;
+    let columns =
+        [("spectrum_sd_1", &outcome.standard_error), ("spectrum_systematic_sd_1", &outcome.systematic_error)];
+    let columns: Vec<(&str, &Vec<f64>)> =
+        columns.into_iter().filter_map(|(name, values)| Some((name, values.as_ref()?))).collect();
+    let names: String = columns.iter().flat_map(|(name, _)| [",", name]).collect();
+    writeln!(w, "wavenumber_per_m,spectrum_1{names}")?;
     let grid = outcome.processed.scans.grid;
     for (index, value) in outcome.spectrum.iter().enumerate() {
         write!(w, "{},{value:e}", grid.wavenumber(index))?;
-        if let Some(error) = error {
-            write!(w, ",{:e}", error[index])?;
+        for (_, errors) in &columns {
+            write!(w, ",{:e}", errors[index])?;
         }
         writeln!(w)?;
     }
