@@ -259,8 +259,8 @@ fn slow_of_filters_that_are_right_nothing_is_changed() {
         let does = Does::Has("simulate.seed", "");
         let right = Fault { device: device.name, does, is_named: "", sizes: [1.0; 2] };
         let mut findings = std::collections::BTreeMap::new();
-        for seed in 7001..7041 {
-            let found = right.of_size(f64::from(seed), u64::from(seed.unsigned_abs())).diagnosis();
+        for seed in 7001_u32..7041 {
+            let found = right.of_size(f64::from(seed), u64::from(seed)).diagnosis();
             changed += u32::from(found.finding != Finding::NothingToChange);
             let listed: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
             *findings.entry(format!("{:?} {}", found.finding, listed.join(", "))).or_insert(0) += 1;
