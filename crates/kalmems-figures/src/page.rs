@@ -157,6 +157,32 @@ impl Section {
     }
 }
 
+/// The beginning of a notice, up to where it goes into particulars.
+fn brief(text: &str) -> &str {
+    let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
+    ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
+}
+
+/// Plain text as HTML, what stands in backticks as code.
+fn with_code(text: &str) -> Value {
+    let escaped = |part: &str| {
+        part.replace('&', "&amp;")
+            .replace('<', "&lt;")
+            .replace('>', "&gt;")
+            .replace('"', "&quot;")
+            .replace('\'', "&#x27;")
+    };
+    let parts: Vec<&str> = text.split('`').collect();
+    // One without a partner is no mark.
+    if parts.len().is_multiple_of(2) {
+        return Value::from_safe_string(escaped(text));
+    }
+    let html = parts.iter().enumerate().map(|(index, part)| {
+        if index % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) }
+    });
+    Value::from_safe_string(html.collect())
+}
+
 /// What is numbered throughout a page.
 #[derive(Default)]
 struct Numbers {
@@ -167,7 +193,7 @@ struct Numbers {
 impl Numbers {
     fn block(&mut self, block: &Block) -> Value {
         match block {
-            Block::Paragraph(text) => context! { kind => "paragraph", text },
+            Block::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
             Block::Notice { severity, text } => self.notice(*severity, text),
             Block::KeyValues(pairs) => context! { kind => "key-values", pairs },
             Block::Table(table) => table_value(table),
@@ -194,10 +220,11 @@ impl Numbers {
         let mut anchor = None;
         if matches!(severity, "warning" | "failure") {
             let name = format!("warning-{}", self.warnings.len() + 1);
-            self.warnings.push(context! { anchor => name.as_str(), text, severity });
+            self.warnings
+                .push(context! { anchor => name.as_str(), text => with_code(brief(text)), severity });
             anchor = Some(name);
         }
-        context! { kind => "notice", severity, word, text, anchor }
+        context! { kind => "notice", severity, word, text => with_code(text), anchor }
     }
 }
 

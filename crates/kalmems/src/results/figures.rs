@@ -18,9 +18,15 @@ use std::ops::Range;
 /// Cycles of the motion that the close-up shows.
 const CYCLES: f64 = 4.0;
 
-/// All pictures of one segment; `prefix` keeps the names of several segments apart.
-pub fn figures(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Vec<Figure> {
-    let mut figures = vec![motion(recording, segment, prefix)];
+/// All pictures of one segment; `prefix` keeps the names of several segments apart, and `trusted` is the key of the filter whose motion is shown,
+/// where one of them is to be trusted more than others.
+pub fn figures(
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+    prefix: &str,
+    trusted: Option<&str>,
+) -> Vec<Figure> {
+    let mut figures = vec![motion(recording, segment, prefix, trusted)];
     if segment.values.iter().any(|values| !values.is_empty()) {
         figures.push(value_error(recording, segment, prefix));
     }
@@ -73,14 +79,21 @@ fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
     figure
 }
 
-/// The filter that a close-up shows: the first that takes notice of the signal.
-fn shown(segment: &SegmentOutcome) -> Option<&Trajectory> {
+/// The filter that a close-up shows: the trusted one, or else the first that takes notice of the signal.
+fn shown<'a>(segment: &'a SegmentOutcome, trusted: Option<&str>) -> Option<&'a Trajectory> {
     let trajectories = &segment.estimate.trajectories;
-    trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).or(trajectories.first())
+    let filtered = || trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
+    let is_trusted = |t: &&Trajectory| trusted == Some(t.key.as_str());
+    filtered().find(is_trusted).or_else(|| filtered().next()).or(trajectories.first())
 }
 
 /// Drive, signal and angle over the last cycles.
-fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Figure {
+fn motion(
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+    prefix: &str,
+    trusted: Option<&str>,
+) -> Figure {
     let estimate = &segment.estimate;
     let end = estimate.segment.time.at(estimate.segment.time.len().saturating_sub(1));
     let start = end - CYCLES / estimate.motion.frequency_hz;
@@ -89,7 +102,7 @@ fn motion(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) 
                    deviations on each side, often too narrow to be seen here, and the reference.";
     let mut panels = Vec::new();
     let column = |name: &str| channel(&recording.recording, name, segment);
-    let Some(trajectory) = shown(segment) else { return Figure::new(prefix, "", "") };
+    let Some(trajectory) = shown(segment, trusted) else { return Figure::new(prefix, "", "") };
     let from = trajectory.time_s.partition_point(|t| *t < start);
     let time = &trajectory.time_s[from..];
     let zip = |values: &[f64]| -> Vec<(f64, f64)> {

@@ -167,7 +167,7 @@ impl<'a> LongEstimate<'a> {
         if self.parts.len() > 1 {
             all.push(course(&self.parts, &prefix));
         }
-        all.extend(figures(&part.outcome, outcome, &prefix));
+        all.extend(figures(&part.outcome, outcome, &prefix, None));
         for figure in &all {
             write_figure::<WriteError>(self.output, figure)?;
         }

@@ -16,13 +16,20 @@ use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
 
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
-    let drawn = outcome.recordings.iter().map(|recording| {
-        let of = |segment: &SegmentOutcome| {
+    let drawn = outcome.recordings.iter().zip(&metrics.recordings).map(|(recording, judged)| {
+        let of = |(segment, judged): (&SegmentOutcome, &SegmentMetrics)| {
             let own = &segment.estimate.segment;
+            // Where several are as likely the first of them is as good as any.
+            let trusted = judged.likeliest.as_ref().filter(|likeliest| !likeliest.is_tied());
+            let trusted = trusted.map(|likeliest| likeliest.key.as_str());
             let is_drawn = own.stretch.number <= PICTURED;
-            if is_drawn { figures(recording, segment, &prefix(outcome, recording, own)) } else { Vec::new() }
+            if is_drawn {
+                figures(recording, segment, &prefix(outcome, recording, own), trusted)
+            } else {
+                Vec::new()
+            }
         };
-        recording.segments.iter().map(of).collect()
+        recording.segments.iter().zip(&judged.segments).map(of).collect()
     });
     let drawn: Vec<Vec<Vec<Figure>>> = drawn.collect();
     let html = page_with((&outcome.experiment, outcome.rig), metrics, &drawn)?;

@@ -106,7 +106,7 @@ fn the_filters_reach_what_an_independent_one_reached() {
     let settled = |place: usize| claimed[place].state("acceleration").unwrap().sd.last().copied().unwrap();
     assert!(settled(7) > 1.5 * settled(5), "{} {}", settled(7), settled(5));
     let recording = &outcome.recordings[0];
-    let figures = estimate_figures(recording, &recording.segments[0], "");
+    let figures = estimate_figures(recording, &recording.segments[0], "", None);
     assert!(figures.iter().any(|figure| figure.id == "acceleration_error"));
 }
 

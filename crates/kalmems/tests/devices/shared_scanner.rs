@@ -334,7 +334,7 @@ fn points(figures: &[Figure], id: &str, label: &str) -> Vec<[f64; 2]> {
 fn the_pictures_show_the_figures_beside_them() {
     let (outcome, metrics) = run(&changed("experiment.toml", &[]));
     let segment = &outcome.recordings[0].segments[0];
-    let figures = estimate_figures(&outcome.recordings[0], segment, "");
+    let figures = estimate_figures(&outcome.recordings[0], segment, "", None);
     let ids: Vec<&str> = figures.iter().map(|figure| figure.id.as_str()).collect();
     assert_eq!(ids, ["motion", "angle_error", "phase_error", "nis"]);
     for (estimator, trajectory) in metrics.estimators().zip(&segment.estimate.trajectories) {

@@ -597,7 +597,7 @@ fn a_lost_axis_is_named() {
     assert!(table.contains("LOST LOCK of angle_y") && !table.contains("angle_x and"), "{table}");
     let said = notices(&metrics);
     assert!(said.iter().any(|n| n.text.contains("the motion of angle_y has moved by")), "{said:?}");
-    let drawn = estimate_figures(&outcome.recordings[0], &outcome.recordings[0].segments[0], "");
+    let drawn = estimate_figures(&outcome.recordings[0], &outcome.recordings[0].segments[0], "", None);
     let labels = |name: &str, series: usize| {
         let figure = drawn.iter().find(|figure| figure.id == name).unwrap();
         figure.panels.iter().map(|panel| panel.series[series].label().to_owned()).collect::<Vec<_>>()
