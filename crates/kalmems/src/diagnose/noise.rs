@@ -124,7 +124,7 @@ fn found(
                 best = if is_better { Some(found) } else { best };
             }
             Err(DiagnoseError::Stops { filter }) => {
-                refused = refused.or(Some(DiagnoseError::Stops { filter }))
+                refused = refused.or(Some(DiagnoseError::Stops { filter }));
             }
             Err(error) => return Err(error),
         }
@@ -141,7 +141,7 @@ fn found(
     let (mut text, mut noises) = (raw.text().to_owned(), Vec::new());
     for (place, one) in sought.iter().enumerate() {
         let (at, sd) = (likeliest.at[place], likeliest.sd[place]);
-        if !(sd < DETERMINED) {
+        if sd.is_nan() || sd >= DETERMINED {
             let why = "the recording does not determine it: the innovations are as likely with another; state it, or find it from a \
                        recording without motion";
             return Err(raw.error(one.key.clone(), Fault::Value { why: why.to_owned() }).into());
@@ -253,15 +253,15 @@ fn sought(raw: &Experiment) -> Result<Vec<Sought>, ConfigError> {
             _ => None,
         }
     };
-    let one = |key: Key| match form(&key) {
-        Some(form) => Ok(Sought { key, form }),
-        None => {
-            let why = format!(
-                "`{FROM_RECORDING}` is for the noise of a measurement: `noise_variance` or `noise_density` of a readout, or `noise` of \
-                 what equations measure"
-            );
-            Err(raw.error(key, Fault::Value { why }))
+    let one = |key: Key| {
+        if let Some(form) = form(&key) {
+            return Ok(Sought { key, form });
         }
+        let why = format!(
+            "`{FROM_RECORDING}` is for the noise of a measurement: `noise_variance` or `noise_density` of a readout, or `noise` of \
+             what equations measure"
+        );
+        Err(raw.error(key, Fault::Value { why }))
     };
     keys.into_iter().map(one).collect()
 }

@@ -36,7 +36,7 @@ fn what_a_template_simulates_its_filters_estimate() {
     for rig in published().rigs() {
         for seed in [1_u64, 20_261_124] {
             let mut experiment = parsed(&template(rig.name()), Path::new("own.toml"));
-            experiment.simulate.as_mut().unwrap().seed = seed.into();
+            experiment.simulate.as_mut().unwrap().seed = seed;
             let simulation = rig.simulate(&experiment).unwrap();
             let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
             let told = described(&experiment, &*simulation);
@@ -115,8 +115,8 @@ fn a_recording_gives_an_experiment_that_runs() {
 fn what_a_recording_does_not_tell_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let recording = folder.path().join("scope.csv");
-    let rows: String = (0..200).map(|k| format!("{}e-6,{},{}\n", k, k % 7, k % 5)).collect();
-    fs::write(&recording, format!("time_s,CH1_V,CH2_V\n{rows}")).unwrap();
+    let rows: Vec<String> = (0..200).map(|k| format!("{k}e-6,{},{}\n", k % 7, k % 5)).collect();
+    fs::write(&recording, format!("time_s,CH1_V,CH2_V\n{}", rows.concat())).unwrap();
     let mut wanted = Wanted {
         device: "shared_scanner",
         recording: &recording,

@@ -45,7 +45,7 @@ impl Row {
         let text = draft::of_device(published(), self.device).unwrap().replace("\"6 ms\"", "\"24 ms\"");
         assert_eq!(text.matches(self.stated).count(), self.count, "{}", self.device);
         let mut real = published().parse(&text, Path::new("own.toml")).unwrap();
-        real.simulate.as_mut().unwrap().seed = u64::from(seed).into();
+        real.simulate.as_mut().unwrap().seed = u64::from(seed);
         let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
         let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
         let told = described(&real, &*simulation);
