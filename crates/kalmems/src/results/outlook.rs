@@ -212,8 +212,8 @@ pub fn write_outlook(
     timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
     run.insert("timing".to_owned(), timing.into());
     let described =
-        toml::Value::try_from(experiment).map_err(|e| failed(output.target(), io::Error::other(e)))?;
-    run.insert("experiment".to_owned(), described);
+        experiment.to_table().map_err(|e| failed(output.target(), io::Error::other(e)))?;
+    run.insert("experiment".to_owned(), described.into());
     Ok(output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?)
 }
 
