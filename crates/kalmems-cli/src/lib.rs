@@ -25,7 +25,6 @@ use clap::Parser;
 use kalmems::recording::panic_is_caught;
 use kalmems::rigs::Workbench;
 use std::process::ExitCode;
-use tell::tell;
 
 /// How a command ended, other than well.
 enum Ending {
@@ -47,16 +46,22 @@ enum Ending {
 pub fn run(workbench: &Workbench) -> ExitCode {
     tell_of_unexpected_panics_alone();
     let arguments = Arguments::parse();
+    if arguments.quiet {
+        tell::be_quiet();
+    }
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Completions(arguments) => commands::completions::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Expand(arguments) => commands::expand::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
         Command::Export(arguments) => commands::export::run(workbench, arguments),
+        Command::Help(arguments) => commands::help::run(workbench, arguments),
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(workbench, arguments),
         Command::Inspect(arguments) => commands::inspect::run(workbench, arguments),
+        Command::Man(arguments) => commands::man::run(arguments),
         Command::New(arguments) => commands::new::run(workbench, arguments),
         #[cfg(feature = "papers")]
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
@@ -75,7 +80,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
         Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
-    tell!("error: {message}");
+    tell::line(format_args!("error: {message}"));
     ExitCode::from(code)
 }
 
@@ -87,6 +92,12 @@ fn tell_of_unexpected_panics_alone() {
             tell(panic);
         }
     }));
+}
+
+/// Prints a result as JSON, with a line break at its end.
+fn print_json(result: &impl serde::Serialize) -> Result<(), Ending> {
+    let json = serde_json::to_string_pretty(result).map_err(|e| Ending::Wrong(e.to_string()))?;
+    print(&(json + "\n"))
 }
 
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.
