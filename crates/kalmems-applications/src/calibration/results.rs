@@ -1,7 +1,6 @@
 //! The files of a gyroscope's calibration.
 
 use crate::WriteError;
-use crate::calibration::file::GyroscopeCalibration;
 use crate::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
 use crate::recording::Source;
 use kalmems_figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
@@ -389,7 +388,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
                 took_s: info.took.as_secs_f64(),
             },
             input: &found.sources,
-            calibration: &found.file,
+            calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -509,7 +508,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     for finding in &found.findings {
         page = page.with(Section::new("In the files").notice(Severity::Note, finding.clone()));
     }
-    let file = toml::to_string(&found.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
+    let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));
     page.with(
         Section::new("How it was made")
             .paragraph(format!(
@@ -534,7 +534,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: &'a [Source],
-    calibration: &'a GyroscopeCalibration,
+    calibration: toml::Value,
 }
 
 #[derive(Serialize)]

@@ -121,7 +121,7 @@ pub fn write_identification(
                 took_s: info.took.as_secs_f64(),
             },
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
-            experiment: toml::Value::try_from(&found.experiment).map_err(io::Error::other)?,
+            experiment: found.experiment.to_table().map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -142,7 +142,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: Vec<&'a Source>,
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]

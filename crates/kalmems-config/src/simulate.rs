@@ -10,7 +10,7 @@ use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
 use super::values::Values;
 use super::{ColumnChoice, Fault, Key};
-use crate::recording::Layout;
+use crate::layout::Layout;
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -349,7 +349,7 @@ const SETTLED: f64 = 20.0;
 
 impl CutOff {
     /// What is wrong with one of its keys.
-    pub(crate) fn check(&self) -> Result<(), (&'static str, String)> {
+    pub fn check(&self) -> Result<(), (&'static str, String)> {
         let transient = self.transient.si();
         let Some(lasting) = &self.lasting else {
             return match &self.every {

@@ -5,7 +5,7 @@
 //! expected, and what to write:
 //!
 //! ```
-//! use kalmems_engines::config::Experiment;
+//! use kalmems_config::Experiment;
 //! let error = Experiment::parse("nmae = \"scan\"", "experiment.toml".as_ref()).unwrap_err();
 //! assert_eq!(
 //!     error.to_string(),
@@ -30,6 +30,7 @@ mod identify;
 mod inputs;
 mod key;
 pub mod kinds;
+pub mod layout;
 mod name;
 mod outliers;
 mod patch;
@@ -88,3 +89,5 @@ pub use uses::Uses;
 pub use values::{AnyValue, Entry, Values};
 pub use variation::Varied;
 pub use vibrometer::Vibrometer;
+
+pub use kalmems_units as units;

@@ -4,7 +4,7 @@ use super::error::shown;
 use super::format::FileFormat;
 use super::values::AnyValue;
 use super::{Clock, Quantity, Segments, TimeColumn};
-use crate::recording::{self, DeclaredColumn, Layout, Reading};
+use crate::layout::{self, DeclaredColumn, Layout, Reading};
 use crate::units::{Unit, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -209,12 +209,12 @@ impl FileColumns<'_> {
         let all = || self.columns.iter().map(|(_, column, _)| column.name().to_owned()).collect();
         Layout {
             clock: match self.clock {
-                Some(Clock::Column(times)) => recording::Clock::Column(times.column.name().to_owned()),
-                Some(Clock::Rate { rate, start }) => recording::Clock::Rate {
+                Some(Clock::Column(times)) => layout::Clock::Column(times.column.name().to_owned()),
+                Some(Clock::Rate { rate, start }) => layout::Clock::Rate {
                     rate_hz: rate.si(),
                     start_s: start.as_ref().map_or(0.0, Quantity::si),
                 },
-                None => recording::Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
+                None => layout::Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
             },
             segment_column: self.segments.map(|segments| segments.column.clone()),
             columns: Some(columns.map_or_else(all, |some| some.iter().map(|&c| c.to_owned()).collect())),

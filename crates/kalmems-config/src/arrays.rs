@@ -1,6 +1,6 @@
 //! Arrays in memory in the place of files that an experiment names.
 
-use crate::recording::Arrays;
+use kalmems_formats::Arrays;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

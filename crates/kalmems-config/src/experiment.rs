@@ -12,8 +12,9 @@ use super::{
     ArraysByFile, Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording,
     Reference, Sign, Simulate, Stream,
 };
-use crate::recording::{Arrays, DeclaredColumn, Hints, Layout};
+use crate::layout::{DeclaredColumn, Layout};
 use crate::units::Kind;
+use kalmems_formats::{Arrays, Hints};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -206,9 +207,17 @@ impl Experiment {
         moved
     }
 
-    /// The same experiment as TOML, with every default written out where it has a value.
+    /// The same experiment as a table, with every default written out where it has a value.
+    ///
+    /// Serialised here, so that no other crate compiles the serialisation of all its tables again.
+    pub fn to_table(&self) -> Result<toml::Table, toml::ser::Error> {
+        toml::Table::try_from(self)
+    }
+
+    /// The same experiment as TOML; see [`Self::to_table`].
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(self)
+        // The writer of texts is another serializer, which would be compiled for each table as well.
+        toml::to_string(&self.to_table()?)
     }
 
     /// An error at a key, with its line; for what only a rig can check.

@@ -3,7 +3,6 @@
 use super::uncertainty::{Direction, exactly};
 use super::{ConfigError, Experiment, Fault, Key, put, written};
 use std::sync::OnceLock;
-use toml::Table;
 
 /// The same experiment with a device that differs by one standard deviation in one direction of its uncertainty.
 #[derive(Clone, Debug)]
@@ -44,8 +43,7 @@ impl Experiment {
 
     fn in_direction(&self, direction: Direction) -> Result<Varied, ConfigError> {
         let unwritten = |why: String| self.error(Key::from("device"), Fault::Value { why });
-        let text = self.to_toml().map_err(|e| unwritten(e.to_string()))?;
-        let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
+        let mut document = self.to_table().map_err(|e| unwritten(e.to_string()))?;
         exactly(&mut document);
         for (number, step) in &direction.steps {
             let (_, unit) = number.value.parts();

@@ -4,7 +4,7 @@ use super::kinds::Time;
 use super::quantity::NUMBER_FIRST;
 use super::sign::Positive;
 use super::{ConfigError, Experiment, Fault, Key, Quantity};
-use crate::recording::{Layout, Restarts};
+use crate::layout::{Layout, Restarts};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
