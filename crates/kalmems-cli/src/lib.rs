@@ -26,7 +26,6 @@ use kalmems::recording::panic_is_caught;
 use kalmems::rigs::Workbench;
 use std::ffi::OsString;
 use std::process::ExitCode;
-use tell::tell;
 
 /// How a command ended, other than well.
 enum Ending {
@@ -58,16 +57,20 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
             return u8::try_from(told.exit_code()).unwrap_or(2);
         }
     };
+    tell::set_quiet(arguments.quiet);
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Completions(arguments) => commands::completions::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Expand(arguments) => commands::expand::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
         Command::Export(arguments) => commands::export::run(workbench, arguments),
+        Command::Help(arguments) => commands::help::run(workbench, arguments),
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(workbench, arguments),
         Command::Inspect(arguments) => commands::inspect::run(workbench, arguments),
+        Command::Man(arguments) => commands::man::run(arguments),
         Command::New(arguments) => commands::new::run(workbench, arguments),
         #[cfg(feature = "papers")]
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
@@ -86,7 +89,7 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
         Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
-    tell!("error: {message}");
+    tell::line(format_args!("error: {message}"));
     code
 }
 
@@ -98,6 +101,12 @@ pub fn tell_of_unexpected_panics_alone() {
             tell(panic);
         }
     }));
+}
+
+/// Prints a result as JSON, with a line break at its end.
+fn print_json(result: &impl serde::Serialize) -> Result<(), Ending> {
+    let json = serde_json::to_string_pretty(result).map_err(|e| Ending::Wrong(e.to_string()))?;
+    print(&(json + "\n"))
 }
 
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.

@@ -4,9 +4,10 @@ use crate::args::EstimateArguments;
 use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
+use kalmems::evaluate::Grade;
 use kalmems::results::{
     Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
     parameters_table, scale_notes_of, summary_table,
@@ -29,8 +30,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
     let out = target::finish(output)?;
 
     if arguments.json {
-        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&metrics)?;
     } else {
         let mut text = summary_table(&metrics, true).to_text();
         for table in [parameters_table(&metrics), budget_table(&metrics)].into_iter().flatten() {
@@ -42,6 +42,9 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         print(&text)?;
     }
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
+    for line in further_reading(&metrics) {
+        tell!("{line}");
+    }
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
         let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";
@@ -53,6 +56,28 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         return Err(Ending::NotConsistent(format!("not every answer can be trusted: {failed}")));
     }
     Ok(())
+}
+
+/// Where the verdicts and warnings of a result are explained: a line for each kind that it has.
+fn further_reading(metrics: &Metrics) -> Vec<String> {
+    let has = |grade: Grade| metrics.estimators().any(|estimator| estimator.grade == Some(grade));
+    let mut lines = Vec::new();
+    for grade in [Grade::NoEstimate, Grade::Failed, Grade::Doubtful, Grade::PassesWithRemarks] {
+        if has(grade) {
+            let next = if grade == Grade::PassesWithRemarks { "" } else { ", kalmems help overconfident" };
+            lines.push(format!("`{grade}` is explained by: kalmems help verdict{next} (book: verdict.md)"));
+        }
+    }
+    let of_noise = !metrics.noise_from_recording.is_empty();
+    for (is_there, what, page) in [
+        (of_noise, "a noise from the recording", "kalmems help noise (book: signals.md)"),
+        (!metrics.scale_notes.is_empty(), "what the signal cannot tell", "the book's diagnosis.md"),
+    ] {
+        if is_there {
+            lines.push(format!("{what} is explained by: {page}"));
+        }
+    }
+    lines
 }
 
 /// Of recordings that are held in memory.

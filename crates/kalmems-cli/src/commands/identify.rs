@@ -4,7 +4,7 @@ use crate::args::IdentifyArguments;
 use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::diagnose::identify;
 use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
 use kalmems::rigs::Workbench;
@@ -33,8 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
 
     let summary = IdentificationSummary::of(&found);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         print(&summary.to_text())?;
     }
