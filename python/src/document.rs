@@ -1,7 +1,7 @@
 //! Experiments as text, as dictionaries, and changed.
 
 use crate::errors::Raise;
-use kalmems::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Place, put};
+use kalmems::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Place, Step, put};
 use kalmems::rigs::published;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -49,7 +49,7 @@ pub fn to_dict<'py>(py: Python<'py>, text: &str, path: PathBuf) -> PyResult<Boun
     object(py, &Value::Table(parsed(py, text, &path)?))
 }
 
-/// The text of an experiment with other values at some keys, such as `recording[0].clock.rate`.
+/// The text of an experiment with other values at some keys, such as `recording[0].clock.rate`; without those that become `None`.
 #[pyfunction]
 pub fn replaced(py: Python<'_>, text: &str, path: PathBuf, changes: &Bound<'_, PyDict>) -> PyResult<String> {
     let mut document = parsed(py, text, &path)?;
@@ -60,10 +60,34 @@ pub fn replaced(py: Python<'_>, text: &str, path: PathBuf, changes: &Bound<'_, P
                 "`{name}` is no way to a key; write one such as `simulate.seed` or `recording[0].clock.rate`"
             )));
         };
+        if new.is_none() {
+            remove(&mut document, &key);
+            continue;
+        }
         let new = value(&new, &name)?;
         put(&mut document, &key, new).map_err(|fault| at(&path, key, fault).raise(py))?;
     }
     Ok(document.to_string())
+}
+
+/// Takes a key away, where it is there.
+fn remove(document: &mut Table, key: &Key) {
+    let Some((Step::Name(last), way)) = key.steps().split_last() else { return };
+    let mut steps = way.iter();
+    let Some(Step::Name(first)) = steps.next() else {
+        document.remove(last);
+        return;
+    };
+    let inside = steps.try_fold(document.get_mut(first), |here, step| {
+        let here = here?;
+        Some(match step {
+            Step::Name(name) => here.get_mut(name.as_str()),
+            Step::Index(index) => here.get_mut(*index),
+        })
+    });
+    if let Some(Some(Value::Table(table))) = inside {
+        table.remove(last);
+    }
 }
 
 fn parsed(py: Python<'_>, text: &str, path: &Path) -> PyResult<Table> {

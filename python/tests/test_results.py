@@ -100,6 +100,8 @@ def test_experiments_are_values(scanner: kalmems.Experiment) -> None:
     changed = scanner.replace({"estimate.skip": "9 ms", "recording[0].name": "first"})
     assert changed != scanner and changed.to_dict()["estimate"]["skip"] == "9 ms"
     assert changed.to_dict()["recording"][0]["name"] == "first"
+    alone = scanner.replace({"recording[0].reference": None, "recording[0].nothing": None, "description": None})
+    assert "reference" not in alone.to_dict()["recording"][0] and alone.description is None
     with pytest.raises(ValueError, match="no way to a key"):
         scanner.replace({"a..b": 1})
 

@@ -82,7 +82,10 @@ class Experiment:
         return document
 
     def replace(self, changes: Mapping[str, Any]) -> Experiment:
-        """The same with other values at some keys: `replace({"simulate.seed": 7, "recording[0].clock.rate": "1 MHz"})`."""
+        """The same with other values at some keys: `replace({"simulate.seed": 7, "recording[0].clock.rate": "1 MHz"})`.
+
+        What becomes `None` is left out: `replace({"recording[0].reference": None})` estimates without a reference.
+        """
         return self._of(_kalmems.replaced(self._text, self._path, dict(changes)), self._path, False)
 
     def estimate(
