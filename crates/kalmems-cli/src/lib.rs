@@ -50,6 +50,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Compare(arguments) => commands::compare::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Expand(arguments) => commands::expand::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
