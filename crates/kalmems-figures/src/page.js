@@ -125,14 +125,38 @@
 
   const superscript = (exponent) => [...String(exponent)].map((c) => "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[c] ?? "\u207b").join("");
 
+  /** Where a logarithmic axis has lines: 1 to 9 times the powers of ten in sight; over less than a decade steps as on a linear one. */
+  function logSplits(plot, place, min, max) {
+    const splits = [];
+    if (max < 10 * min) {
+      const step = steps.find((step) => step * 8 > max - min);
+      for (let k = Math.ceil(min / step); k * step <= max; k++) splits.push(+(k * step).toPrecision(12));
+      return splits;
+    }
+    for (let exponent = Math.floor(Math.log10(min)); 10 ** exponent <= max; exponent++) {
+      for (let k = 1; k < 10; k++) {
+        const value = +`${k}e${exponent}`;
+        if (value >= min && value <= max) splits.push(value);
+      }
+    }
+    return splits;
+  }
+
   function ticks(axis) {
     return (plot, splits, place, space, step) =>
       splits.map((value) => {
         if (value === null) return "";
         if (axis.log) {
-          const exponent = Math.round(Math.log10(value));
-          if (Math.abs(value / 10 ** exponent - 1) > 1e-6) return "";
-          return Math.abs(exponent) <= 3 ? String(+value.toPrecision(3)) : "10" + superscript(exponent);
+          const [first, last] = [splits[0], splits[splits.length - 1]];
+          if (last < 10 * first) return minus(String(value));
+          const exponent = Math.floor(Math.log10(value) + 1e-9);
+          const digit = Math.round(value / 10 ** exponent);
+          const decades = Math.log10(last / first);
+          const room = (place === 0 ? plot.bbox.width / 70 : plot.bbox.height / 26) / (devicePixelRatio || 1);
+          const isNamed = digit === 1 ? exponent % Math.ceil(decades / room) === 0 : decades < 2 && (digit === 2 || digit === 5);
+          if (!isNamed) return "";
+          if (Math.abs(exponent) <= 3) return String(+value.toPrecision(3));
+          return (digit === 1 ? "" : `${digit}\u00b7`) + "10" + superscript(exponent);
         }
         return minus((value / 10 ** axis.exponent).toFixed(decimals(step / 10 ** axis.exponent)));
       });
@@ -140,6 +164,8 @@
 
   /** Steps of ticks: 1, 2 and 5 times a power of ten. */
   const steps = Array.from({ length: 3 * 60 }, (_, i) => +`${[1, 2, 5][i % 3]}e${Math.floor(i / 3) - 35}`);
+
+  const logarithmic = { splits: logSplits, filter: (plot, splits) => splits };
 
   // ---- Colours -------------------------------------------------------------------------------------------------------
 
@@ -311,6 +337,8 @@
   class Link {
     constructor() {
       this.panels = [];
+      /** What is in sight, where that is not what each panel shows at first. */
+      this.view = null;
     }
 
     /** From the first sample to the last of all its panels. */
@@ -327,15 +355,21 @@
         const middle = (from + to) / 2;
         [from, to] = [middle - narrowest / 2, middle + narrowest / 2];
       }
-      if (!isLog) {
+      if (isLog) {
+        [from, to] = [Math.max(from, first), Math.min(to, last)];
+        if (!(from < to)) return;
+      } else {
         if (to - from > last - first) [from, to] = [first, last];
         else if (from < first) [from, to] = [first, first + to - from];
         else if (to > last) [from, to] = [last - (to - from), last];
       }
+      this.view = [from, to];
       for (const panel of this.panels) panel.show(from, to);
     }
 
+    /** What was shown at first, each panel its own. */
     reset() {
+      this.view = null;
       for (const panel of this.panels) panel.show(panel.x.from, panel.x.to);
     }
 
@@ -408,7 +442,8 @@
 
     /** The range of y for what is in sight. */
     range(from, to) {
-      if (from === this.x.from && to === this.x.to) return [this.y.from, this.y.to];
+      const isStart = from === this.x.from && to === this.x.to;
+      if (isStart && !this.series.some((s) => s.hidden)) return [this.y.from, this.y.to];
       let [low, high] = [Infinity, -Infinity];
       for (const series of this.series) {
         if (series.hidden) continue;
@@ -427,10 +462,6 @@
     }
 
     show(from, to) {
-      if (!this.plot) {
-        this.later = [from, to];
-        return;
-      }
       const [low, high] = this.range(from, to);
       this.plot.batch(() => {
         this.plot.setScale("x", { min: from, max: to });
@@ -492,11 +523,7 @@
             series.hidden = !series.hidden;
             event.currentTarget.setAttribute("aria-pressed", String(!series.hidden));
             const { min, max } = this.plot.scales.x;
-            const isStart = min === this.x.from && max === this.x.to;
-            if (isStart && this.series.some((s) => s.hidden)) {
-              const [low, high] = this.range(min + 0 * max, max + 1e-15 * (max - min));
-              this.plot.setScale("y", { min: low, max: high });
-            } else this.show(min, max);
+            this.show(min, max);
             this.plot.redraw();
           },
         }, swatch, series.label || this.label || "values", series.output);
@@ -511,7 +538,7 @@
       });
       into.append(legend, this.holder);
       this.plot = new uPlot(this.options(), [[this.x.from, this.x.to], [null, null]], this.holder);
-      if (this.later) this.show(...this.later);
+      if (this.link.view) this.show(...this.link.view);
       this.listen(say);
       new ResizeObserver(() => {
         const width = this.width();
@@ -546,8 +573,8 @@
           y: { auto: false, distr: this.y.log ? 3 : 1, range: (plot, min, max) => [min, max], min: this.y.from, max: this.y.to },
         },
         axes: [
-          { scale: "x", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: this.isLowest ? 32 : 6, label: this.isLowest ? this.x.title : undefined, values: this.isLowest ? ticks(this.x) : () => [], space: 70, ...(this.x.log ? {} : { incrs: steps }) },
-          { scale: "y", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: 56, label: this.y.title, values: ticks(this.y), space: 26, ...(this.y.log ? {} : { incrs: steps }) },
+          { scale: "x", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: this.isLowest ? 32 : 6, label: this.isLowest ? this.x.title : undefined, values: this.isLowest ? ticks(this.x) : () => [], space: 70, ...(this.x.log ? logarithmic : { incrs: steps }) },
+          { scale: "y", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: 56, label: this.y.title, values: ticks(this.y), space: 26, ...(this.y.log ? logarithmic : { incrs: steps }) },
         ],
         series: [{}, { scale: "y", stroke: "transparent", points: { show: false } }],
         cursor: {
@@ -685,7 +712,7 @@
       button("\u25c2", "Back", () => first.link.pan(first, -0.5)),
       button("\u25b8", "On", () => first.link.pan(first, 0.5)),
       button("All", "Show all", () => all().forEach((one) => one.show(...one.whole()))),
-      button("Start", "Show what was shown at first", () => all().forEach((one) => one.reset())),
+      button("Start", "Start: show what was shown at first", () => all().forEach((one) => one.reset())),
       button("CSV", "Save what is in sight as CSV", () => save(figure, panels)),
       element("span", { class: "hint" }, "Drag to zoom, double-click to go back; after a click the wheel zooms."),
     ), live);

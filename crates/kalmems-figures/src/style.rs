@@ -108,8 +108,8 @@ pub(crate) fn band_edge(colour: Colour) -> Stroke {
     Stroke { colour: Colour(darker(colour.0), darker(colour.1), darker(colour.2)), width: 0.9, dashed: false }
 }
 
-/// So few points can be seen one by one, and a line over them would hide them.
-const FEW: usize = 600;
+/// Points that are so few are what a line was fitted to, and would be hidden by it.
+const FEW: usize = 60;
 
 /// What is drawn first lies below: maps, then bands, then clouds of points, then wide lines, then thin ones, then points.
 pub(crate) fn layer(series: &Series) -> u8 {

@@ -87,7 +87,8 @@ fn pages_of_commands_without_a_folder_are_written_and_compared_runs_stand_in_one
     }
     let compare = ["compare", &path("a"), &path("b"), "--report", &path("compare.html")];
     let html = page("compare.html", &compare);
-    for part in ["<td role=\"cell\" data-head=\"run\" class=\"text\">a</td>", "doubtful", "a: ekf", "b: ekf"]
+    for part in
+        ["<td role=\"cell\" data-head=\"run\" class=\"text short\">a</td>", "doubtful", "a: ekf", "b: ekf"]
     {
         assert!(html.contains(part), "{part}");
     }

@@ -49,11 +49,13 @@ fn over_time<'a>(
                    that the filter gives them on each side. Of a filter that is right they are white noise of that size.";
     let panels = filters.map(|trajectory| {
         let key = of_innovation(trajectory);
-        let times = || trajectory.time_s.iter().copied();
-        let sds = times().zip(&trajectory.innovation_sd);
+        // Settling flattens all that follows; the page has it as well.
+        let scored = trajectory.scored_after(segment.estimate.start_s, segment.estimate.skip_s);
+        let times = || trajectory.time_s[scored.clone()].iter().copied();
+        let sds = times().zip(&trajectory.innovation_sd[scored.clone()]);
         let band =
             Series::band("±3σ", Role::Bound, sds.map(|(t, sd)| (t, -3.0 * sd * factor, 3.0 * sd * factor)));
-        let own = times().zip(&trajectory.innovation).map(|(t, r)| (t, r * factor));
+        let own = times().zip(&trajectory.innovation[scored.clone()]).map(|(t, r)| (t, r * factor));
         let own = Series::points(label(trajectory, segment, None), role(trajectory), own);
         let panel = Panel::new(time_axis(), Axis::new("innovation", unit))
             .with(tracks.whole(&key, BAND, band))
