@@ -27,6 +27,8 @@ pub struct Arguments {
 pub enum Command {
     /// Calibrate an instrument by a known motion.
     Calibrate(CalibrateArguments),
+    /// Lay results of `kalmems estimate` over one another in one page.
+    Compare(CompareArguments),
     /// Print a script that completes the command's words in a shell.
     Completions(CompletionsArguments),
     /// Find the cause of a bad verdict by the innovations of a filter, with the lines to write instead.
@@ -220,6 +222,19 @@ pub struct ExpandArguments {
 }
 
 #[derive(Args)]
+pub struct CompareArguments {
+    /// The folders of the results, such as `out/shared_scanner`.
+    #[arg(value_name = "RUN", required = true, num_args = 2..)]
+    pub runs: Vec<PathBuf>,
+    /// The page to write.
+    #[arg(long, value_name = "FILE", default_value = "out/compare.html")]
+    pub report: PathBuf,
+    /// Put a file aside, as FILE.previous, that stands where the page is to be written.
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Args)]
 pub struct DiagnoseArguments {
     /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
     pub experiment: PathBuf,
@@ -229,7 +244,10 @@ pub struct DiagnoseArguments {
     /// Write a copy of the experiment file with the first cause corrected to this file, in the same folder.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
-    /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
+    /// Write the report, a page to look into, to this HTML file as well.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the experiment or the report is to be written.
     #[arg(long)]
     pub force: bool,
     /// Print the result as JSON instead of text.
@@ -249,6 +267,9 @@ pub struct StreamArguments {
     /// The rate of a serial device in bits per second; the device is then opened as one.
     #[arg(long, value_name = "BITS_PER_S")]
     pub baud: Option<u32>,
+    /// Write the report, a page to look into, to this HTML file at the end.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
     /// Write estimates and events as lines to this file; `-` for standard output. Without this and `--frames` they go to standard
     /// output, or, where that is a terminal, to the file `out/streams/<name of the experiment>.jsonl`.
     #[arg(long, value_name = "FILE")]
@@ -357,7 +378,10 @@ pub struct InspectArguments {
     /// Draw it to this PNG file as well.
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
-    /// Of an experiment file: write text, data and all pictures to this folder as well.
+    /// Of a recording: write the report, a page to look into, to this HTML file as well.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Of an experiment file: write report, text, data and all pictures to this folder as well.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Put aside what the results would replace: the result of another experiment, files that were changed since, a

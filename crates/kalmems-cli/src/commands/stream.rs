@@ -3,12 +3,14 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use crate::interrupt;
+use crate::target::write_page;
 use crate::tell::{StandardError, line, tell};
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
     AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
+    stream_with_page,
 };
 use serial2::SerialPort;
 use socket2::{SockRef, TcpKeepalive};
@@ -60,13 +62,22 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
             arguments.from
         );
     }
-    let summary =
-        match stream(workbench, &experiment, Box::new(source), outputs, state, &interrupt::requested) {
-            // A reader that closes the pipe has what it wanted.
-            Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
-            Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
-            summary => summary.map_err(|e| wrong(&e))?,
-        };
+    let (source, stop) = (Box::new(source), &interrupt::requested);
+    let ended = match &arguments.report {
+        Some(_) => stream_with_page(workbench, &experiment, source, outputs, state, stop)
+            .map(|(summary, html)| (summary, Some(html))),
+        None => stream(workbench, &experiment, source, outputs, state, stop).map(|summary| (summary, None)),
+    };
+    let (summary, html) = match ended {
+        // A reader that closes the pipe has what it wanted.
+        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
+        Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
+        ended => ended.map_err(|e| wrong(&e))?,
+    };
+    if let (Some(path), Some(html)) = (&arguments.report, html) {
+        write_page(path, &html, arguments.force)?;
+        tell!("the report: {}", path.display());
+    }
     if let Some(Break { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
         line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));

@@ -86,6 +86,22 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     table
 }
 
+/// How serious the verdict of each row of the summary is.
+pub(super) fn summary_grades(metrics: &Metrics) -> Vec<Severity> {
+    let of = |estimator: &EstimatorMetrics| {
+        let severity = match estimator.grade {
+            Some(grade) => severity_of(grade),
+            None if estimator.verdict.is_of_an_estimate() => Severity::Note,
+            None => Severity::Failure,
+        };
+        let errors = estimator.errors.iter();
+        // The rows of its parts and of its other angles follow.
+        let more = errors.map(|errors| errors.parts.len() + errors.other_angles.len()).sum::<usize>();
+        std::iter::repeat_n(severity, 1 + more)
+    };
+    metrics.estimators().flat_map(of).collect()
+}
+
 /// In ns; nothing for what takes no steps.
 fn per_step(seconds: f64) -> String {
     if seconds.is_finite() { format!("{:.0}", seconds * 1e9) } else { "–".to_owned() }
@@ -462,15 +478,20 @@ pub fn budget_table(metrics: &Metrics) -> Option<Table> {
     (!table.rows.is_empty()).then_some(table)
 }
 
-/// What its grade is for: what a reference shows, what its parameters and its innovations tell.
-fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
-    let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
-    let severity = match grade {
+/// How serious a grade is.
+fn severity_of(grade: Grade) -> Severity {
+    match grade {
         Grade::Passes => Severity::Ok,
         Grade::PassesWithRemarks => Severity::Note,
         Grade::Doubtful => Severity::Warning,
         Grade::Failed | Grade::NoEstimate => Severity::Failure,
-    };
+    }
+}
+
+/// What its grade is for: what a reference shows, what its parameters and its innovations tell.
+fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+    let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
+    let severity = severity_of(grade);
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
     let claims = estimator.broken_claims().filter(|_| !goes_the_other_way);
