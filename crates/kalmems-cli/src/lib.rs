@@ -24,6 +24,7 @@ use args::{Arguments, Command};
 use clap::Parser;
 use kalmems::recording::panic_is_caught;
 use kalmems::rigs::Workbench;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// How a command ended, other than well.
@@ -41,14 +42,22 @@ enum Ending {
 }
 
 /// Does what the arguments of the program say with the devices of this workbench, and gives the program's exit code.
-///
-/// A usage error and a call for help end the program here.
 pub fn run(workbench: &Workbench) -> ExitCode {
+    ExitCode::from(run_with(workbench, std::env::args_os()))
+}
+
+/// The same with these arguments, of which the first is the name of the program, in a program that is no other's; the exit code.
+pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     tell_of_unexpected_panics_alone();
-    let arguments = Arguments::parse();
-    if arguments.quiet {
-        tell::be_quiet();
-    }
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(told) => {
+            // Of a usage error, or help that was asked for. Where nobody reads it, it is lost.
+            let _ = told.print();
+            return u8::try_from(told.exit_code()).unwrap_or(2);
+        }
+    };
+    tell::set_quiet(arguments.quiet);
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
@@ -73,19 +82,19 @@ pub fn run(workbench: &Workbench) -> ExitCode {
         Command::Study(arguments) => commands::study::run(workbench, arguments),
     };
     let (message, code) = match ending {
-        Ok(()) => return ExitCode::SUCCESS,
-        Err(Ending::Told(code)) => return ExitCode::from(code),
+        Ok(()) => return 0,
+        Err(Ending::Told(code)) => return code,
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
         Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
     tell::line(format_args!("error: {message}"));
-    ExitCode::from(code)
+    code
 }
 
-/// A panic that a damaged file causes in a reader's library is told as the error that it becomes.
-fn tell_of_unexpected_panics_alone() {
+/// From now on a panic that a damaged file causes in a reader's library is told as the error that it becomes, and not twice.
+pub fn tell_of_unexpected_panics_alone() {
     let tell = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         if !panic_is_caught() {

@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Whether the user wants results and errors only.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// From here on no progress, no note and no hint is shown.
-pub fn be_quiet() {
-    QUIET.store(true, Ordering::Relaxed);
+/// Says whether progress, notes and hints are shown from here on.
+pub fn set_quiet(quiet: bool) {
+    QUIET.store(quiet, Ordering::Relaxed);
 }
 
 /// Whether the user wants results and errors only.

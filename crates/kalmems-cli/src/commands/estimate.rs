@@ -5,12 +5,12 @@ use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
-use kalmems::config::{Experiment, Recording};
-use kalmems::diagnose::{FoundNoise, ScaleNote, scale_notes};
+use kalmems::config::Experiment;
+use kalmems::diagnose::FoundNoise;
 use kalmems::evaluate::Grade;
 use kalmems::results::{
-    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
-    parameters_table, summary_table, write_estimate,
+    Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
+    parameters_table, scale_notes_of, summary_table,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -88,14 +88,12 @@ fn at_once(
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
-    let outcome = workflow::estimate(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
+    let estimated = Estimated::of(workbench, experiment, noise, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let metrics = Metrics::of(&outcome).with_scale_notes(notes(workbench, experiment)?).with_noise(noise);
     let info = RunInfo { started, took: clock.elapsed() };
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
-    write_estimate(&outcome, &metrics, output, wanted, info, &crate::interrupt::requested)
-        .map_err(of_writing)?;
-    Ok(metrics)
+    estimated.write(output, wanted, info, &crate::interrupt::requested).map_err(of_writing)?;
+    Ok(estimated.metrics)
 }
 
 /// Of recordings of any length.
@@ -114,22 +112,9 @@ fn in_parts(
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),
     })?;
+    let notes = scale_notes_of(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let notes = notes(workbench, experiment)?;
     results.finish(&whole, (notes, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
-}
-
-/// What the signal cannot tell, where there is a file that can be read again and a filter whose innovations say anything.
-fn notes(workbench: &Workbench, experiment: &Experiment) -> Result<Vec<ScaleNote>, Ending> {
-    let can_be_read = |recording: &Recording| experiment.resolve(&recording.file).is_file();
-    if !experiment.recordings.iter().all(can_be_read) {
-        return Ok(Vec::new());
-    }
-    let bar = Bar::default();
-    match scale_notes(workbench, experiment, None, &bar) {
-        Err(e) if e.is_interruption() => Err(Ending::Interrupted),
-        found => Ok(found.unwrap_or_default()),
-    }
 }
 
 fn of_work(error: &WorkflowError) -> Ending {
