@@ -1,6 +1,5 @@
 //! What is filtered: a device, how it moves from sample to sample, and what is seen of it.
 
-use crate::apart::Apart;
 use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, ContinuousDiscrete, Covariance, Drift, Dynamics, Euler,
     Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat, Measurement, Nodes, NoiseDensity, Over,
@@ -56,7 +55,7 @@ where
     }
     #[inline(never)]
     fn advance<F: Filter<T, N>>(&self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError> {
-        filter.predict_linked(&Apart(&self.process), &(self.input)(sample))
+        filter.predict_linked(&self.process, &(self.input)(sample))
     }
 }
 
@@ -88,7 +87,7 @@ where
     fn advance<F: Filter<T, N>>(&self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError> {
         let (from, to) = (irregular(sample - 1), irregular(sample));
         let process = self.model.over(to - from, filter.mean(), |t| T::of(volts(from + t))).unwrap();
-        filter.predict_linked(&Apart(&process), &())
+        filter.predict_linked(&process, &())
     }
 }
 

@@ -1,6 +1,5 @@
 //! A filter along a recording, corrected in one of many ways.
 
-use crate::apart::Apart;
 use crate::devices::{Device, Number};
 use crate::recording::{EVENT, Recording, SAMPLES};
 use kalmems_core::update::{Decimation, Gate, OnNeed, Sequential};
@@ -103,7 +102,7 @@ where
     F: Filter<T, N>,
     D: Device<T, N, M>,
 {
-    filter.update_where(&Apart(device.sensor()), y, device.noise(), policy)
+    filter.update_where(device.sensor(), y, device.noise(), policy)
 }
 
 /// The other sensor: the first state.
@@ -161,9 +160,8 @@ where
         let (mut nis, mut taken) = (None, false);
         if decimation.due() && !(how.missing)(sample) {
             if M > 1 && how.sequential {
-                let sequence = filter
-                    .update_present(&Apart(device.sensor()), &y, [true; M], device.noise(), &policy)
-                    .unwrap();
+                let sequence =
+                    filter.update_present(device.sensor(), &y, [true; M], device.noise(), &policy).unwrap();
                 (nis, taken) = (Some(sequence.nis.into()), sequence.taken.iter().all(|taken| *taken));
             } else {
                 let innovation = correct(device, &mut filter, &y, &policy).unwrap();

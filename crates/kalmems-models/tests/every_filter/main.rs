@@ -3,7 +3,6 @@
 //! A device is simulated with its own process and noise, so that the truth is known and the model is right.
 
 mod any;
-mod apart;
 mod banks;
 #[path = "../../../kalmems-core/tests/chance/mod.rs"]
 mod chance;
