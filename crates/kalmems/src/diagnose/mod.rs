@@ -16,6 +16,7 @@
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 
+mod again;
 mod answer;
 mod bench;
 mod cause;
@@ -33,6 +34,7 @@ mod stop;
 mod suspect;
 mod trial;
 
+pub use again::with_found_numbers;
 pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
