@@ -37,7 +37,6 @@ pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
 };
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
-pub use page::estimate_page;
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub(crate) use streamed::StreamTracks;
 pub use summary::{Notice, budget_table, notices, parameters_table, summary_table};

@@ -15,11 +15,6 @@ use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::workflow::{Outcome, SegmentOutcome};
 use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
 
-/// The report of an estimate: the page's text, which needs nothing else.
-pub fn estimate_page(outcome: &Outcome, metrics: &Metrics) -> Result<String, ReportError> {
-    Ok(page(outcome, metrics)?.0)
-}
-
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
     let drawn = outcome.recordings.iter().zip(&metrics.recordings).map(|(recording, judged)| {
