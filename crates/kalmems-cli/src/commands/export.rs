@@ -1,9 +1,9 @@
 //! `kalmems export`.
 
-use crate::args::{ExportArguments, Language};
+use crate::args::{ExportArguments, ExportDigits, Language};
 use crate::tell::tell;
 use crate::{Ending, print, target};
-use kalmems::export::{Request, Target, write_export};
+use kalmems::export::{Digits, Request, Target, write_export};
 use kalmems::results::Work;
 use kalmems::rigs::Workbench;
 use kalmems::units::{Value, kind};
@@ -22,6 +22,11 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
         update_every: arguments.update_every,
         samples: arguments.samples,
         adjustable: arguments.adjustable.clone(),
+        digits: match arguments.digits {
+            None => Digits::AsNeeded,
+            Some(ExportDigits::Single) => Digits::Single,
+            Some(ExportDigits::Double) => Digits::Double,
+        },
     };
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;
