@@ -185,7 +185,7 @@ fn an_outlook_says_how_a_device_moves_and_what_its_signal_does_not_tell() {
     assert!(said("Equations").contains("dx/dt = v"), "{}", said("Equations"));
     // sqrt(k/m)/2π and b/2·sqrt(k·m): 10 kHz, and half of one part in 250.
     let motion = said("Free motion");
-    assert!(motion.contains("oscillates at 10000 Hz") && motion.contains("quality factor 250"), "{motion}");
+    assert!(motion.contains("oscillates at 10 kHz") && motion.contains("quality factor 250"), "{motion}");
     let told = said("What the signal tells");
     assert!(told.contains("k to ") && told.contains("does not tell force (± 3.00 %)"), "{told}");
 }
