@@ -311,6 +311,10 @@ pub struct ExportArguments {
     /// A parameter that the program may change while it runs, of a device that is described by equations; may be given several times.
     #[arg(long, value_name = "NAME")]
     pub adjustable: Vec<String>,
+    /// How many digits the source computes with, of a device that is described by equations; as needed to come within 1e-5 of the filter
+    /// of `estimate` over the recording if left out.
+    #[arg(long, value_enum)]
+    pub digits: Option<ExportDigits>,
     /// The folder for the source [default: out/exported/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -320,6 +324,15 @@ pub struct ExportArguments {
     /// Print the names of the files as JSON instead of a list.
     #[arg(long)]
     pub json: bool,
+}
+
+/// How many digits exported source computes with.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ExportDigits {
+    /// Numbers of 32 bits.
+    Single,
+    /// Means and covariance in numbers of 64 bits.
+    Double,
 }
 
 /// The languages of an export.

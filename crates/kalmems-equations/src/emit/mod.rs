@@ -1,4 +1,5 @@
-//! A Kalman filter of a device as source code for a microcontroller, in C99 and in Rust, in numbers of 32 bits.
+//! A Kalman filter of a device as source code for a microcontroller, in C99 and in Rust, in numbers of 32 bits, and of 64 where these do
+//! not suffice.
 //!
 //! The equations of the device are brought into units in which f32 suits: states in typical sizes, the time in samples, what is
 //! measured in standard deviations of its noise. Constants are multiplied into sums, a state's unit is chosen so that as many
@@ -14,6 +15,7 @@ mod lower;
 mod model;
 mod names;
 mod pairs;
+mod rehearsal;
 mod request;
 mod rewrite;
 mod routine;
@@ -27,8 +29,8 @@ mod values;
 
 pub use error::EmitError;
 pub use request::{
-    EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod,
-    TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart,
+    StepMethod, TestSample, TestVectors,
 };
 
 use crate::device::Device;
@@ -44,6 +46,8 @@ pub struct EmittedFilter {
     /// How many sums, products, divisions, calls of functions and choices a prediction and the corrections of a sample take,
     /// stages of Runge and Kutta's method included.
     pub operations: [usize; 5],
+    /// How many digits it computes with; never [`EmitDigits::AsNeeded`].
+    pub digits: EmitDigits,
 }
 
 impl Device {
@@ -86,6 +90,7 @@ impl Device {
     ///     measures: vec![EmitMeasure { measure: 0, variance: 1e-4 }],
     ///     events: vec![],
     ///     gain: EmitGain::Covariance,
+    ///     digits: EmitDigits::Single,
     ///     vectors: None,
     /// };
     /// let emitted = device.emit(&request, EmitLanguage::C)?;
@@ -94,14 +99,15 @@ impl Device {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn emit(&self, request: &EmitRequest, language: EmitLanguage) -> Result<EmittedFilter, EmitError> {
-        let program = Program::of(self, request)?;
+        let mut program = Program::of(self, request)?;
+        let digits = rehearsal::choose(self, request, &mut program);
         let mut files = match language {
             EmitLanguage::C => c::files(self, request, &program)?,
             EmitLanguage::Rust => rust::files(self, request, &program)?,
         };
         files.extend(trial::files(self, request, &program, language)?);
         let units = program.units.scale.iter().copied().zip(program.units.origins.iter().copied());
-        Ok(EmittedFilter { files, units: units.collect(), operations: program.operations(request) })
+        Ok(EmittedFilter { files, units: units.collect(), operations: program.operations(request), digits })
     }
 }
 
@@ -123,11 +129,7 @@ impl Program {
 
 #[cfg(test)]
 mod tests {
-    /// What the source has.
-    #[allow(clippy::all, clippy::pedantic)] // written for any compiler
-    mod functions {
-        include!("rust/functions.rs");
-    }
+    use super::rehearsal::functions;
 
     /// The largest error in units of the last digit of a number of 32 bits, or of what is there near 0.
     fn worst(

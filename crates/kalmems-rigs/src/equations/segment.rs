@@ -172,6 +172,9 @@ impl OneFilter<'_> {
     pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
         let states = basics.states(&self.own.states());
+        if let Some(inverse) = &self.filter.inverse {
+            return Ok(self.inversion(inverse, &self.own.states()).into_iter().collect());
+        }
         let channels = self.channels();
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
         // A filter that goes on from another run has been started there.
@@ -210,7 +213,7 @@ impl OneFilter<'_> {
     }
 
     /// The channels that correct it.
-    fn channels(&self) -> Vec<usize> {
+    pub fn channels(&self) -> Vec<usize> {
         let wanted = &self.filter.measures;
         let all = 0..self.data.channels.len();
         if wanted.is_empty() {
