@@ -84,7 +84,7 @@ pub use simulate::{
 };
 pub use source::Source;
 pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
-pub use uncertainty::{CORRELATION, Correlations, Direction, UncertainNumber, exactly};
+pub use uncertainty::{CORRELATION, Correlations, Direction, UncertainNumber, cholesky, exactly};
 pub use uses::Uses;
 pub use values::{AnyValue, Entry, Values};
 pub use variation::Varied;

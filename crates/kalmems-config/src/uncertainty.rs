@@ -323,7 +323,7 @@ fn groups(correlation: &[Vec<f64>]) -> Vec<Vec<usize>> {
 
 /// The lower Cholesky factor of a matrix of correlations; a correlation of 1 gives a column of zeros. `None` where a pivot is negative by
 /// more than rounding.
-fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+pub fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     // What is left of 1 by rounding, where correlations are written with a few digits.
     const ROUNDING: f64 = 1e-9;
     let n = matrix.len();

@@ -55,9 +55,6 @@ use std::num::NonZero;
 use suspect::Suspect;
 use trial::Trial;
 
-/// 95 % of a Gaussian lie within so many standard deviations.
-const TWO_SIDED: f64 = 1.959_963_984_540_054;
-
 /// Rows after the settling time that a diagnosis looks at.
 const ROWS: Extent = Extent(50_000);
 
