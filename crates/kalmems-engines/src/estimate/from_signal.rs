@@ -63,7 +63,7 @@ fn sought(
     of: StartOf,
 ) -> Result<BatchStart, EstimateError> {
     let Samples { ref fresh, interval_s, .. } = *samples;
-    let first = first_rows((of.cycle_s, interval_s), search.prior.len());
+    let first = first_rows((of.cycle_s, interval_s), of.states.1);
     let mut why = NoBatchStart::NotFitted;
     let mut until = fresh.start;
     for doubling in 0..=DOUBLINGS {
@@ -98,13 +98,13 @@ impl NoBatchStart {
         let lasting = kalmems_figures::number(lasting_s);
         match self {
             Self::NotFitted => format!(
-                "no motion of the device was found that its first {lasting} s follow from; the drive, the noise or the device are not as \
-                 described, or the signal is not the device's"
+                "no motion of the device was found that its first {lasting} s follow from; the inputs, the noise or the device are not \
+                 as described"
             ),
             Self::Undetermined(lost) => {
                 let names: Vec<String> = lost.iter().map(|place| format!("`{}`", name(place))).collect();
                 format!(
-                    "its first {lasting} s do not tell {}; state the start, `start` and `start_sd`",
+                    "its first {lasting} s do not tell {}; say in `start_sd` how far from rest that may be, or state the start",
                     names.join(" and ")
                 )
             }

@@ -237,6 +237,9 @@ impl Estimator for AccelerometerEstimator<'_> {
         for (values, name) in [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)] {
             data.require_whole(values, name.unwrap_or_default(), &segment.place)?;
         }
+        if !settings.hardware.has_feedback {
+            feedback::require_none(&data, &segment.place)?;
+        }
         pull_in::require_free(&settings.hardware, &data, columns.signal, &segment.place)?;
         let drive_column = columns.feedback.unwrap_or_default();
         if segment.begins {
@@ -282,11 +285,6 @@ impl<'a> Columns<'a> {
             }
             None => Ok(None),
         };
-        if channels.column("feedback").is_some() && !settings.hardware.has_feedback {
-            let why = "the recording has a feedback, and the device none: add the table `[device.accelerometer.feedback]` with its `bias`, or \
-                       leave the channel out where nothing was fed back";
-            return Err(experiment.error(key().child("feedback"), Fault::Value { why: why.to_owned() }));
-        }
         let known = settings.filters.iter().any(|filter| filter.known_acceleration);
         let acceleration = wanted("acceleration", "acceleration_m_per_s2", known)?;
         Ok(Self {

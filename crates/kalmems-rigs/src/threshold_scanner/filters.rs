@@ -122,11 +122,11 @@ impl FilterSettings {
                 "`timing_only` uses the crossings alone; add `threshold = { gate = 4 }`",
             );
         }
-        if filter.readout.is_some() && (filter.signal_variance.is_some() || variant != Variant::Full) {
-            return refuse(
-                "readout",
-                "it needs a filter that takes every sample at its worth; leave `variant` and `signal_variance` out",
-            );
+        let otherwise = filter.signal_variance.is_some() || filter.threshold.is_some() || variant != Variant::Full;
+        if filter.readout.is_some() && otherwise {
+            let why = "crossings are sought in the signal as it is recorded, and every sample has to count at its worth; leave `threshold`, \
+                       `variant` and `signal_variance` out, or track `offset`, `gain` and `feedthrough` in `states`";
+            return refuse("readout", why);
         }
         let start_sd = if claims && !filter.start_sd.is_empty() {
             experiment.values(at.clone().child("start_sd"), &filter.start_sd, states(Sign::Positive))?

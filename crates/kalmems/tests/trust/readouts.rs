@@ -1,5 +1,6 @@
 //! An offset, a scale and a line between the sensor and the recording as states of a filter.
 
+use crate::devices::{Device, Setting};
 use crate::outliers::signals::{Of, Outcome, noise, signals};
 use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
@@ -58,7 +59,7 @@ fn a_line_and_an_offset_are_found_as_states_of_every_device() {
         );
         let mut told = settings.clone();
         told.push(("estimate.filter.0.readout", readout));
-        let (experiment, _) = of.recorded(&told, 660);
+        let (experiment, _) = recorded(&told);
         let with = Outcome::of(&experiment, &spoilt);
         println!(
             "{name}: {:.3e} clean, {:.3e} without, {:.3e} with, {}",
@@ -89,7 +90,8 @@ fn a_line_and_an_offset_are_found_as_states_of_every_device() {
     }
 }
 
-/// A scale is a gain where the gain scales all of the signal, and a filter without the states has the bits that it had.
+/// A scale is a gain where the gain scales all of the signal. With parameters as states the motion is stepped by Runge and Kutta's method and without
+/// exactly, so that the two are alike and not the same.
 #[test]
 fn a_scale_of_the_readout_is_the_deviation_of_the_gain() {
     let of = Of::Published("micro-stage");
@@ -104,7 +106,8 @@ fn a_scale_of_the_readout_is_the_deviation_of_the_gain() {
     for (a, b) in [("angle", "angle"), ("rate", "rate"), ("readout_scale", "gain")] {
         let (a, b) = (scale.state(a).unwrap(), gain.state(b).unwrap());
         let last = |values: &[f64]| *values.last().unwrap();
-        assert!((last(&a.sd) / last(&b.sd) - 1.0).abs() < 1e-6, "{}", a.name);
-        assert!((last(&a.mean) - last(&b.mean)).abs() < 1e-6 * last(&b.sd), "{}", a.name);
+        println!("{}: {:e} and {:e}, {:e} and {:e}", a.name, last(&a.mean), last(&b.mean), last(&a.sd), last(&b.sd));
+        assert!((last(&a.sd) / last(&b.sd) - 1.0).abs() < 1e-3, "{}", a.name);
+        assert!((last(&a.mean) - last(&b.mean)).abs() < 0.02 * last(&b.sd), "{}", a.name);
     }
 }

@@ -10,8 +10,7 @@ use std::f64::consts::TAU;
 /// A device whose motion begins by chance.
 struct Begun {
     device: &'static str,
-    /// What is taken out of the example's filter, and what else is set.
-    without: &'static [&'static str],
+    /// What is set.
     settings: &'static [(&'static str, &'static str)],
     /// The states that are drawn, with their units.
     states: [(&'static str, &'static str); 2],
@@ -29,7 +28,6 @@ fn swing(chance: &mut WhiteNoise, [least, most]: [f64; 2], rate: f64) -> [f64; 2
 const BEGUN: [Begun; 3] = [
     Begun {
         device: "shared scanner",
-        without: &[],
         settings: &[("simulate.duration", "\"4 ms\""), ("estimate.skip", "\"2 ms\"")],
         states: [("angle", "rad"), ("rate", "rad/s")],
         draw: |chance| swing(chance, [0.03, 0.15], 9.8e4),
@@ -37,18 +35,22 @@ const BEGUN: [Begun; 3] = [
     },
     Begun {
         device: "threshold scanner",
-        without: &["simulate.drive.capture.cut_off"],
-        settings: &[("simulate.duration", "\"30 ms\""), ("estimate.skip", "\"10 ms\"")],
+        // The example's motion is caught before its first sample; this one begins with it.
+        settings: &[
+            ("simulate.duration", "\"30 ms\""),
+            ("estimate.skip", "\"10 ms\""),
+            ("simulate.drive", "{ sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1252 Hz\" } }"),
+        ],
         states: [("angle", "rad"), ("rate", "rad/s")],
         draw: |chance| swing(chance, [0.03, 0.15], 3.92e3),
         is_symmetric: false,
     },
     Begun {
         device: "accelerometer",
-        without: &[],
         settings: &[("simulate.duration", "\"60 ms\""), ("estimate.skip", "\"50 ms\"")],
         states: [("displacement", "m"), ("velocity", "m/s")],
-        draw: |chance| [2e-8 * chance.sample(), 1e-5 * chance.sample()],
+        // It starts at rest, under an acceleration by chance.
+        draw: |_| [0.0; 2],
         is_symmetric: false,
     },
 ];
@@ -64,8 +66,7 @@ impl Begun {
         );
         let mut settings: Vec<Setting> = vec![("simulate.start", start)];
         settings.extend(self.settings.iter().map(|(key, value)| (*key, (*value).to_owned())));
-        let mut without = self.without.to_vec();
-        without.extend(["estimate.filter.0.start", "estimate.filter.0.start_sd"]);
+        let without = ["estimate.filter.0.start", "estimate.filter.0.start_sd"];
         let device = Device::named(self.device);
         let (experiment, simulated) = device.recorded_without(&settings, &without, seed);
         let rig = published().rig(&experiment).unwrap();
