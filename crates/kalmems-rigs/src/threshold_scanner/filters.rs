@@ -122,7 +122,8 @@ impl FilterSettings {
                 "`timing_only` uses the crossings alone; add `threshold = { gate = 4 }`",
             );
         }
-        let otherwise = filter.signal_variance.is_some() || filter.threshold.is_some() || variant != Variant::Full;
+        let otherwise =
+            filter.signal_variance.is_some() || filter.threshold.is_some() || variant != Variant::Full;
         if filter.readout.is_some() && otherwise {
             let why = "crossings are sought in the signal as it is recorded, and every sample has to count at its worth; leave `threshold`, \
                        `variant` and `signal_variance` out, or track `offset`, `gain` and `feedthrough` in `states`";

@@ -106,7 +106,14 @@ fn a_scale_of_the_readout_is_the_deviation_of_the_gain() {
     for (a, b) in [("angle", "angle"), ("rate", "rate"), ("readout_scale", "gain")] {
         let (a, b) = (scale.state(a).unwrap(), gain.state(b).unwrap());
         let last = |values: &[f64]| *values.last().unwrap();
-        println!("{}: {:e} and {:e}, {:e} and {:e}", a.name, last(&a.mean), last(&b.mean), last(&a.sd), last(&b.sd));
+        println!(
+            "{}: {:e} and {:e}, {:e} and {:e}",
+            a.name,
+            last(&a.mean),
+            last(&b.mean),
+            last(&a.sd),
+            last(&b.sd)
+        );
         assert!((last(&a.sd) / last(&b.sd) - 1.0).abs() < 1e-3, "{}", a.name);
         assert!((last(&a.mean) - last(&b.mean)).abs() < 0.02 * last(&b.sd), "{}", a.name);
     }

@@ -39,7 +39,10 @@ const BEGUN: [Begun; 3] = [
         settings: &[
             ("simulate.duration", "\"30 ms\""),
             ("estimate.skip", "\"10 ms\""),
-            ("simulate.drive", "{ sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1252 Hz\" } }"),
+            (
+                "simulate.drive",
+                "{ sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1252 Hz\" } }",
+            ),
         ],
         states: [("angle", "rad"), ("rate", "rad/s")],
         draw: |chance| swing(chance, [0.03, 0.15], 3.92e3),
