@@ -1,19 +1,24 @@
 //! What can be asked for.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use kalmems::study::Shard;
 use std::num::NonZero;
 use std::path::PathBuf;
 
 /// What stands below the help.
-const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an \
-    estimate; 2 usage; 3 under --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over \
-    broke; 130 interrupted.";
+const BELOW: &str = "To begin: `kalmems new --list`, then `kalmems help start`. Topics such as `verdict` or `recordings`: \
+    `kalmems help topics`.\n\n\
+    Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under \
+    --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over broke; 130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
-#[command(name = "kalmems", version, about, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "kalmems", version, about, after_help = BELOW, max_term_width = 100, disable_help_subcommand = true)]
 pub struct Arguments {
+    /// Print the result and errors only: no progress, no notes, no hint at the next command.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
     #[command(subcommand)]
     pub command: Command,
 }
@@ -22,6 +27,8 @@ pub struct Arguments {
 pub enum Command {
     /// Calibrate an instrument by a motion that is known.
     Calibrate(CalibrateArguments),
+    /// Print a script that completes the command's words in a shell.
+    Completions(CompletionsArguments),
     /// Find what of an experiment is wrong, by the innovations of a filter, and say what to write instead.
     Diagnose(DiagnoseArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
@@ -30,12 +37,16 @@ pub enum Command {
     Expand(ExpandArguments),
     /// Write a filter of an experiment as source code for a microcontroller.
     Export(ExportArguments),
+    /// Explain a command, a topic such as `verdict`, or the names that an experiment with a device may use.
+    Help(HelpArguments),
     /// Identify a device's parameters from its recordings, and say what they do not tell.
     Identify(IdentifyArguments),
     /// Put an image together from intensities and the trajectories along which they were taken.
     Image(ImageArguments),
     /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
     Inspect(InspectArguments),
+    /// Print the manual page of the command, or of one of its commands.
+    Man(ManArguments),
     /// Write an experiment file to begin with, from a recording or for a device.
     New(NewArguments),
     /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
@@ -51,7 +62,7 @@ pub enum Command {
     Spectrum(SpectrumArguments),
     /// Estimate samples while they arrive, as the table `[stream]` of an experiment file says.
     Stream(StreamArguments),
-    /// Run an experiment again and again, over a grid or by chance, and compare its estimators, or calibrate their claims.
+    /// Run an experiment again and again, over a grid or with parameters drawn at random, and compare its estimators, or calibrate their claims.
     Study(StudyArguments),
 }
 
@@ -60,6 +71,36 @@ pub struct SchemaArguments {
     /// What the files describe.
     #[arg(value_enum, default_value_t = Described::Experiment)]
     pub of: Described,
+    /// Write the schema to this file and not to the console.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the schema is to be written.
+    #[arg(long, requires = "write")]
+    pub force: bool,
+}
+
+#[derive(Args)]
+pub struct CompletionsArguments {
+    /// The shell.
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+#[derive(Args)]
+pub struct ManArguments {
+    /// The command, such as `estimate` or `calibrate gyro`; `kalmems` itself if left out.
+    pub command: Vec<String>,
+}
+
+#[derive(Args)]
+pub struct HelpArguments {
+    /// A command, such as `estimate`; a topic, such as `verdict`; `topics` for a list of them; `device NAME` for the channels, states,
+    /// parameters and methods of a device.
+    #[arg(value_name = "TOPIC")]
+    pub topic: Vec<String>,
+    /// Print the names of a device as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What a file can describe.
@@ -152,6 +193,9 @@ pub struct NewArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long, requires = "write")]
     pub force: bool,
+    /// Print the experiment, or the list, as JSON with what was found in the recording.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Two texts about the first `=`.
@@ -170,6 +214,9 @@ pub struct ExpandArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long)]
     pub force: bool,
+    /// Print the experiment and the notes on it as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]
@@ -202,7 +249,8 @@ pub struct StreamArguments {
     /// The rate of a serial device in bits per second; the device is then opened as one.
     #[arg(long, value_name = "BITS_PER_S")]
     pub baud: Option<u32>,
-    /// Write estimates and events as lines to this file; `-` for standard output, which is the default without `--frames`.
+    /// Write estimates and events as lines to this file; `-` for standard output. Without this and `--frames` they go to standard
+    /// output, or, where that is a terminal, to the file `out/streams/<name of the experiment>.jsonl`.
     #[arg(long, value_name = "FILE")]
     pub lines: Option<PathBuf>,
     /// Write estimates as frames in binary to this file; `-` for standard output.
@@ -248,6 +296,9 @@ pub struct ExportArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
+    /// Print the names of the files as JSON instead of a list.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// The languages of an export.
@@ -366,7 +417,9 @@ pub struct SimulateArguments {
 
 #[derive(Args)]
 pub struct SpectrumArguments {
-    /// The spectrum file, such as `examples/piston_mirror/spectrum.toml`.
+    /// The spectrum file, such as `examples/piston_mirror/two_lines_spectrum.toml`. That one needs the results of two commands
+    /// before it: `kalmems simulate examples/piston_mirror/two_lines.toml` and
+    /// `kalmems estimate out/simulated/two-lines/experiment.toml`.
     pub spectrum: PathBuf,
     /// The folder for the results [default: out/spectrum/<name of the spectrum>].
     #[arg(long, value_name = "DIR")]

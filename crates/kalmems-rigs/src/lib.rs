@@ -19,8 +19,8 @@ pub use kalmems_engines::rig::{
 };
 
 use kalmems_engines::{
-    circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, signal,
-    simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, progress, recording,
+    signal, simulate, units,
 };
 
 use std::sync::LazyLock;

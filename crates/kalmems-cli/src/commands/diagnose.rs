@@ -5,7 +5,7 @@ use crate::experiment::load;
 use crate::progress::Bar;
 use crate::target::BesideExperiment;
 use crate::tell::tell;
-use crate::{Ending, print};
+use crate::{Ending, print, print_json};
 use kalmems::diagnose::{diagnose, pasted};
 use kalmems::rigs::Workbench;
 
@@ -21,8 +21,7 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), E
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&found).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&found)?;
     } else {
         print(&found.to_text())?;
     }

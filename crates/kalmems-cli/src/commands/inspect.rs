@@ -3,7 +3,7 @@
 use crate::args::InspectArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::inspect::inspect_with;
 use kalmems::progress::Reader;
 use kalmems::recording::ReadError;
@@ -41,12 +41,7 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), End
         target::finish(output)?;
         tell!("text, data and pictures in {}", out.display());
     }
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&outlook).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))
-    } else {
-        print(&outlook.to_text())
-    }
+    if arguments.json { print_json(&outlook) } else { print(&outlook.to_text()) }
 }
 
 /// What a recording holds.
@@ -68,8 +63,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;
     }
     if arguments.json {
-        let json = serde_json::to_string_pretty(&inspection).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&inspection)?;
     } else {
         print(&inspection.to_text())?;
     }

@@ -3,7 +3,7 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use crate::interrupt;
-use crate::tell::{StandardError, tell};
+use crate::tell::{StandardError, line, tell};
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
@@ -13,7 +13,7 @@ use kalmems::stream::{
 use serial2::SerialPort;
 use socket2::{SockRef, TcpKeepalive};
 use std::fs::File;
-use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::io::{self, BufWriter, ErrorKind, IsTerminal, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -29,10 +29,21 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let (lines, frames) = (arguments.lines.as_deref(), arguments.frames.as_deref());
     let standard = Path::new("-");
-    let lines = lines.or(if frames.is_none() { Some(standard) } else { None });
+    // On a terminal megabytes of lines would pass that nobody reads.
+    let own_folder = Path::new("out").join("streams");
+    let own_file = own_folder.join(format!("{}.jsonl", experiment.name));
+    let lines = lines.or(match (frames, io::stdout().is_terminal()) {
+        (Some(_), _) => None,
+        (None, false) => Some(standard),
+        (None, true) => Some(&*own_file),
+    });
     if lines == Some(standard) && frames == Some(standard) {
         let why = "lines and frames cannot both go to standard output; give one of them a file";
         return Err(Ending::Wrong(why.to_owned()));
+    }
+    if lines == Some(&*own_file) {
+        let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
+        std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
     let outputs = Outputs {
         lines: lines.map(|to| output(to, is_lines, arguments.force)).transpose()?,
@@ -58,11 +69,14 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
         };
     if let Some(Break { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
-        tell!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);
+        line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));
+    }
+    if lines == Some(&*own_file) {
+        tell!("estimates and events as lines in {}; `--lines -` shows them here", own_file.display());
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        tell!("{json}");
+        line(format_args!("{json}"));
     } else {
         tell!("{}", text(&summary).trim_end());
     }

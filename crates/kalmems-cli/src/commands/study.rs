@@ -3,7 +3,7 @@
 use crate::args::{MergeArguments, StudyArguments};
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
 use kalmems::study::{Options, Plan, StudyError};
@@ -64,8 +64,7 @@ fn report(plan: &Plan, journals: &[PathBuf], output: Output, json: bool) -> Resu
     let summary = plan.write_results(journals, &output).map_err(ending)?;
     let out = target::finish(output)?;
     if json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| Ending::Wrong(e.to_string()))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         let mut text = format!("{summary}\n");
         for notice in summary.notices() {

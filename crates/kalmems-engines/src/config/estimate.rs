@@ -18,8 +18,8 @@ use std::collections::BTreeMap;
 pub struct Estimate {
     /// How much of the start of each record is not judged, because the filter still settles.
     pub skip: Quantity<Time, NotNegative>,
-    /// The sign of the first extreme of the angle after `skip`. Where the measurement is even in the angle no
-    /// filter can know it.
+    /// The sign of the first extreme of the angle after the first maximum of the drive after `skip`. Where the measurement is even in
+    /// the angle no filter can know it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_peak: Option<Peak>,
     /// The same for the second axis of a device that has two; `first_peak` is then that of the first.

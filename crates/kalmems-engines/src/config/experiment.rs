@@ -9,10 +9,10 @@ use super::uncertainty::Correlations;
 use super::values::{self, AnyValue, Entry, Values};
 use super::variation::Variations;
 use super::{
-    Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording, Reference, Sign,
-    Simulate, Stream,
+    ArraysByFile, Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording,
+    Reference, Sign, Simulate, Stream,
 };
-use crate::recording::{DeclaredColumn, Layout};
+use crate::recording::{Arrays, DeclaredColumn, Hints, Layout};
 use crate::units::Kind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,6 +51,8 @@ pub struct Experiment {
     pub stream: Option<Stream>,
     #[serde(skip)]
     pub(super) source: Source,
+    #[serde(skip)]
+    arrays: ArraysByFile,
     #[serde(skip)]
     pub(super) variations: Variations,
 }
@@ -144,6 +146,29 @@ impl Experiment {
     /// The text of that file.
     pub fn text(&self) -> &str {
         &self.source.text
+    }
+
+    /// The same with arrays in the place of some of the files of its recordings and of their references.
+    #[must_use]
+    pub fn with_arrays(mut self, arrays: &ArraysByFile) -> Self {
+        for recording in &mut self.recordings {
+            recording.arrays = arrays.get(&recording.file);
+            if let Some(reference) = &mut recording.reference {
+                reference.arrays = arrays.get(reference.own_file().unwrap_or(&recording.file));
+            }
+        }
+        self.arrays = arrays.clone();
+        self
+    }
+
+    /// The arrays in the place of files.
+    pub const fn arrays(&self) -> &ArraysByFile {
+        &self.arrays
+    }
+
+    /// Whether what a file holds that the experiment names can be read again: it is there and no pipe, or arrays stand in its place.
+    pub fn can_be_read(&self, file: &Path) -> bool {
+        self.arrays.get(file).is_some() || self.resolve(file).is_file()
     }
 
     /// A file that the experiment names: relative to the folder of the experiment file.
@@ -290,11 +315,21 @@ impl Experiment {
 impl Recording {
     /// How to read these columns of its file.
     pub fn layout(&self, columns: &[&str]) -> Layout {
-        self.in_file().layout(Some(columns))
+        of_arrays(self.in_file().layout(Some(columns)), self.arrays.as_ref())
     }
 
     /// How to read these columns of its reference's file.
     pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> Layout {
-        reference.in_file(self).layout(Some(columns))
+        of_arrays(reference.in_file(self).layout(Some(columns)), reference.arrays.as_ref())
+    }
+}
+
+/// The same where arrays stand in the place of the file: how that is written does not matter then.
+fn of_arrays(layout: Layout, arrays: Option<&Arrays>) -> Layout {
+    match arrays {
+        Some(arrays) => {
+            Layout { hints: Hints { arrays: Some(arrays.clone()), ..Hints::default() }, ..layout }
+        }
+        None => layout,
     }
 }

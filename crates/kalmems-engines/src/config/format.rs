@@ -120,6 +120,7 @@ impl FileFormat {
                 units_line: self.units_line.map(NonZeroU64::get),
                 first_row_line: self.first_row_line.map(NonZeroU64::get),
             },
+            arrays: None,
         }
     }
 }

@@ -14,6 +14,7 @@
 //! );
 //! ```
 
+mod arrays;
 mod clock;
 mod column;
 mod device;
@@ -48,6 +49,7 @@ mod values;
 mod variation;
 mod vibrometer;
 
+pub use arrays::ArraysByFile;
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
 pub use device::{DeviceDescription, DeviceKind};

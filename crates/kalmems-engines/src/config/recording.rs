@@ -6,6 +6,7 @@ use super::kinds::Time;
 use super::quantity::Quantity;
 use super::sign::NotNegative;
 use super::{Clock, ColumnChoice, Gaps, Name, Values};
+use crate::recording::Arrays;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -44,6 +45,9 @@ pub struct Recording {
     /// reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
+    /// What stands in the place of the file; see [`ArraysByFile`](super::ArraysByFile).
+    #[serde(skip)]
+    pub(crate) arrays: Option<Arrays>,
 }
 
 impl Recording {
@@ -202,6 +206,9 @@ pub struct Reference {
     /// The standard deviation of its own errors, by channel, such as `{ angle = "1 mrad" }`; exact if left out.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     pub sd: Values,
+    /// What stands in the place of the file.
+    #[serde(skip)]
+    pub(super) arrays: Option<Arrays>,
 }
 
 impl Reference {
@@ -221,12 +228,18 @@ impl Reference {
             delay: None,
             delay_sd: None,
             sd: Values::default(),
+            arrays: None,
         }
     }
 
     /// Puts its file, where it has one of its own, elsewhere.
     pub(super) fn move_file(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
         self.file = self.file.as_deref().map(place);
+    }
+
+    /// Its file, where it is not the recording's.
+    pub fn own_file(&self) -> Option<&Path> {
+        self.file.as_deref()
     }
 
     /// Its file, relative to the folder of the experiment file.

@@ -65,6 +65,6 @@ impl Experiment {
                 Fault::Value { why },
             )
         })?;
-        Ok(Varied { direction, experiment })
+        Ok(Varied { direction, experiment: experiment.with_arrays(self.arrays()) })
     }
 }

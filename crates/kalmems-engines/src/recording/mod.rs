@@ -69,7 +69,7 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-pub use kalmems_formats::{Hints, Instant, panic_is_caught};
+pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;

@@ -221,7 +221,7 @@ fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
         return format!(": `{}` of the file is left out ({})", left_out.name, left_out.why);
     }
     let tells_names = match file.evidence {
-        Evidence::Format => true,
+        Evidence::Format | Evidence::Arrays => true,
         Evidence::Rows => names.len() > 1,
         Evidence::Nothing => false,
     };

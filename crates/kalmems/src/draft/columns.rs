@@ -4,9 +4,10 @@ use super::DraftError;
 use crate::inspect::Channel;
 use crate::rigs::{Template, TemplateChannel};
 use crate::units::Unit;
+use serde::Serialize;
 
 /// A column that is a channel of the device, or of a reference.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Assigned {
     /// The channel.
     pub meaning: &'static str,

@@ -229,6 +229,9 @@ impl PartFigures {
 /// What tells one input from another before it is read: the experiment's name, and length and time of its files.
 fn input_id(experiment: &Experiment) -> String {
     let of = |recording: &crate::config::Recording| {
+        if let Some(arrays) = experiment.arrays().get(&recording.file) {
+            return format!("{} {}", recording.file.display(), arrays.digest().sha256);
+        }
         let path = experiment.resolve(&recording.file);
         let known = fs::metadata(&path).ok().filter(fs::Metadata::is_file);
         let changed = known.as_ref().and_then(|known| known.modified().ok());

@@ -5,6 +5,7 @@ mod figure_files;
 mod figures;
 mod files;
 mod identification;
+mod in_memory;
 mod inspection;
 mod long;
 mod metrics;
@@ -19,6 +20,7 @@ pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{WriteError, WriteOptions, write_estimate};
 pub use identification::{IdentificationSummary, write_identification};
+pub use in_memory::{Estimated, notes as scale_notes_of};
 pub use inspection::{DrawError, draw_inspection, inspection_figure};
 pub use kalmems_store::{
     Committed, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
