@@ -69,22 +69,22 @@ impl Impairment {
         if matches!(self, Missing(_) | Start(_)) { 2.0 } else { 1.3 }
     }
 
-    /// Changes the samples after the settling time.
+    /// Changes the samples after the settling time; a converter clips all of them.
     fn spoil(self, values: &mut [f64], times: &[f64], skip_s: f64) {
         let from = times.partition_point(|time| *time < times[0] + skip_s);
         let sd = noise(values);
         let (low, high) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(*y), h.max(*y)));
         let interval_s = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+        if let Clipped(share) = self {
+            let top = low + share * (high - low);
+            values.iter_mut().for_each(|y| *y = y.min(top));
+        }
         let fresh = &mut values[from..];
         match self {
             Missing(count) => {
                 let place = fresh.len() / 3;
                 fresh[place..place + count].fill(f64::NAN);
-            }
-            Clipped(share) => {
-                let top = low + share * (high - low);
-                fresh.iter_mut().for_each(|y| *y = y.min(top));
             }
             Offset(sds) => fresh.iter_mut().for_each(|y| *y += sds * sd),
             Hum(hz, factor) => {
@@ -97,7 +97,7 @@ impl Impairment {
                 let (middle, peak) = (f64::midpoint(low, high), 0.5 * (high - low));
                 fresh.iter_mut().for_each(|y| *y += share * (*y - middle).powi(2) / peak);
             }
-            NoiseTold(_) | Start(_) => {}
+            Clipped(_) | NoiseTold(_) | Start(_) => {}
         }
     }
 
