@@ -5,6 +5,7 @@ use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
 use super::outliers::{Gate, Update};
 use super::quantity::Quantity;
+use super::readout::Readout;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
 use super::{Fault, Key, Threshold, Variant};
@@ -25,14 +26,14 @@ pub struct Filter {
     /// How it estimates.
     #[schemars(example = &"ekf")]
     pub method: Method,
-    /// The first mean of each state, or the word `from_signal`: the filter then starts from the amplitude and phase
-    /// that the first cycles of the signal show; one of a device that equations describe from the states by which its first samples
-    /// are likeliest. Not for `lock_in`, which has no start.
+    /// The first mean of each state, or the word `from_signal`, which it is if left out: the filter then starts from the states by which its
+    /// first samples are likeliest; where `start_sd` is stated, one of the shared-electrode scanner or of the micro-stage from the
+    /// amplitude and phase that the first cycles of the signal show. Not for `lock_in`, which has no start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
     /// The first standard deviation of each state, such as `{ angle = "0.15 rad", rate = "15e3 rad/s" }`. Not for
-    /// `model` and `lock_in`, which claim none. Of a device that equations describe, with a start from the signal: how far from rest a
-    /// state may be, where that is known.
+    /// `model` and `lock_in`, which claim none, and not needed with a start from the signal, which finds its own. There it says how far from
+    /// rest a state may be, where that is known; of the shared-electrode scanner and the micro-stage how far the first swing may be off.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     #[schemars(example = start_sd())]
     pub start_sd: Values,
@@ -43,6 +44,10 @@ pub struct Filter {
     /// `{ stiffness = { start_sd = "1 %", drift = "1e-7 1/s" } }`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub states: BTreeMap<String, TrackedState>,
+    /// An offset, a scale and lines between the sensor and the recording that are states, such as
+    /// `{ offset = { start_sd = "10 mV" }, lines = [{ frequency = "50 Hz", start_sd = "1 mV" }] }`; for a filter of one signal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub readout: Option<Readout>,
     /// Whether the demodulator's two low-pass poles, which the device's readout states, are tracked as two states;
     /// false if left out.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -372,6 +377,11 @@ impl Filter {
         Ok(())
     }
 
+    /// Whether it starts from the signal: where it says so, and where it says nothing.
+    pub fn starts_from_signal(&self) -> bool {
+        !matches!(self.start, Some(Start::Values(_)))
+    }
+
     /// What no single value can be blamed for, for the filter that stands at `at`.
     pub(super) fn check(&self, at: &Key) -> Result<(), (Key, Fault)> {
         let word = self.method.word();
@@ -379,19 +389,12 @@ impl Filter {
         let missing = |name: &str, remedy: &str| {
             Err((at.clone().child(name), Fault::MissingKey { remedy: remedy.to_owned() }))
         };
-        if matches!(self.method, Method::LockIn | Method::DirectInversion) {
-            if self.start.is_some() {
-                return refuse("start", format!("the method `{word}` has no start; leave it out"));
-            }
-        } else if self.start.is_none() {
-            return missing(
-                "start",
-                "write the states at the first sample, such as `start = { angle = \"0.05 rad\", rate = \"0 rad/s\" }` for a device with these",
-            );
+        if matches!(self.method, Method::LockIn | Method::DirectInversion) && self.start.is_some() {
+            return refuse("start", format!("the method `{word}` has no start; leave it out"));
         }
         if self.method.claims() {
             // A start from the signal may bring its own; the rig says.
-            if self.start_sd.is_empty() && self.start != Some(Start::FromSignal) {
+            if self.start_sd.is_empty() && !self.starts_from_signal() {
                 return missing(
                     "start_sd",
                     "write `start_sd = { angle = \"0.15 rad\", rate = \"15e3 rad/s\" }`",
@@ -451,6 +454,9 @@ impl Filter {
                 return refuse("observer_bandwidth", why);
             }
             _ => {}
+        }
+        if let Some(readout) = &self.readout {
+            readout.check(self.method, &at.clone().child("readout"))?;
         }
         self.check_taking(at)?;
         let points = [("alpha", self.alpha), ("beta", self.beta), ("kappa", self.kappa)];

@@ -1,6 +1,7 @@
 //! What of an experiment file a device has a use for.
 
 use super::{ConfigError, Experiment, Fault, Filter, Key, Method};
+use crate::units::kind;
 
 /// What of an experiment file a device has a use for, beyond what every device has; the rest is refused where it is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +16,10 @@ pub struct Uses {
     pub several_signals: bool,
     /// The methods of filters that it has no use for, and why, as physics has it.
     pub no_methods: &'static [(Method, &'static str)],
+    /// Whether a filter's `readout` is of a capacitance, and not of a voltage.
+    pub reads_capacitance: bool,
+    /// Whether there is no `readout` of a filter: the device's equations say all of it.
+    pub states_readout: bool,
     /// A filter's `noise_memory` and `known_acceleration`: it measures an acceleration.
     pub acceleration: bool,
     /// The dither of a simulation, which is added to a feedback.
@@ -46,6 +51,26 @@ impl Uses {
             if let Some((method, why)) = refused {
                 let why = format!("the method `{}` is not for this device: {why}", method.word());
                 return refuse(key("method"), &why);
+            }
+            if let Some(readout) = &filter.readout {
+                if self.states_readout {
+                    let why = "of a device of equations the readout is in `measure`: write the offset or the line there as parameters, which \
+                               `states` can name; leave it out";
+                    return refuse(key("readout"), why);
+                }
+                let sizes = readout.offset.iter().map(|offset| &offset.start_sd);
+                let mut sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let (kind, name) = if self.reads_capacitance {
+                    (&kind::CAPACITANCE, "a capacitance, such as `1 aF`")
+                } else {
+                    (&kind::VOLTAGE, "a voltage, such as `10 mV`")
+                };
+                if sizes.any(|size| !kind.accepts(size.value().unit().dimension())) {
+                    let why = format!(
+                        "its signal is recorded as {name}; expected an offset and lines of that kind"
+                    );
+                    return refuse(key("readout"), &why);
+                }
             }
             if self.acceleration {
                 continue;

@@ -111,7 +111,7 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
             if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
                 filter.insert("events".to_owned(), Value::Table(events.clone()));
             }
-            let from_signal = filter.get("start").and_then(Value::as_str).is_some();
+            let from_signal = filter.get("start").is_none_or(Value::is_str);
             // There it would say how far from rest the device is, and not how well its rig finds the start.
             found |= from_signal && filter.remove("start_sd").is_some();
         }

@@ -19,7 +19,7 @@ pub use entries::{Entries, exact};
 pub use error::IdentifyError;
 pub use free_decay::{FreeDecay, fit_free_decay};
 pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit_response};
-pub use material::Material;
+pub use material::{Material, require_sound};
 pub use outcome::{Correlated, Identification, Identified, Undetermined};
 pub use reach::{TWO_SIDED, reach};
 pub use standing::{CONNECTED, Likeliest, Standing, standings, standings_beside};

@@ -39,12 +39,15 @@ mod plan;
 mod rails;
 pub(crate) mod read;
 mod reading;
+mod repeats;
 pub(crate) mod request;
 mod restart;
 pub(crate) mod scale;
 mod segment;
+mod sound;
 mod stamps;
 mod stretches;
+mod stuck;
 #[cfg(test)]
 mod tests;
 mod time;
@@ -58,7 +61,9 @@ pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};
+pub use sound::unsound;
 pub use stretches::{Around, Stretch, Stretches};
+pub use stuck::STUCK_RUN;
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 
 /// The functions of the source in Rust; those in C differ by units of the last digit.
 #[allow(clippy::all, clippy::pedantic)] // written for any compiler
-pub(super) mod functions {
+mod functions {
     include!("rust/functions.rs");
 }
 
@@ -288,5 +288,69 @@ impl Rehearsal<'_> {
             }),
         };
         narrow(value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::functions;
+
+    /// The largest error in units of the last digit of a number of 32 bits, or of what is there near 0.
+    fn worst(
+        ours: impl Fn(f32) -> f32,
+        exact: impl Fn(f64) -> f64,
+        [low, high]: [f64; 2],
+        floor: f64,
+    ) -> f64 {
+        let mut worst = 0.0_f64;
+        for k in 0..=20_000 {
+            #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+            let x = (low + (high - low) * f64::from(k) / 20_000.0) as f32;
+            let expected = exact(f64::from(x));
+            let error = (f64::from(ours(x)) - expected).abs() / expected.abs().max(floor);
+            worst = worst.max(error / f64::from(f32::EPSILON));
+        }
+        worst
+    }
+
+    #[test]
+    fn functions_of_the_source_have_the_digits_of_f32() {
+        let close = |what: &str, found: f64| {
+            println!("{what}: {found:.2} units of the last digit");
+            assert!(found < 2.5, "{what}: {found}");
+        };
+        close("exp", worst(functions::exp, f64::exp, [-85.0, 88.0], 0.0));
+        close("falling exp", worst(functions::falling_exp, f64::exp, [-60.0, 0.0], 0.0));
+        close("ln", worst(functions::ln, f64::ln, [1e-3, 20.0], 1.0));
+        close("sin", worst(functions::sin, f64::sin, [-50.0, 50.0], 0.1));
+        close("cos", worst(functions::cos, f64::cos, [-50.0, 50.0], 0.1));
+        close("tanh", worst(functions::tanh, f64::tanh, [-9.0, 9.0], 0.0));
+        close("atanh", worst(functions::atanh, f64::atanh, [-0.99, 0.99], 0.0));
+        close("sqrt", worst(functions::sqrt, f64::sqrt, [0.0, 1e4], 0.0));
+        let ln_cosh = |x: f64| x.cosh().ln();
+        close("ln cosh near 0", worst(functions::ln_cosh, ln_cosh, [-0.499, 0.499], 1e-4));
+        // Elsewhere it is a difference of numbers up to ln 2.
+        close("ln cosh", worst(functions::ln_cosh, ln_cosh, [-20.0, 20.0], 0.5));
+        let ratio = |z: f64| if z.abs() < 1e-4 { 1.0 + z * z / 3.0 } else { z.atanh() / z };
+        close("atanh(z)/z", worst(|z| functions::atanhc(z, 0), ratio, [-0.98, 0.98], 0.0));
+        let slope =
+            |z: f64| if z.abs() < 1e-3 { 2.0 * z / 3.0 } else { (1.0 / (1.0 - z * z) - ratio(z)) / z };
+        let bend = |z: f64| match z.abs() {
+            0.0..0.03 => 2.0 / 3.0 + 12.0 * z * z / 5.0 + 30.0 * z.powi(4) / 7.0,
+            _ => 2.0 * ((1.0 - z * z).powi(-2) - slope(z) / z),
+        };
+        for (what, order, exact) in [("slope", 1, &slope as &dyn Fn(f64) -> f64), ("bend", 2, &bend)] {
+            let found = worst(|z| functions::atanhc(z, order), exact, [-0.95, 0.95], 0.1);
+            println!("{what} of atanh(z)/z: {found:.2} units of the last digit");
+            // Differences of numbers that are larger, from |z| = 1/2 on.
+            assert!(found < 40.0, "{what}: {found}");
+        }
+        assert_eq!((functions::exp(f32::NEG_INFINITY), functions::exp(100.0)), (0.0, f32::INFINITY));
+        assert_eq!((functions::ln(0.0), functions::sqrt(0.0)), (f32::NEG_INFINITY, 0.0));
+        assert!(
+            functions::ln(-1.0).is_nan()
+                && functions::sqrt(-1.0).is_nan()
+                && functions::exp(f32::NAN).is_nan()
+        );
     }
 }

@@ -152,6 +152,7 @@ impl Rig for EquationsRig {
             several_signals: true,
             simulated_channels: true,
             events: true,
+            states_readout: true,
             no_methods: &NO_METHODS,
             ..Uses::default()
         }

@@ -14,7 +14,7 @@ use crate::crossings::Needed;
 use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
 use crate::estimate::{
     AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterPast, Known, Motion, Part, Past,
-    SegmentEstimate, Sensor, SignalSegment, Trajectory, Transition, answers_of_bank, follow,
+    SegmentEstimate, Sensor, SignalSegment, Started, Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Nodes;
@@ -193,7 +193,7 @@ impl OneFilter<'_> {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
-            course.started(start_of(&starts, index).filter(|_| corrects))
+            Started::new(course, start_of(&starts, index).filter(|_| corrects))
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();

@@ -13,7 +13,6 @@ use crate::estimate::driven::combinations;
 use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, Tracked, process_noise};
 use crate::units::Dimension;
 use kalmems_equations::{Device, EquationError, Mode, modes};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -194,11 +193,9 @@ impl FilterSettings {
             return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
         }
         let entries = names::entries(device, Sign::Any);
-        let no_values = BTreeMap::new();
         let start = match &filter.start {
             Some(Start::Values(values)) => Some(values),
-            Some(Start::FromSignal) => None,
-            None => Some(&no_values),
+            Some(Start::FromSignal) | None => None,
         };
         let of = |name: &str, values: &Values, sign| {
             some(experiment, &at.clone().child(name), values, &names::entries(device, sign))

@@ -2,19 +2,20 @@
 
 use super::course::ThresholdCourse;
 use super::filters::FilterSettings;
-use super::lock_in::{swing, tuned};
+use super::lock_in::swing;
 use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
 use super::without_drive;
-use crate::config::Method;
+use crate::config::{Method, Variant};
 use crate::crossings::Crossing;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, Swing, Trajectory, answers,
-    answers_of_bank, follow, lock_in,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StartOf,
+    StartSearch, Started, Swing, Trajectory, answers, answers_of_bank, follow, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
+use std::f64::consts::TAU;
 
 /// One segment as the filters see it: signal, drive and the crossings that were found.
 #[derive(Clone, Copy)]
@@ -31,14 +32,14 @@ pub struct Samples<'a> {
     pub motion: Motion,
 }
 
-/// Runs the filters of the settings over the new samples of a segment, which messages call `place`, and judges the lock of each
-/// trajectory.
+/// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
 ///
-/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
+/// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
-    (samples, place): (Samples, &str),
+    samples: Samples,
     past: &mut Past,
+    place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
@@ -54,9 +55,6 @@ pub fn estimate(
     }
     Ok(all)
 }
-
-/// Cycles of the motion that tell its frequency at the beginning.
-const START_CYCLES: f64 = 4.0;
 
 /// One filter over one segment.
 struct Task<'a> {
@@ -75,22 +73,35 @@ impl Task<'_> {
         if method == Method::LockIn {
             return Ok(vec![self.lock_in(past)]);
         }
-        let (states, start) = (filter.states(), || self.start());
-        let (basics, taken) = ((&filter.basics, past), &self.samples.data.samples);
+        // A filter that goes on from another part has been started there.
+        let is_begun = past.left().is_some();
+        let (states, taken) = (filter.states(), &self.samples.data.samples);
+        let known =
+            |start: Option<&BatchStart>| start.map_or_else(|| filter.start(), |start| start.first.clone());
         if method == Method::Bank {
             let plants = MirrorPlant::side_by_side(hardware, filter).map_err(wrong)?;
-            let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
-                Ok(Box::new(self.course(plant, plant)?))
-            };
-            let courses = plants.iter().map(course).collect::<Result<_, _>>()?;
-            return answers_of_bank(basics, |_| start(), (courses, taken), &states, self.progress);
+            let starts = plants.iter().map(|plant| self.batch_start(plant, is_begun));
+            let starts = starts.collect::<Result<Vec<_>, _>>()?;
+            let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
+            for (plant, start) in plants.iter().zip(&starts) {
+                courses.push(Box::new(Started::new(self.course(plant, plant)?, start.as_ref())));
+            }
+            let start = |model: usize| Ok(known(starts.get(model).and_then(Option::as_ref)));
+            let basics = (&filter.basics, past);
+            return answers_of_bank(basics, start, (courses, taken), &states, self.progress);
         }
         let plant = MirrorPlant::new(hardware, filter).map_err(wrong)?;
         let euler = by_euler(hardware, filter);
-        let mut course = match method {
+        let found = self.batch_start(&plant, is_begun)?;
+        let start = || Ok(known(found.as_ref()));
+        // The model alone is corrected by nothing, and an observer forgets its start.
+        let corrects = method != Method::Model && filter.basics.gain().is_none();
+        let course = match method {
             Method::EulerEkf => self.course(&plant, &euler)?,
             _ => self.course(&plant, &plant)?,
         };
+        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
+        let basics = (&filter.basics, past);
         if let Some(gain) = filter.basics.gain() {
             let begin = |left: Option<Known>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
             return follow(basics, begin, (&mut course, taken), &states, self.progress);
@@ -102,29 +113,53 @@ impl Task<'_> {
         Ok(trajectories)
     }
 
-    /// What is known at the first sample.
-    fn start(&self) -> Result<Known, EstimateError> {
+    /// The start of a model from the signal; `None` where the file states one, and where the filter has begun.
+    ///
+    /// Every sample counts as it is recorded, and no crossing, whatever the filter makes of them later.
+    fn batch_start(&self, plant: &MirrorPlant, is_begun: bool) -> Result<Option<BatchStart>, EstimateError> {
         let (filter, data) = (self.filter, self.samples.data);
-        if let Some(motion) = filter.start {
-            return Ok(filter.known(motion));
+        if is_begun || !filter.from_signal {
+            return Ok(None);
         }
-        let first_s = data.time_s.first().copied().unwrap_or(0.0);
-        let signal = without_drive(self.settings, data, self.samples.drive_slope);
-        let until = |cycles: f64, motion_hz: f64| {
-            let end = data.time_s.partition_point(|t| *t < first_s + cycles / motion_hz);
-            (&data.time_s[..end], &signal[..end])
+        let noise_variance = self.settings.hardware.noise_variance;
+        let by_signal = FilterSettings {
+            variant: Variant::Full,
+            signal_variance: noise_variance,
+            threshold: None,
+            ..filter.clone()
         };
-        let stated_hz = self.motion_hz();
-        // A free decay has the frequency of the device, which may be stated wrong.
-        let is_free = data.drive.first_sine().is_none();
-        let motion_hz = if is_free { tuned(stated_hz, until(START_CYCLES, stated_hz)) } else { stated_hz };
-        let found = swing(&self.settings.hardware.readout.comb, motion_hz, until(1.0, motion_hz), None);
-        let found = found.ok_or_else(|| EstimateError::NoStart {
-            place: self.place.to_owned(),
-            filter: filter.basics.name.clone(),
-            why: "its first cycle shows no amplitude that the comb could make".to_owned(),
-        })?;
-        Ok(filter.known(found.at(first_s)))
+        let course = ThresholdCourse::new(
+            (plant, plant),
+            (noise_variance, self.settings.judged_angle()),
+            data,
+            self.samples.drive_slope,
+            &by_signal,
+            (&[], self.samples.first),
+        );
+        let mut course = course.map_err(|why| filter.basics.no_model(why))?;
+        let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
+        let search = StartSearch {
+            seeds: self.first_swing().map(|swing| swing.at(first_s).to_vec()).into_iter().collect(),
+            ..StartSearch::of_oscillation(filter.prior(), TAU * motion_hz)
+        };
+        let (states, place) = (filter.states(), self.place);
+        let of = StartOf {
+            place,
+            basics: &filter.basics,
+            states: (&states, 2),
+            sizes: &[],
+            cycle_s: motion_hz.recip(),
+        };
+        start_from_signal(&mut course, &data.samples, &search, of).map(Some)
+    }
+
+    /// The swing that the first cycle of the signal shows.
+    fn first_swing(&self) -> Option<Swing> {
+        let (hardware, data) = (&self.settings.hardware, self.samples.data);
+        let (motion_hz, first_s) = (self.motion_hz(), *data.time_s.first()?);
+        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None)
     }
 
     fn course<'a, P: Plant>(
@@ -147,10 +182,8 @@ impl Task<'_> {
     fn turning(&self, gain: GainOf, mirror: &Mirror, known: &Known) -> Result<AnyFilter, EstimateError> {
         let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
         let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
-        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
-        let signal = without_drive(self.settings, data, self.samples.drive_slope);
-        let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
-        let swing = found.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
+        let swing = self.first_swing();
+        let swing = swing.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
         let drive = |time_s: f64| {
             let sample =
                 data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len().saturating_sub(1));
