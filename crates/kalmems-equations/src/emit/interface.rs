@@ -63,7 +63,9 @@ impl Interface {
             .to_owned(),
         );
         if let [first, others @ ..] = program.rehearsed.as_slice() {
-            let by_more = others.last().map_or(String::new(), |last| format!(", and with these {last:.1e}"));
+            let least = others.iter().copied().fold(f64::INFINITY, f64::min);
+            let by_more =
+                if program.widths.mean { format!(", and with these {least:.1e}") } else { String::new() };
             heading.push(format!(
                 "In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was {first:.1e} of the largest \
                  value of a state{by_more}."
