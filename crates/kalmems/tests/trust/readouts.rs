@@ -43,10 +43,13 @@ fn first_trajectory(experiment: &Experiment, simulated: &Unwritten) -> Trajector
 #[test]
 fn a_line_and_an_offset_are_found_as_states_of_every_device() {
     for (name, settings, unit) in DEVICES {
-        let of = Of::Published(name);
-        let settings: Vec<(&str, String)> =
+        // Crossings are sought in the signal as it is recorded.
+        let recorded = |settings: &[Setting]| {
+            Device::named(name).recorded_without(settings, &["estimate.filter.0.threshold"], 660)
+        };
+        let settings: Vec<Setting> =
             settings.iter().map(|(key, value)| (*key, (*value).to_owned())).collect();
-        let (experiment, simulated) = of.recorded(&settings, 660);
+        let (experiment, simulated) = recorded(&settings);
         let clean = Outcome::of(&experiment, &simulated);
         let (spoilt, sd) = spoilt(&experiment, &simulated);
         let without = Outcome::of(&experiment, &spoilt);
