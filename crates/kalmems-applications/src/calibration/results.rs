@@ -169,7 +169,7 @@ pub(super) fn budget(result: &Calibrated) -> Table {
         } else {
             format!("{}: {source}", part.origin)
         };
-        table.push([part.source.clone(), kind, distribution, freedom, ppm, known]);
+        table.push([short(&part.source), kind, distribution, freedom, ppm, known]);
     }
     let found = &result.scale_factor;
     let in_ppm = |size: f64| format!("{:.2}", 1e6 * size / found.value.abs());
@@ -191,6 +191,15 @@ pub(super) fn budget(result: &Calibrated) -> Table {
         format!("coverage factor {:.3}, for 95 %", found.coverage_factor),
     ]);
     table
+}
+
+/// The name of an input in tables and pictures: of numbers that hang together the first, and how many more.
+fn short(name: &str) -> String {
+    let parts: Vec<&str> = name.split("_with_").collect();
+    match parts.as_slice() {
+        [first, _, _, ..] => format!("{first} and {} more of the device", parts.len() - 1),
+        _ => name.to_owned(),
+    }
 }
 
 /// Degrees of freedom in a table.
@@ -439,22 +448,22 @@ fn of_records(result: &Calibrated) -> Figure {
 fn of_budget(result: &Calibrated) -> Figure {
     let mut parts: Vec<(&str, f64)> =
         result.budget.iter().filter_map(|part| Some((part.source.as_str(), part.ppm?))).collect();
-    parts.retain(|(_, ppm)| *ppm > 0.0);
-    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     let all = 1e6 * result.scale_factor.uncertainty / result.scale_factor.value.abs();
+    parts.retain(|(_, ppm)| *ppm > 1e-3 * all);
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     let rows = std::iter::once(("combined", all)).chain(parts);
     let mut panel =
         Panel::new(Axis::new("standard uncertainty", "ppm"), Axis::new("row of the legend, from above", ""));
     for (place, (name, ppm)) in rows.enumerate() {
         let y = -(place as f64) - 1.0;
         let role = if place == 0 { Role::Estimate } else { Role::Other };
-        panel = panel.with(Series::line(format!("{name} {ppm:.1} ppm"), role, [(0.0, y), (ppm, y)]));
+        panel = panel.with(Series::line(format!("{} {ppm:.1} ppm", short(name)), role, [(0.0, y), (ppm, y)]));
     }
     Figure::new(
         format!("budget-{}-{}", result.condition, result.reference),
         format!("Budget of the scale factor: condition {}, reference {}", result.condition, result.reference),
         "Standard uncertainties of the scale factor by what they come from, largest first below all together. What nobody stated is not \
-         in it.",
+         in it, and what is below a thousandth of all is left out.",
     )
     .with(panel)
 }
