@@ -47,7 +47,7 @@ pub struct Recording {
     pub reference: Option<Reference>,
     /// What stands in the place of the file; see [`ArraysByFile`](super::ArraysByFile).
     #[serde(skip)]
-    pub(crate) arrays: Option<Arrays>,
+    pub arrays: Option<Arrays>,
 }
 
 impl Recording {

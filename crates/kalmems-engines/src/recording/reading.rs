@@ -61,9 +61,11 @@ pub(super) fn words(reading: &Reading, file: &Header) -> String {
     }
     words
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Value;
 
     fn reading(unit: &str, scale: &str, offset: &str) -> Reading {
         let value = |text: &str| (!text.is_empty()).then(|| Value::parse(text).unwrap());
