@@ -61,6 +61,7 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Compare(arguments) => commands::compare::run(arguments),
         Command::Completions(arguments) => commands::completions::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Expand(arguments) => commands::expand::run(workbench, arguments),

@@ -24,6 +24,11 @@ pub fn finish(output: Output) -> Result<PathBuf, Ending> {
     Ok(out)
 }
 
+/// Writes a page that is a result of its own.
+pub fn write_page(path: &Path, html: &str, force: bool) -> Result<(), Ending> {
+    kalmems::results::write_page(path, html, force).map_err(|e| Ending::Wrong(e.to_string()))
+}
+
 /// A file in the folder of an experiment, from which the experiment's paths count.
 pub struct BesideExperiment<'a> {
     path: &'a Path,

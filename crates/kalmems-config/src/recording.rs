@@ -47,10 +47,32 @@ pub struct Recording {
     pub reference: Option<Reference>,
     /// What stands in the place of the file; see [`ArraysByFile`](super::ArraysByFile).
     #[serde(skip)]
-    pub arrays: Option<Arrays>,
+    pub(super) arrays: Option<Arrays>,
 }
 
 impl Recording {
+    /// A file with these columns, of which nothing else is said.
+    pub const fn of(
+        role: Role,
+        file: PathBuf,
+        clock: Clock,
+        channels: Channels,
+        reference: Option<Reference>,
+    ) -> Self {
+        Self {
+            name: None,
+            role,
+            file,
+            format: None,
+            segments: None,
+            clock,
+            gaps: None,
+            channels,
+            reference,
+            arrays: None,
+        }
+    }
+
     /// Its file with its columns.
     pub(super) fn in_file(&self) -> FileColumns<'_> {
         FileColumns {

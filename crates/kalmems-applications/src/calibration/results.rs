@@ -3,7 +3,7 @@
 use crate::WriteError;
 use crate::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
 use crate::recording::Source;
-use kalmems_figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use kalmems_figures::{Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -461,7 +461,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
     if !found.results.is_empty() {
-        let mut section = Section::new("Result");
+        let mut section = Section::new("Verdict").part(Part::Verdict);
         for result in &found.results {
             for warning in &result.warnings {
                 let text = format!("{}, {}: {warning}", result.condition, result.reference);
@@ -480,7 +480,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     }
     for result in &found.results {
         let mut section =
-            Section::new(format!("Condition {}, reference {}", result.condition, result.reference));
+            Section::new(format!("Condition {}, reference {}", result.condition, result.reference))
+                .part(Part::Evidence);
         section = section.table(budget(result));
         if let Some(table) = matrix(result) {
             section = section.table(table);
@@ -506,18 +507,14 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         page = page.with(section);
     }
     for finding in &found.findings {
-        page = page.with(Section::new("In the files").notice(Severity::Note, finding.clone()));
+        page =
+            page.with(Section::new("In the files").part(Part::Made).notice(Severity::Note, finding.clone()));
     }
     let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
     let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));
-    page.with(
-        Section::new("How it was made")
-            .paragraph(format!(
-                "kalmems {}. The same files give the same page to the last byte; dates and durations are in run.toml.",
-                env!("CARGO_PKG_VERSION")
-            ))
-            .preformatted("The calibration file as it was understood", file),
-    )
+    let beside = "The numbers are in `calibration.json`; dates and durations are in `run.toml`.";
+    let made = Section::made("calibrate gyro", env!("CARGO_PKG_VERSION"), beside);
+    page.with(made.preformatted("The calibration file as it was understood", file))
 }
 
 /// What tells one input from another: the name and the bytes of the files.

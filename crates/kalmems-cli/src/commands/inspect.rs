@@ -26,6 +26,10 @@ fn wrong(e: &dyn Display) -> Ending {
 
 /// What an experiment's device will do under its drive.
 fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
+    if arguments.report.is_some() {
+        let why = "`--report` is for a recording; of an experiment file the report is in the folder that `--out` names";
+        return Err(Ending::Wrong(why.to_owned()));
+    }
     let (started, clock) = (SystemTime::now(), Instant::now());
     let experiment = workbench.load(&arguments.input).map_err(|e| wrong(&e))?;
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
@@ -47,7 +51,7 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), End
 /// What a recording holds.
 fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     if arguments.out.is_some() {
-        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`";
+        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`, and a page written, with `--report`";
         return Err(Ending::Wrong(why.to_owned()));
     }
     let bar = Bar::default();
@@ -62,6 +66,10 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     if let Some(path) = &arguments.png {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;
     }
+    if let Some(path) = &arguments.report {
+        let html = kalmems::results::inspection_page(&inspection).map_err(|e| wrong(&e))?;
+        target::write_page(path, &html, arguments.force)?;
+    }
     if arguments.json {
         print_json(&inspection)?;
     } else {
@@ -71,5 +79,5 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         return Ok(());
     }
     let file = arguments.input.display();
-    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the diagnosis says why")))
+    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the findings above say why")))
 }

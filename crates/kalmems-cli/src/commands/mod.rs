@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 pub mod calibrate;
+pub mod compare;
 pub mod completions;
 pub mod diagnose;
 pub mod estimate;
