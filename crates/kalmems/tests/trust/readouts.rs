@@ -1,5 +1,6 @@
 //! An offset, a scale and a line between the sensor and the recording as states of a filter.
 
+use crate::devices::{Device, Setting};
 use crate::outliers::signals::{Of, Outcome, noise, signals};
 use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
@@ -61,7 +62,7 @@ fn a_line_and_an_offset_are_found_as_states_of_every_device() {
         );
         let mut told = settings.clone();
         told.push(("estimate.filter.0.readout", readout));
-        let (experiment, _) = of.recorded(&told, 660);
+        let (experiment, _) = recorded(&told);
         let with = Outcome::of(&experiment, &spoilt);
         println!(
             "{name}: {:.3e} clean, {:.3e} without, {:.3e} with, {}",
