@@ -271,7 +271,7 @@ pub struct StreamArguments {
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Write estimates and events as lines to this file; `-` for standard output. Without this and `--frames` they go to standard
-    /// output, or, where that is a terminal, to the file `out/streams/<name of the experiment>.jsonl`.
+    /// output, or, where that is a terminal, to the file `out/streams/<name of the experiment>.txt`.
     #[arg(long, value_name = "FILE")]
     pub lines: Option<PathBuf>,
     /// Write estimates as frames in binary to this file; `-` for standard output.

@@ -33,7 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     let standard = Path::new("-");
     // On a terminal megabytes of lines would pass that nobody reads.
     let own_folder = Path::new("out").join("streams");
-    let own_file = own_folder.join(format!("{}.jsonl", experiment.name));
+    let own_file = own_folder.join(format!("{}.txt", experiment.name));
     let lines = lines.or(match (frames, io::stdout().is_terminal()) {
         (Some(_), _) => None,
         (None, false) => Some(standard),

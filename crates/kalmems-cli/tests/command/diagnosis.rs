@@ -47,9 +47,10 @@ fn the_examples_stiffness_is_found_and_the_experiment_that_is_written_passes() {
 fn no_file_is_replaced_and_none_is_written_elsewhere() {
     let folder = scanner();
     std::fs::write(folder.path().join("mine.toml"), "mine").unwrap();
-    for (to, why) in
-        [("mine.toml", "`--force`, which keeps the present file as"), ("../there.toml", "in the folder of the experiment")]
-    {
+    for (to, why) in [
+        ("mine.toml", "`--force`, which keeps the present file as"),
+        ("../there.toml", "in the folder of the experiment"),
+    ] {
         let output = run(&["diagnose", "experiment.toml", "--write", to], folder.path());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(1) && said.contains(why), "{said}");
