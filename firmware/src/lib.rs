@@ -1,4 +1,4 @@
-//! Three filters over a few recorded samples: what the target and the host both run.
+//! Filters over a few recorded samples: what the target and the host both run.
 //!
 //! The modules under `generated` are made from the examples by `.ci/firmware generate`, with `kalmems export`.
 
@@ -8,3 +8,5 @@
 pub mod board;
 pub mod generated;
 pub mod runs;
+#[cfg(target_os = "none")]
+pub mod text;

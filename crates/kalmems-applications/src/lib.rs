@@ -1,10 +1,12 @@
-//! What an estimated motion is for: images of scanners, spectra of piston mirrors, calibrations of gyroscopes.
+//! What an estimated motion is for: images of scanners, spectra of piston mirrors, calibrations of gyroscopes; and measurement
+//! uncertainty as metrology has it.
 //!
 //! Each room has the file that an operator writes, the computation, and what becomes of it in a result's folder. Nothing here
 //! knows how a motion was estimated: it comes as recorded trajectories with their standard deviations.
 
 pub mod calibration;
 pub mod image;
+pub mod metrology;
 mod named_files;
 pub mod spectrum;
 mod write_error;

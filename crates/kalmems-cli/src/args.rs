@@ -25,33 +25,33 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Calibrate an instrument by a motion that is known.
+    /// Calibrate an instrument by a known motion.
     Calibrate(CalibrateArguments),
     /// Lay results of `kalmems estimate` over one another in one page.
     Compare(CompareArguments),
     /// Print a script that completes the command's words in a shell.
     Completions(CompletionsArguments),
-    /// Find what of an experiment is wrong, by the innovations of a filter, and say what to write instead.
+    /// Find the cause of a bad verdict by the innovations of a filter, with the lines to write instead.
     Diagnose(DiagnoseArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
-    /// Write an experiment with its device as differential equations, to be changed.
+    /// Write an experiment with its device as differential equations, which can then be changed.
     Expand(ExpandArguments),
     /// Write a filter of an experiment as source code for a microcontroller.
     Export(ExportArguments),
     /// Explain a command, a topic such as `verdict`, or the names that an experiment with a device may use.
     Help(HelpArguments),
-    /// Identify a device's parameters from its recordings, and say what they do not tell.
+    /// Identify a device's parameters from its recordings, with standard errors, and list those that they do not determine.
     Identify(IdentifyArguments),
-    /// Put an image together from intensities and the trajectories along which they were taken.
+    /// Reconstruct an image from intensities and the trajectories along which they were recorded.
     Image(ImageArguments),
-    /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
+    /// Describe a recording, or predict what the device of an experiment file will do under its drive.
     Inspect(InspectArguments),
     /// Print the manual page of the command, or of one of its commands.
     Man(ManArguments),
     /// Write an experiment file to begin with, from a recording or for a device.
     New(NewArguments),
-    /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
+    /// Compute the tables and figures of a published device and compare them with those of its papers.
     #[cfg(feature = "papers")]
     Reproduce(ReproduceArguments),
     /// Compute a recording from the `[simulate]` table of an experiment file.
@@ -64,7 +64,7 @@ pub enum Command {
     Spectrum(SpectrumArguments),
     /// Estimate samples while they arrive, as the table `[stream]` of an experiment file says.
     Stream(StreamArguments),
-    /// Run an experiment again and again, over a grid or with parameters drawn at random, and compare its estimators, or calibrate their claims.
+    /// Simulate and estimate an experiment many times, over a grid or with random parameters, and compare the filters or test their claims.
     Study(StudyArguments),
 }
 
@@ -165,7 +165,7 @@ pub struct EstimateArguments {
     /// End with exit code 3 if the answer of a filter is doubtful or worse.
     #[arg(long)]
     pub strict: bool,
-    /// Do not write the trajectories, which take several times the room of a long recording.
+    /// Do not write the trajectories, which are several times as large as a long recording.
     #[arg(long)]
     pub no_trajectories: bool,
 }
@@ -241,7 +241,7 @@ pub struct DiagnoseArguments {
     /// The filter whose innovations are looked at, by its name [default: the first that is a Kalman filter].
     #[arg(long, value_name = "NAME")]
     pub filter: Option<String>,
-    /// Write the experiment with what the first cause says to this file, in the same folder.
+    /// Write a copy of the experiment file with the first cause corrected to this file, in the same folder.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
     /// Write the report, a page to look into, to this HTML file as well.
@@ -250,7 +250,7 @@ pub struct DiagnoseArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment or the report is to be written.
     #[arg(long)]
     pub force: bool,
-    /// Print what was found as JSON instead of text.
+    /// Print the result as JSON instead of text.
     #[arg(long)]
     pub json: bool,
 }
@@ -302,15 +302,19 @@ pub struct ExportArguments {
     /// The sampling rate, such as `500 kHz` [default: that of the first recording].
     #[arg(long, value_name = "RATE")]
     pub rate: Option<String>,
-    /// Correct the filter by one sample in so many; the others are predicted through.
+    /// Correct the filter by every N-th sample only, and predict between them.
     #[arg(long, value_name = "N", default_value = "1")]
     pub update_every: NonZero<u32>,
-    /// Write so many samples of the first recording as tables as well, to try the filter with.
+    /// Also write N samples of the first recording as tables, for a test of the filter.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub samples: usize,
     /// A parameter that the program may change while it runs, of a device that is described by equations; may be given several times.
     #[arg(long, value_name = "NAME")]
     pub adjustable: Vec<String>,
+    /// How many digits the source computes with, of a device that is described by equations; as needed to come within 1e-5 of the filter
+    /// of `estimate` over the recording if left out.
+    #[arg(long, value_enum)]
+    pub digits: Option<ExportDigits>,
     /// The folder for the source [default: out/exported/<name of the experiment>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -320,6 +324,15 @@ pub struct ExportArguments {
     /// Print the names of the files as JSON instead of a list.
     #[arg(long)]
     pub json: bool,
+}
+
+/// How many digits exported source computes with.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ExportDigits {
+    /// Numbers of 32 bits.
+    Single,
+    /// Means and covariance in numbers of 64 bits.
+    Double,
 }
 
 /// The languages of an export.
@@ -356,13 +369,13 @@ pub struct ImageArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
-    /// How far x is ahead of its trajectory, such as `0.7deg`, instead of what the file says.
+    /// The phase by which x is ahead of its trajectory, such as `0.7deg`, instead of the value in the file.
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub phase_x: Option<String>,
-    /// How far y is ahead of its trajectory.
+    /// The phase by which y is ahead of its trajectory.
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub phase_y: Option<String>,
-    /// A grey PNG of what the image should be, to be compared with.
+    /// A grey PNG with which the image is compared.
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
     /// Print the figures as JSON instead of text.
@@ -431,7 +444,7 @@ pub struct SimulateArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
-    /// Which noise, instead of the one that the file says.
+    /// The seed of the noise, instead of the one in the file.
     #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
     /// Print the figures as JSON instead of text.
@@ -467,14 +480,14 @@ pub struct StudyArguments {
     /// Replace the results, and the finished runs, of another study.
     #[arg(long)]
     pub force: bool,
-    /// How many runs at once; no byte of the results depends on it [default: as many as the machine can].
+    /// How many runs at once; the results do not depend on it [default: as many as the machine can].
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZero<usize>>,
     /// Run one part of several, such as `2/3`, for `kalmems merge` to join.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
-    /// Ask whether the verdict and what the filters claim hold: draw the truth of each run from what its filters hold as uncertain, every
-    /// parameter that is a state from its `start_sd`, beside what the study draws, and count false alarms, coverage and ranks.
+    /// Test verdicts and claimed uncertainties: each run draws the true value of every parameter that a filter has as a state from its
+    /// `start_sd`, beside what the study draws, and the results are false alarms, coverage and ranks.
     /// STUDY may then be an experiment file with a table `[simulate]` as well.
     #[arg(long)]
     pub calibration: bool,

@@ -64,8 +64,8 @@ mod typeset;
 pub use description::{Description, Entry, Follower, Outside, Place, Points};
 pub use device::{Device, Named, NoiseKind, Parameter};
 pub use emit::{
-    EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter, FreeParameter,
-    StateStart, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter,
+    FreeParameter, StateStart, StepMethod, TestSample, TestVectors,
 };
 pub use energy::{EnergyCheck, Power};
 pub use error::{EquationError, Fault, Notice};

@@ -11,7 +11,7 @@ mod host;
 use cases::{Case, cases};
 use compilers::{compile, folder, has, run, write};
 use kalmems_equations::{
-    EmitEvent, EmitGain, EmitLanguage, EmitRequest, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitRequest, StepMethod, TestSample, TestVectors,
 };
 use std::fmt::Write as _;
 use std::fs;
@@ -21,36 +21,10 @@ use std::path::Path;
 const TOLERANCE: f64 = 1e-5;
 /// What is asked for, relative to the standard deviation that the filter claims.
 const OF_SD: f64 = 0.05;
-/// What is compared under this name is the C source in numbers of 64 bits.
-const WIDE: &str = "C in f64";
 /// What the sources hold themselves to over their first samples, in which some states have hardly moved.
 const OWN_TOLERANCE: f64 = 2e-2;
 /// How many samples the sources test themselves with.
 const OWN_SAMPLES: usize = 100;
-
-/// The largest difference of a state that is allowed in numbers of 32 bits, relative to its largest value and to the standard deviation.
-///
-/// Where 32 bits do not reach what is asked for, the same source in numbers of 64 bits does (its constants rounded to 32), so that
-/// rounding on the way is the cause. What of it was found by keeping the mean or the covariance alone in 32 bits.
-fn limit(name: &str, state: usize) -> [f64; 2] {
-    let devices: [(&str, &[usize], [f64; 2]); 7] = [
-        // The mean alone in 32 bits gives a tenth of this difference and the covariance alone less: most of it is rounding within a
-        // step. The second signal has noise of 1e-17 F, 1e-5 of the capacitance, so that predictions of it have few digits to spare.
-        ("threshold_scanner", &[0, 1, 2, 3], [2e-4, 0.15]),
-        // The mean alone in 32 bits gives all of it: what the jerk adds to the acceleration in a step has few digits there.
-        ("accelerometer", &[2, 3], [4e-4, OF_SD]),
-        // Mean or covariance alone in 32 bits give a tenth and a fifth of it: most is rounding within a step.
-        ("piston_mirror", &[4, 5], [2e-3, OF_SD]),
-        // The covariance alone in 32 bits gives a third to all of it, in these four.
-        ("tuning_fork_euler_free", &[0, 1, 2, 3, 4], [3e-3, 0.4]),
-        ("tuning_fork", &[0, 1, 2, 3, 4], [6e-4, 0.1]),
-        ("comb_resonator_euler_free", &[0, 1, 2, 3], [1e-4, 0.15]),
-        ("two_axes", &[2, 3], [5e-5, OF_SD]),
-    ];
-    let found =
-        devices.iter().find(|(device, states, _)| name.starts_with(device) && states.contains(&state));
-    found.map_or([TOLERANCE, OF_SD], |(_, _, limit)| *limit)
-}
 
 const GCC: [&str; 8] =
     ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror", "-O2"];
@@ -122,6 +96,7 @@ fn trials() -> Vec<Trial> {
                 let (samples, deviations) = case.samples(&request, 7 + place as u64);
                 let own = samples[..OWN_SAMPLES].to_vec();
                 request.vectors = Some(TestVectors { samples: own, tolerance: OWN_TOLERANCE });
+                request.digits = EmitDigits::AsNeeded(samples.clone());
                 all.push(Trial { place, request, samples, deviations });
             }
         }
@@ -129,8 +104,7 @@ fn trials() -> Vec<Trial> {
     all
 }
 
-/// C, Rust and the library's filter in f64 over the same samples; and the C source with its numbers made 64 bits wide, which tells what
-/// the arithmetic of 32 bits adds from what the source is.
+/// C, Rust and the library's filter in f64 over the same samples.
 fn agree(wanted: impl Fn(&str) -> bool) {
     let (gcc, clang, gxx, rustc) = (has("gcc"), has("clang"), has("g++"), has("rustc"));
     let cases = cases();
@@ -154,14 +128,13 @@ fn agree(wanted: impl Fn(&str) -> bool) {
             let found = differences(case, trial, found);
             let texts: Vec<String> = found.iter().map(|[of, sd]| format!("{of:.1e}/{sd:.0e}")).collect();
             println!(
-                "{name}, {language}: {} of the largest value/of the standard deviation; operations {:?}",
+                "{name}, {language}, {:?}: {} of the largest value/of the standard deviation; operations {:?}",
+                emitted.digits,
                 texts.join(" "),
                 emitted.operations
             );
             for (state, [of_largest, of_sd]) in found.into_iter().enumerate() {
-                let [limit, limit_of_sd] =
-                    if language == WIDE { [TOLERANCE, OF_SD] } else { limit(name, state) };
-                if !(of_largest <= limit && of_sd <= limit_of_sd) {
+                if !(of_largest <= TOLERANCE && of_sd <= OF_SD) {
                     faults.push(format!("{name}, {language}, state {state}: {of_largest:e} of the largest value, {of_sd:e} of the standard deviation"));
                 }
             }
@@ -181,13 +154,6 @@ fn agree(wanted: impl Fn(&str) -> bool) {
                 &[&GCC[..], &["-o", "program", "main.c", &source, &test, "-lm"]].concat(),
             );
             hold("C", &run(&folder, "program", &[], &input));
-            let wide = folder.join("wide");
-            fs::create_dir_all(&wide).unwrap();
-            let files: Vec<_> =
-                emitted.files.iter().map(|(name, text)| (name.clone(), widened(text))).collect();
-            write(&wide, &files);
-            compile(&wide, "gcc", &["-std=c99", "-O1", "-o", "program", "main.c", &source, &test, "-lm"]);
-            hold(WIDE, &run(&wide, "program", &[], &input));
         }
         if rustc {
             hold("Rust", &run(&rust, "program", &[name], &input));
@@ -211,30 +177,6 @@ fn emitted_filters_agree_with_the_filter_of_the_library() {
 #[ignore = "1 to 3 minutes"]
 fn slow_emitted_filters_of_all_devices_agree_with_the_filter_of_the_library() {
     agree(|_| true);
-}
-
-/// A C source with numbers of 64 bits in the place of those of 32, its constants rounded as they are.
-fn widened(text: &str) -> String {
-    let mut text = text.to_owned();
-    if let Some(start) = text.find("/* e^x for x <= 0") {
-        let end = start + text[start..].find("\n}\n").unwrap() + 3;
-        text.replace_range(start..end, "#include <math.h>\n#define falling_exp exp\n");
-    }
-    let mut wide = String::new();
-    let mut before = [' '; 1];
-    let mut rest = text.chars().peekable();
-    while let Some(c) = rest.next() {
-        let ends = rest.peek().is_none_or(|next| !next.is_ascii_alphanumeric());
-        // 1.0F becomes 1.0.
-        if !(c == 'F' && before[0].is_ascii_digit() && ends) {
-            wide.push(c);
-        }
-        before[0] = c;
-    }
-    for name in ["exp", "log", "sin", "cos", "tanh", "atanh", "sqrt", "fabs"] {
-        wide = wide.replace(&format!("{name}f("), &format!("{name}("));
-    }
-    wide.replace("float", "double").replace("\"%f\"", "\"%lf\"").replace("%.9g", "%.17g")
 }
 
 /// All filters as one library without `std`, and a program that runs each.

@@ -2,6 +2,7 @@
 
 use crate::config::{ConfigError, Experiment, Fault, Key, Role};
 use crate::rigs::{Expansion, Workbench};
+use std::collections::BTreeSet;
 use toml::{Table, Value};
 
 /// An experiment whose device is `[device.equations]`.
@@ -47,6 +48,7 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
         }
     }
     recordings(&mut document, &wanted);
+    references(&mut document, &expansion, &mut notes);
     estimate(&mut document, &expansion, &mut notes);
     let (document, left_out) = keep_filters_that_run(workbench, experiment, &document, &expansion);
     notes.extend(left_out);
@@ -74,6 +76,28 @@ fn recordings(document: &mut Table, wanted: &[usize]) {
     }
 }
 
+/// Leaves what references know of the states that the equations have.
+fn references(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
+    let device: Table = expansion.text.parse().unwrap_or_default();
+    let states = device.get("device").and_then(|device| device.get("equations")?.get("states")?.as_table());
+    let is_state = |name: &str| states.is_some_and(|states| states.contains_key(name));
+    let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
+    let mut left_out = BTreeSet::new();
+    for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
+        let channels = recording.get_mut("reference").and_then(|reference| reference.get_mut("channels"));
+        let Some(channels) = channels.and_then(Value::as_table_mut) else { continue };
+        left_out.extend(channels.keys().filter(|name| !is_state(name)).cloned());
+        channels.retain(|name, _| is_state(name));
+        if channels.is_empty() {
+            recording.remove("reference");
+        }
+    }
+    for name in left_out {
+        notes
+            .push(format!("References of `{name}` were left out: the equations have no state of that name."));
+    }
+}
+
 fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
     let Some(Value::Table(estimate)) = document.get_mut("estimate") else { return };
     let mut removed: Vec<&str> =
@@ -87,7 +111,7 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
             if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
                 filter.insert("events".to_owned(), Value::Table(events.clone()));
             }
-            let from_signal = filter.get("start").and_then(Value::as_str).is_some();
+            let from_signal = filter.get("start").is_none_or(Value::is_str);
             // There it would say how far from rest the device is, and not how well its rig finds the start.
             found |= from_signal && filter.remove("start_sd").is_some();
         }

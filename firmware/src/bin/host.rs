@@ -1,7 +1,7 @@
 //! Reads what the target wrote and compares it with the same filter here, in f32 and f64; prints what was measured, and
 //! fails where it is beyond its bound.
 //!
-//! `host scanner|scanner_rk4|threshold MOST WORST APART < target.txt`: the most instructions of half the steps and of
+//! `host scanner|scanner_text|scanner_rk4|threshold MOST WORST APART < target.txt`: the most instructions of half the steps and of
 //! any, and how far the target may be from the host in f64, relative to the largest of each quantity. From the host in
 //! f32 it may be 1e-5.
 
@@ -48,7 +48,8 @@ fn main() -> ExitCode {
     let bounds: Vec<f64> = bounds.iter().filter_map(|bound| bound.parse().ok()).collect();
     let [most, worst, rounding] = bounds[..] else { return usage() };
     let (single, double) = match name.as_str() {
-        "scanner" => (here::<f32, Euler<f32>>(), here::<f64, Euler<f64>>()),
+        // From its equations it is the same filter in the same units.
+        "scanner" | "scanner_text" => (here::<f32, Euler<f32>>(), here::<f64, Euler<f64>>()),
         "scanner_rk4" => (here::<f32, RungeKutta<f32>>(), here::<f64, RungeKutta<f64>>()),
         "threshold" => (here::<f32, Threshold<f32>>(), here::<f64, Threshold<f64>>()),
         _ => return usage(),
@@ -94,6 +95,6 @@ fn main() -> ExitCode {
 }
 
 fn usage() -> ExitCode {
-    eprintln!("host scanner|scanner_rk4|threshold MOST WORST APART < target.txt");
+    eprintln!("host scanner|scanner_text|scanner_rk4|threshold MOST WORST APART < target.txt");
     ExitCode::from(2)
 }

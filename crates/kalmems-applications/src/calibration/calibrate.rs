@@ -1,23 +1,25 @@
 //! From the files to the scale factors.
 
 use super::centre::{Centre, Shaken};
+use super::comparison::compared_references;
+use super::cross_check::Trials;
 use super::error::CalibrationError;
 use super::files::{Files, ReferenceRecord, Shows, UnitRecord};
+use super::inputs::{FROM_SCATTER, Inputs, PROBABILITY, Records};
 use super::matrix::{Matrix, Pair};
-use super::outcome::{
-    Calibrated, Calibration, Centred, Change, Contribution, Estimate, InPlane, RecordFigures,
-};
+use super::outcome::{Calibrated, Calibration, Centred, Change, Estimate, InPlane, RecordFigures};
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::rest_record;
 use super::tone::{AXES, Tone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
 use crate::fit::FitError;
+use crate::metrology::Combined;
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::Purpose;
 use realfft::num_complex::Complex64;
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::distribution::ContinuousCDF;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -44,15 +46,25 @@ pub fn calibrate(
         for (number, reference) in condition.references.iter().enumerate() {
             let key = Key::from("condition").index(index).child("reference").index(number);
             let known = files.reference(&key, reference, &names)?;
-            let against = Against { file, condition, reference, records: &records, tones: &tones };
+            let against = Against { file, condition, reference, records: &records, tones: &tones, progress };
             results.push(against.calibrate(&known)?);
         }
     }
     let (rest, of_rest) = rest_record::measure(&mut files)?;
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
-    let findings = findings.chain(of_rest).collect();
-    Ok(Calibration { file: file.clone(), changes: changes(&results), results, rest, sources, findings })
+    let comparisons = compared_references(&results);
+    for comparison in comparisons.iter().filter(|comparison| comparison.contradict) {
+        let named = |result: &&mut Calibrated| {
+            result.condition == comparison.condition && comparison.references.contains(&result.reference)
+        };
+        results.iter_mut().filter(named).for_each(|result| result.warnings.push(comparison.to_string()));
+    }
+    let contradictions =
+        comparisons.iter().filter(|comparison| comparison.contradict).map(ToString::to_string);
+    let findings = contradictions.chain(findings).chain(of_rest).collect();
+    let changes = changes(&results);
+    Ok(Calibration { file: file.clone(), changes, comparisons, results, rest, sources, findings })
 }
 
 /// One condition against one reference.
@@ -62,10 +74,15 @@ struct Against<'a> {
     reference: &'a MotionReference,
     records: &'a [UnitRecord],
     tones: &'a [Tone],
+    progress: &'a dyn Progress,
 }
 
-/// 97.5 % of a normal distribution.
-const NORMAL: f64 = 1.959_963_984_540_054;
+/// Of the sine with four parameters and its two harmonics.
+const PARAMETERS: usize = 8;
+
+/// Said of cross-axis terms without it.
+const ALIGNMENT_NOT_STATED: &str = "the alignment of the reference's axes is not stated (`uncertainty.alignment`, an angle): an axis that is \
+    off by 1 mrad moves a cross-axis term by 0.001, so that their intervals are those of the records alone and no expanded uncertainties";
 
 impl Against<'_> {
     fn calibrate(&self, known: &[ReferenceRecord]) -> Result<Calibrated, CalibrationError> {
@@ -94,46 +111,67 @@ impl Against<'_> {
             return Err(self.no_common_axis(axes_of_reference));
         };
         let scatter = matrix.scatter();
-        let wander = tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max);
-        let of_device =
-            moved_by_device(&tones, (known, self.tones), axes_of_reference, (main, scale)).map_err(failed)?;
-        let budget = self.budget(&matrix, by_noise / scale.abs(), (scatter, wander), of_device);
-        // What is not from the records is common to all entries, in proportion to each.
-        let of_records = |part: &&Contribution| part.origin == FROM_NOISE || part.origin == FROM_SCATTER;
-        let stated = budget.iter().filter(|part| !of_records(part)).filter_map(|part| part.ppm);
-        let stated = 1e-6 * stated.map(|ppm| ppm * ppm).sum::<f64>().sqrt();
-        let known_to = |(value, noise): (f64, f64), common: f64| {
-            let by_records = noise * scatter.unwrap_or(1.0);
-            let uncertainty = by_records.hypot(value * common);
-            // Of scatter only as much is known as records allow (Welch and Satterthwaite).
-            let freedom = matrix.freedom as f64 * (uncertainty / by_records).powi(4);
-            let quantile = match StudentsT::new(0.0, 1.0, freedom) {
-                Ok(law) if scatter.is_some() && freedom < 1e6 => law.inverse_cdf(0.975),
-                _ => NORMAL,
-            };
-            let half = quantile * uncertainty;
-            Estimate { value, by_records, uncertainty, interval: [value - half, value + half] }
+        let moved = moved_pairs(&tones, (known, self.tones));
+        let of_device = moved_by_device(&moved, &pairs, axes_of_reference, (main, scale)).map_err(failed)?;
+        let samples = |lengths: &mut dyn Iterator<Item = usize>| -> f64 {
+            lengths.map(|samples| samples.saturating_sub(PARAMETERS) as f64).sum::<f64>().max(1.0)
         };
-        let of_scale = |found| known_to(found, stated);
-        let of_angle = |found| known_to(found, 0.0);
-        let entries = std::array::from_fn(|i| std::array::from_fn(|j| matrix.entry(i, j).map(of_scale)));
+        let records = Records {
+            scatter,
+            freedom: matrix.freedom as f64,
+            shown_part: matrix.shown_part,
+            residuals: [
+                samples(&mut self.records.iter().map(|record| record.rates.time_s.len())),
+                samples(&mut known.iter().map(|record| record.signals.time_s.len())),
+            ],
+            wander: tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max),
+        };
+        let inputs = Inputs::of(records, &of_device, &self.reference.uncertainty);
+        // By how much an entry changes with a tilt of the column's axis towards the others.
+        let mixed = matrix.mixed(main);
+        let by_tilt = |i: usize, j: usize| {
+            let others = (0..3).filter(|m| *m != j).map(|m| mixed[i][m].powi(2));
+            others.sum::<f64>().sqrt()
+        };
+        let budget = inputs.budget((scale, by_noise), by_tilt(main, main), true);
+        let of_scale = |found| inputs.estimate(found, 0.0, true);
+        let of_angle = |found, by_tilt| inputs.estimate(found, by_tilt, false);
+        let entries = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                matrix.entry(i, j).map(|found| inputs.estimate(found, by_tilt(i, j), true))
+            })
+        });
+        let cross_check = match &self.file.monte_carlo {
+            Some(settings) => {
+                let trials = Trials { pairs: &pairs, moved: &moved, axes_of_reference, inputs: &inputs };
+                Some(trials.cross_check(settings, (main, &entries), self.progress)?)
+            }
+            None => None,
+        };
         let turns = matrix.turn_rad.clone();
         let mut calibrated = Calibrated {
             condition: self.condition.name.to_string(),
             temperature_k: self.condition.temperature.as_ref().map(crate::config::Quantity::si),
             reference: self.reference.name.to_string(),
             main,
-            scale_factor: of_scale((scale, by_noise)),
+            scale_factor: inputs.estimate((scale, by_noise), by_tilt(main, main), true),
             matrix: entries,
             bias: std::array::from_fn(|axis| self.bias(axis)),
-            budget,
+            budget: inputs.contributions(&budget, scale),
+            cross_check,
             records: self.figures(&tones, &pairs, main),
             chi_square: matrix.chi_square,
             freedom: matrix.freedom,
             peak_to_peak: self.peak_to_peak(known, &tones, main),
             excitation: matrix.excitation.clone(),
             alignment: matrix.alignment().map(|[scale, angles, mounting]| {
-                [scale.map(of_scale), angles.map(of_angle), mounting.map(of_angle)]
+                // Non-orthogonality is a difference of two tilts, a turn of the case their mean: each of two axes.
+                let tilted = [std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
+                [
+                    scale.map(of_scale),
+                    angles.map(|found| of_angle(found, tilted[0])),
+                    mounting.map(|found| of_angle(found, tilted[1])),
+                ]
             }),
             in_plane: None,
             centre: None,
@@ -146,8 +184,8 @@ impl Against<'_> {
                 .find_map(|axes| Some((axes, matrix.alignment_in_plane(axes)?)));
             calibrated.in_plane = plane.map(|([a, b], [non_orthogonality, turn])| InPlane {
                 axes: [AXES[a], AXES[b]],
-                non_orthogonality: of_angle(non_orthogonality),
-                turn: of_angle(turn),
+                non_orthogonality: of_angle(non_orthogonality, std::f64::consts::SQRT_2),
+                turn: of_angle(turn, 1.0),
             });
         }
         if self.file.gyroscope.accelerometers.is_some() {
@@ -162,6 +200,13 @@ impl Against<'_> {
             }
         }
         calibrated.warnings = self.warnings(&calibrated, &tones);
+        let has_cross_terms = calibrated.cross_terms().next().is_some();
+        if has_cross_terms && !inputs.has_alignment() {
+            calibrated.warnings.push(ALIGNMENT_NOT_STATED.to_owned());
+        }
+        if let Some(check) = &calibrated.cross_check {
+            calibrated.warnings.extend(check.disagreements.iter().cloned());
+        }
         Ok(calibrated)
     }
 
@@ -216,52 +261,6 @@ impl Against<'_> {
         }
     }
 
-    fn budget(
-        &self,
-        matrix: &Matrix,
-        noise: f64,
-        (scatter, wander): (Option<f64>, f64),
-        of_device: Vec<Contribution>,
-    ) -> Vec<Contribution> {
-        let ppm = |part: f64| Some(1e6 * part);
-        let beyond = scatter.map_or(0.0, |factor| noise * (factor * factor - 1.0).max(0.0).sqrt());
-        let mut budget = vec![
-            Contribution {
-                source: "noise of the gyroscope".to_owned(),
-                ppm: ppm(noise * matrix.shown_part.sqrt()),
-                origin: FROM_NOISE,
-            },
-            Contribution {
-                source: "noise of the reference".to_owned(),
-                ppm: ppm(noise * (1.0 - matrix.shown_part).max(0.0).sqrt()),
-                origin: FROM_NOISE,
-            },
-            Contribution {
-                source: "scatter of the records".to_owned(),
-                ppm: ppm(beyond),
-                origin: FROM_SCATTER,
-            },
-            Contribution {
-                source: "wander of the clocks".to_owned(),
-                ppm: ppm(wander),
-                origin: "measured, within records",
-            },
-        ];
-        let knows_model = !of_device.is_empty();
-        budget.extend(of_device);
-        for (source, value) in self.reference.uncertainty.contributions() {
-            // The numbers of the model speak for it.
-            if source == "model" && value.is_none() && knows_model {
-                continue;
-            }
-            let source = source.to_owned();
-            let ppm = value.map(|value| 1e6 * value);
-            let origin = if ppm.is_some() { "stated" } else { "not stated: not in the interval" };
-            budget.push(Contribution { source, ppm, origin });
-        }
-        budget
-    }
-
     /// The mean of the offsets: a vibration has no mean rate.
     fn bias(&self, axis: usize) -> Option<Estimate> {
         let offsets: Vec<(f64, f64)> = self
@@ -276,12 +275,10 @@ impl Against<'_> {
         let freedom = count - 1.0;
         let limit =
             statrs::distribution::ChiSquared::new(freedom).map_or(f64::INFINITY, |l| l.inverse_cdf(0.99));
-        let (factor, quantile) = match StudentsT::new(0.0, 1.0, freedom) {
-            Ok(law) if square > limit => ((square / freedom).sqrt(), law.inverse_cdf(0.975)),
-            _ => (1.0, NORMAL),
-        };
-        let (by_records, half) = (noise * factor, noise * factor * quantile);
-        Some(Estimate { value, by_records, uncertainty: by_records, interval: [value - half, value + half] })
+        let (factor, freedom) =
+            if square > limit { ((square / freedom).sqrt(), freedom) } else { (1.0, f64::INFINITY) };
+        let combined = Combined::of(noise * factor, freedom, PROBABILITY);
+        Some(Estimate::of(value, combined, combined))
     }
 
     fn figures(&self, tones: &[Tone], pairs: &[Pair], main: usize) -> Vec<RecordFigures> {
@@ -351,9 +348,8 @@ impl Against<'_> {
         let centre = Centre::fit(&shaken)?;
         let arm = std::array::from_fn(|axis| {
             let (value, uncertainty) = centre.coordinate(axis)?;
-            let half = NORMAL * uncertainty;
-            let interval = [value - half, value + half];
-            Some(Estimate { value, by_records: uncertainty, uncertainty, interval })
+            let combined = Combined::of(uncertainty, f64::INFINITY, PROBABILITY);
+            Some(Estimate::of(value, combined, combined))
         });
         Ok(Centred { arm, chi_square: centre.chi_square, freedom: centre.freedom })
     }
@@ -392,51 +388,61 @@ impl Against<'_> {
     }
 }
 
-/// How noise is known.
-const FROM_NOISE: &str = "measured, residuals";
-/// How what the device behind an estimated motion adds is known.
-const FROM_DEVICE: &str = "of the device behind the estimate";
-/// How scatter is known.
-const FROM_SCATTER: &str = "measured, between records";
+/// Of each direction in which the device behind an estimated motion is uncertain its name, and by how much one standard deviation of it
+/// moves the reference's phasors of each record.
+pub(super) type Moved = Vec<(String, Vec<[Complex64; 3]>)>;
 
-/// Phasors of rates, in rad/s.
-/// By how much the scale factor moves with one standard deviation of each of the uncertain numbers of the device behind an estimated
-/// motion. Such an error is common to all records, and none of it averages out.
-fn moved_by_device(
-    tones: &[Tone],
-    (known, shown): (&[ReferenceRecord], &[Tone]),
-    axes_of_reference: [bool; 3],
-    (main, scale): (usize, f64),
-) -> Result<Vec<Contribution>, FitError> {
-    let Some(first) = known.first() else { return Ok(Vec::new()) };
-    let mut contributions: Vec<Contribution> = Vec::with_capacity(first.moved.len());
-    for (source, _) in &first.moved {
-        let pairs = tones.iter().zip(known).zip(shown).map(|((tone, known), shown)| {
-            let mut tone = tone.clone();
+fn moved_pairs(tones: &[Tone], (known, shown): (&[ReferenceRecord], &[Tone])) -> Moved {
+    let Some(first) = known.first() else { return Vec::new() };
+    let of = |source: &String| -> Vec<[Complex64; 3]> {
+        let records = tones.iter().zip(known).zip(shown).map(|((tone, known), shown)| {
+            let mut moved_tone = tone.clone();
             if let Some((_, moved)) = known.moved.iter().find(|(own, _)| own == source) {
-                for (axis, moved) in tone.axes.iter_mut().zip(moved.components(tone.frequency_hz)) {
+                for (axis, moved) in moved_tone.axes.iter_mut().zip(moved.components(tone.frequency_hz)) {
                     if let (Some(axis), Some(moved)) = (axis, moved) {
                         axis.phasor += moved.phasor;
                     }
                 }
             }
-            pair(&tone, known, shown)
+            let [before, after] = [tone, &moved_tone].map(|tone| pair(tone, known, shown).reference);
+            std::array::from_fn(|axis| after[axis] - before[axis])
         });
-        let matrix = Matrix::fit(&pairs.collect::<Vec<Pair>>(), axes_of_reference)?;
-        let ppm = matrix.entry(main, main).map(|(moved, _)| 1e6 * (moved / scale - 1.0).abs());
+        records.collect()
+    };
+    first.moved.iter().map(|(source, _)| (source.clone(), of(source))).collect()
+}
+
+/// By what part the scale factor moves with one standard deviation of each of the uncertain numbers of the device behind an estimated
+/// motion. Such an error is common to all records, and none of it averages out.
+fn moved_by_device(
+    moved: &Moved,
+    pairs: &[Pair],
+    axes_of_reference: [bool; 3],
+    (main, scale): (usize, f64),
+) -> Result<Vec<(String, f64)>, FitError> {
+    let mut contributions: Vec<(String, f64)> = Vec::with_capacity(moved.len());
+    for (source, by) in moved {
+        let mut pairs = pairs.to_vec();
+        for (pair, by) in pairs.iter_mut().zip(by) {
+            pair.reference = std::array::from_fn(|axis| pair.reference[axis] + by[axis]);
+        }
+        let matrix = Matrix::fit(&pairs, axes_of_reference)?;
+        let Some((there, _)) = matrix.entry(main, main) else { continue };
+        let part = there / scale - 1.0;
         // Numbers whose errors hang together have several independent directions, with a number behind the name of the first.
-        let is_first = |other: &&mut Contribution| {
-            let number = source.strip_prefix(&other.source).and_then(|rest| rest.strip_prefix('_'));
+        let is_first = |other: &&mut (String, f64)| {
+            let number = source.strip_prefix(&other.0).and_then(|rest| rest.strip_prefix('_'));
             number.is_some_and(|number| number.parse::<usize>().is_ok())
         };
-        match (contributions.iter_mut().find(is_first), ppm) {
-            (Some(group), Some(ppm)) => group.ppm = group.ppm.map(|own| own.hypot(ppm)),
-            _ => contributions.push(Contribution { source: source.clone(), ppm, origin: FROM_DEVICE }),
+        match contributions.iter_mut().find(is_first) {
+            Some(group) => group.1 = group.1.hypot(part),
+            None => contributions.push((source.clone(), part)),
         }
     }
     Ok(contributions)
 }
 
+/// Phasors of rates, in rad/s.
 fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
     let of_angle = Complex64::i() * (TAU * tone.frequency_hz);
     let mut pair = Pair {

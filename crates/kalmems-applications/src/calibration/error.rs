@@ -90,6 +90,12 @@ pub enum CalibrationError {
         /// The reference's axes.
         known: String,
     },
+    /// The trials of a Monte Carlo method find no results.
+    #[error(
+        "monte_carlo: more than half of the trials have no matrix that fits their records; the records hardly tell it, so that trials say \
+         nothing of its uncertainty: leave `[monte_carlo]` out, or take records with more motion"
+    )]
+    Trials,
     /// The record at rest is too short.
     #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]
     Rest {

@@ -5,11 +5,12 @@ use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::Vibrometer;
-use crate::config::kinds::{AngularRate, Frequency, Ratio, Temperature};
+use crate::config::kinds::{Angle, AngularRate, Frequency, Ratio, Temperature};
 use crate::config::{
     Channels, Clock, ColumnChoice, ConfigError, Fault, Key, Name, Segments, read_source, schema_of,
 };
 use crate::config::{NotNegative, Positive};
+use crate::metrology::{Stated, StatedCorrelations};
 use crate::recording::Layout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,8 +40,84 @@ pub struct GyroscopeCalibration {
     /// A record without motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestRecord>,
+    /// What a certificate states and no record tells.
+    #[serde(default, skip_serializing_if = "CertificateDetails::is_empty")]
+    pub certificate: CertificateDetails,
+    /// Propagates the distributions of all inputs by trials, beside the uncertainties (JCGM 101), and says whether both agree.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub monte_carlo: Option<MonteCarlo>,
     #[serde(skip)]
     source: Source,
+}
+
+/// What an operator states on a certificate. What is left out is listed there as not stated.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CertificateDetails {
+    /// The certificate's number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub number: Option<String>,
+    /// What was calibrated: maker, type, serial number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub item: Option<String>,
+    /// For whom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub customer: Option<String>,
+    /// Who calibrated it, and where.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub laboratory: Option<String>,
+    /// Who answers for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub operator: Option<String>,
+    /// When it was calibrated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2026-11-25")]
+    pub date: Option<String>,
+    /// Conditions that no record tells: pressure, humidity, supply, settling time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub conditions: Option<String>,
+    /// To which standards the references are traceable, and by which certificates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traceability: Option<String>,
+}
+
+impl CertificateDetails {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Each key with what is stated.
+    pub fn entries(&self) -> [(&'static str, Option<&str>); 8] {
+        [
+            ("number", self.number.as_deref()),
+            ("item", self.item.as_deref()),
+            ("customer", self.customer.as_deref()),
+            ("laboratory", self.laboratory.as_deref()),
+            ("operator", self.operator.as_deref()),
+            ("date", self.date.as_deref()),
+            ("conditions", self.conditions.as_deref()),
+            ("traceability", self.traceability.as_deref()),
+        ]
+    }
+}
+
+/// How many trials a Monte Carlo method may take.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MonteCarlo {
+    /// Trials at most: it ends before where the ends of all intervals are accurate to a fifth of their tolerance.
+    #[serde(default = "MonteCarlo::usual_trials")]
+    #[schemars(range(min = 20_000, max = 10_000_000))]
+    pub trials: usize,
+    /// Which random numbers: the same seed gives the same trials.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl MonteCarlo {
+    const fn usual_trials() -> usize {
+        200_000
+    }
 }
 
 /// The gyroscope, and the accelerometers in its case if there are any.
@@ -111,36 +188,50 @@ pub struct MotionReference {
     /// For columns in volts: how they become angular rates.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vibrometer: Option<Vibrometer>,
+    /// What it is, for a certificate: maker, type, serial number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<String>,
+    /// By which certificate it is traceable, and to what.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traceability: Option<String>,
     /// Relative standard uncertainties that the records cannot tell. What is left out is not in the interval, and said.
     #[serde(default)]
     pub uncertainty: StatedUncertainty,
 }
 
-/// Relative standard uncertainties of a reference, from elsewhere: a certificate, a data sheet, a study.
+/// Standard uncertainties of a reference, from elsewhere: a certificate, a data sheet, a study. They are relative to the rate, but for that
+/// of the alignment; each is a value alone or a table with its distribution, degrees of freedom and source.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StatedUncertainty {
     /// The vibrometer's gain; of an estimated motion, that of the vibrometer it was identified with.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub vibrometer: Option<Quantity<Ratio, NotNegative>>,
+    pub vibrometer: Option<Stated<Ratio>>,
     /// The lever arm that makes a rate of the vibrometer's velocity.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub lever_arm: Option<Quantity<Ratio, NotNegative>>,
+    pub lever_arm: Option<Stated<Ratio>>,
     /// The clock of the reference.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub clock: Option<Quantity<Ratio, NotNegative>>,
+    pub clock: Option<Stated<Ratio>>,
     /// What is left of the drive in the sensors' signals.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub feedthrough: Option<Quantity<Ratio, NotNegative>>,
+    pub feedthrough: Option<Stated<Ratio>>,
     /// The model behind an estimated motion: gap, gain, capacitance.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub model: Option<Quantity<Ratio, NotNegative>>,
+    pub model: Option<Stated<Ratio>>,
     /// The temperature between calibration and use.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub temperature: Option<Quantity<Ratio, NotNegative>>,
+    pub temperature: Option<Stated<Ratio>>,
     /// Motion about axes that the reference does not show, times the unit's cross-axis sensitivity.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub off_axis: Option<Quantity<Ratio, NotNegative>>,
+    pub off_axis: Option<Stated<Ratio>>,
+    /// By what angle each of the reference's axes may be off the axis that it is called, in either direction square to it. Cross-axis terms
+    /// hang on it in full and have no expanded uncertainty without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<Stated<Angle>>,
+    /// How these errors hang together, each pair once, such as `lever_arm = { vibrometer = 0.4 }`; the alignment is apart.
+    #[serde(default, skip_serializing_if = "StatedCorrelations::is_empty")]
+    pub correlation: StatedCorrelations,
 }
 
 /// A record without motion.
@@ -211,6 +302,12 @@ impl GyroscopeCalibration {
             let clock = rest.clock.clone().unwrap_or_else(|| self.gyroscope.clock());
             self.check_columns(&Key::from("rest"), &rest.in_file(&self.gyroscope, &clock))?;
         }
+        if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
+            && !(20_000..=10_000_000).contains(&trials)
+        {
+            let why = format!("`{trials}` trials; expected 20000 to 10000000");
+            return refuse(Key::from("monte_carlo").child("trials"), why);
+        }
         let mut conditions = BTreeMap::new();
         for (index, condition) in self.conditions.iter().enumerate() {
             let key = Key::from("condition").index(index);
@@ -233,6 +330,9 @@ impl GyroscopeCalibration {
                 let key = key.clone().child("reference").index(number);
                 self.check_axes(&key.clone().child("channels"), &reference.channels)?;
                 self.check_columns(&key, &reference.in_file())?;
+                if let Err(why) = reference.uncertainty.check() {
+                    return refuse(key.child("uncertainty").child("correlation"), why);
+                }
                 if let Some(first) = names.insert(&reference.name, key.clone()) {
                     let fault =
                         Fault::DuplicateName { name: reference.name.to_string(), first: first.to_string() };
@@ -350,17 +450,23 @@ impl RestRecord {
 }
 
 impl StatedUncertainty {
-    /// What each stands for, and its value where it is stated.
-    pub fn contributions(&self) -> [(&'static str, Option<f64>); 7] {
-        let of = |ratio: &Option<Quantity<Ratio, NotNegative>>| ratio.as_ref().map(Quantity::si);
+    /// The keys of the relative ones, what each stands for in a budget, and what is stated of it.
+    pub fn contributions(&self) -> [(&'static str, &'static str, Option<&Stated<Ratio>>); 7] {
         [
-            ("vibrometer", of(&self.vibrometer)),
-            ("lever arm", of(&self.lever_arm)),
-            ("clock", of(&self.clock)),
-            ("feedthrough", of(&self.feedthrough)),
-            ("model", of(&self.model)),
-            ("temperature", of(&self.temperature)),
-            ("off-axis motion", of(&self.off_axis)),
+            ("vibrometer", "vibrometer", self.vibrometer.as_ref()),
+            ("lever_arm", "lever arm", self.lever_arm.as_ref()),
+            ("clock", "clock", self.clock.as_ref()),
+            ("feedthrough", "feedthrough", self.feedthrough.as_ref()),
+            ("model", "model", self.model.as_ref()),
+            ("temperature", "temperature", self.temperature.as_ref()),
+            ("off_axis", "off-axis motion", self.off_axis.as_ref()),
         ]
+    }
+
+    /// Why its correlations are none that errors can have.
+    fn check(&self) -> Result<(), String> {
+        let stated = self.contributions().into_iter().filter(|(.., stated)| stated.is_some());
+        let names: Vec<&str> = stated.map(|(key, ..)| key).collect();
+        self.correlation.check(&names)
     }
 }

@@ -129,6 +129,19 @@ impl Matrix {
         Some([non_orthogonality, turn].map(|found| (found.value, found.deviation * self.by_noise)))
     }
 
+    /// K as an axis of the reference that is tilted mixes it: with 0 for unknown entries beside the diagonal, and for those on it the scale
+    /// factor of this axis, as axes of one unit are alike.
+    pub fn mixed(&self, main: usize) -> [[f64; 3]; 3] {
+        let mut known = self.known();
+        let alike = known[main][main];
+        for (i, row) in known.iter_mut().enumerate() {
+            if self.entry(i, i).is_none() {
+                row[i] = alike;
+            }
+        }
+        known
+    }
+
     /// K with 0 where it is not known.
     pub fn known(&self) -> [[f64; 3]; 3] {
         std::array::from_fn(|i| std::array::from_fn(|j| self.entry(i, j).map_or(0.0, |(value, _)| value)))

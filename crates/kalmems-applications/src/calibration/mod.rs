@@ -7,9 +7,13 @@
 
 mod calibrate;
 mod centre;
+mod certificate;
+mod comparison;
+mod cross_check;
 mod error;
 mod file;
 mod files;
+mod inputs;
 mod matrix;
 mod motion;
 mod noise_study;
@@ -25,14 +29,19 @@ mod tone;
 
 pub use calibrate::calibrate;
 pub use centre::{Centre, Shaken};
+pub use certificate::{Certificate, certificate_page};
+pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
-    Condition, GyroscopeCalibration, InertialUnit, MotionReference, RestRecord, StatedUncertainty,
+    CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
+    RestRecord, StatedUncertainty,
 };
 pub use matrix::{Matrix, Pair};
 pub use noise_study::{NoiseShare, NoiseStudy};
 pub use off_axis::OffAxisMotion;
-pub use outcome::{Calibrated, Calibration, Centred, Change, Contribution, Estimate, InPlane, RecordFigures};
+pub use outcome::{
+    Calibrated, Calibration, Centred, Change, Contribution, CrossCheck, Estimate, InPlane, RecordFigures,
+};
 pub use peaks::{HALF_WINDOW, PeakToPeak};
 pub use rest::Rest;
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};

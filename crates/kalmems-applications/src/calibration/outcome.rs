@@ -1,10 +1,12 @@
 //! What a calibration found.
 
+use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
 use super::rest::Rest;
 use crate::calibration::file::GyroscopeCalibration;
+use crate::metrology::{Combined, Comparison, Input};
 use crate::recording::Source;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// A calibration.
 #[derive(Clone, Debug)]
@@ -15,6 +17,8 @@ pub struct Calibration {
     pub results: Vec<Calibrated>,
     /// How scale factors change between conditions.
     pub changes: Vec<Change>,
+    /// Whether references of one condition agree.
+    pub comparisons: Vec<ReferenceComparison>,
     /// The record at rest, axis by axis.
     pub rest: Vec<Rest>,
     /// The files that were read, each once.
@@ -30,10 +34,43 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard uncertainty by the records alone: noise, and scatter where there is more than noise.
     pub by_records: f64,
+    /// Half of the interval of 95 % by the records alone.
+    pub expanded_by_records: f64,
     /// Its standard uncertainty with all that is stated besides.
     pub uncertainty: f64,
-    /// The interval that holds it 95 times in 100.
+    /// The effective degrees of freedom of that; `null` in JSON where they are infinite.
+    #[serde(serialize_with = "or_null")]
+    pub degrees_of_freedom: f64,
+    /// By which the standard uncertainty becomes the expanded one.
+    pub coverage_factor: f64,
+    /// The interval that holds it 95 times in 100: the number and its expanded uncertainty.
     pub interval: [f64; 2],
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn or_null<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    if number.is_finite() { serializer.serialize_f64(*number) } else { serializer.serialize_none() }
+}
+
+impl Estimate {
+    /// A number with its uncertainties.
+    pub(super) fn of(value: f64, by_records: Combined, all: Combined) -> Self {
+        let half = all.expanded_uncertainty;
+        Self {
+            value,
+            by_records: by_records.standard_uncertainty,
+            expanded_by_records: by_records.expanded_uncertainty,
+            uncertainty: all.standard_uncertainty,
+            degrees_of_freedom: all.degrees_of_freedom,
+            coverage_factor: all.coverage_factor,
+            interval: [value - half, value + half],
+        }
+    }
+
+    /// U, the expanded uncertainty.
+    pub fn expanded(&self) -> f64 {
+        self.coverage_factor * self.uncertainty
+    }
 }
 
 /// A gyroscope at one temperature by one reference.
@@ -73,8 +110,21 @@ pub struct Calibrated {
     pub centre: Option<Centred>,
     /// What these records cannot tell, and why.
     pub not_observed: Vec<String>,
+    /// The same uncertainties by trials, where the file asks for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cross_check: Option<CrossCheck>,
     /// What a reader must know.
     pub warnings: Vec<String>,
+}
+
+impl Calibrated {
+    /// The entries of K beside its diagonal: row, column and what is known of them.
+    pub fn cross_terms(&self) -> impl Iterator<Item = (usize, usize, &Estimate)> {
+        let entries = self.matrix.iter().enumerate().flat_map(|(i, row)| {
+            row.iter().enumerate().filter_map(move |(j, entry)| Some((i, j, entry.as_ref()?)))
+        });
+        entries.filter(|(i, j, _)| i != j)
+    }
 }
 
 /// What two columns of K tell of the geometry.
@@ -108,6 +158,19 @@ pub struct Contribution {
     pub ppm: Option<f64>,
     /// How it is known.
     pub origin: &'static str,
+    /// The input behind it, with its distribution and degrees of freedom; none where nobody said.
+    pub input: Option<Input>,
+}
+
+/// What trials found of the scale factor and of the entries of K (JCGM 101).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CrossCheck {
+    /// Of the scale factor.
+    pub scale_factor: Comparison,
+    /// Of each other known entry of K, by its name, such as `k_xy`.
+    pub entries: Vec<(String, Comparison)>,
+    /// Where both ways do not agree, in sentences, with the input that is the likely reason.
+    pub disagreements: Vec<String>,
 }
 
 /// One record.
@@ -150,11 +213,4 @@ pub struct Change {
     pub deviation_ppm: f64,
     /// The same by the difference of the temperatures, in ppm/K.
     pub ppm_per_k: Option<f64>,
-}
-
-impl Contribution {
-    /// The root of the sum of squares of all that is known, in ppm.
-    pub fn total(budget: &[Self]) -> f64 {
-        budget.iter().filter_map(|part| part.ppm).map(|ppm| ppm * ppm).sum::<f64>().sqrt()
-    }
 }

@@ -1,8 +1,9 @@
 //! A record without motion: static bias, and how it wanders.
 
+use super::outcome::Estimate;
+use crate::metrology::{Combined, coverage_factor};
 use crate::signal::{Confident, Deviation, octaves};
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Pieces whose means tell how well the mean is known.
 const PIECES: usize = 8;
@@ -28,6 +29,10 @@ pub struct Rest {
     /// The interval that holds it 95 times in 100, by the spread of the means of eight pieces: right for noise that is
     /// white beyond an eighth of the record.
     pub bias_interval: [f64; 2],
+    /// Its standard uncertainty in rad/s.
+    pub bias_uncertainty: f64,
+    /// The degrees of freedom of that.
+    pub bias_freedom: f64,
     /// The root mean square about the mean in rad/s.
     pub noise: f64,
     /// Allan's deviation, overlapping, with intervals of 95 %.
@@ -73,14 +78,14 @@ impl Rest {
         let middle = mean(&means);
         let freedom = (PIECES - 1) as f64;
         let spread = means.iter().map(|m| (m - middle).powi(2)).sum::<f64>() / freedom;
-        let half =
-            StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(0.975) * (spread / PIECES as f64).sqrt();
+        let by_pieces = (spread / PIECES as f64).sqrt();
         let deviations = Deviation::Overlapping.of_stretches_with_confidence(
             stretches,
             interval_s,
             &octaves(longest),
             0.95,
         );
+        let half = coverage_factor(super::inputs::PROBABILITY, freedom) * by_pieces;
         // The longest times have so few differences that their smallest value would be chance.
         let known: Vec<&Confident> = deviations.iter().filter(|d| d.freedom >= 5.0).collect();
         let lowest = known.iter().min_by(|a, b| a.averaged.deviation.total_cmp(&b.averaged.deviation));
@@ -96,6 +101,8 @@ impl Rest {
             gaps: stretches.len() - 1,
             bias,
             bias_interval: [bias - half, bias + half],
+            bias_uncertainty: by_pieces,
+            bias_freedom: freedom,
             noise: (square / (samples - 1) as f64).sqrt(),
             angle_random_walk: (weights > 0.0).then(|| walks / weights),
             bias_instability: lowest.map(|d| [d.averaged.deviation / FLOOR, d.averaged.time_s]),
@@ -104,5 +111,11 @@ impl Rest {
             }),
             deviations,
         })
+    }
+
+    /// The bias with its uncertainty.
+    pub fn bias_estimate(&self) -> Estimate {
+        let combined = Combined::of(self.bias_uncertainty, self.bias_freedom, super::inputs::PROBABILITY);
+        Estimate::of(self.bias, combined, combined)
     }
 }

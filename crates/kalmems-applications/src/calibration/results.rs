@@ -1,8 +1,9 @@
 //! The files of a gyroscope's calibration.
 
+use super::certificate::{Certificate, certificate_page};
+use super::comparison::ReferenceComparison;
 use crate::WriteError;
-use crate::calibration::file::GyroscopeCalibration;
-use crate::calibration::{AXES, Calibrated, Calibration, Change, Contribution, Estimate, Rest};
+use crate::calibration::{AXES, Calibrated, Calibration, Change, Estimate, Rest};
 use crate::recording::Source;
 use kalmems_figures::{Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
@@ -19,6 +20,8 @@ pub struct CalibrationSummary<'a> {
     pub results: &'a [Calibrated],
     /// Changes between conditions.
     pub changes: &'a [Change],
+    /// Whether references of one condition agree.
+    pub comparisons: &'a [ReferenceComparison],
     /// The record at rest, axis by axis.
     pub rest: Vec<RestSummary<'a>>,
     /// What was found in the files and does not keep them from being used.
@@ -51,6 +54,7 @@ impl<'a> CalibrationSummary<'a> {
             name: found.file.name.to_string(),
             results: &found.results,
             changes: &found.changes,
+            comparisons: &found.comparisons,
             rest: rest.collect(),
             findings: &found.findings,
         }
@@ -63,7 +67,7 @@ impl<'a> CalibrationSummary<'a> {
             text += &scale_factors(self.results).to_text();
             for result in self.results {
                 text += &format!("\n{}", budget(result).to_text());
-                if let Some(table) = matrix(result) {
+                for table in [matrix(result), trials(result)].into_iter().flatten() {
                     text += &format!("\n{}", table.to_text());
                 }
                 for line in geometry(result) {
@@ -76,6 +80,9 @@ impl<'a> CalibrationSummary<'a> {
                     text += &format!("\nWARNING: {line}\n");
                 }
             }
+        }
+        if !self.comparisons.is_empty() {
+            text += &format!("\n{}", comparisons(self.comparisons).to_text());
         }
         if !self.changes.is_empty() {
             text += &format!("\n{}", changes(self.changes).to_text());
@@ -92,7 +99,7 @@ impl<'a> CalibrationSummary<'a> {
 }
 
 /// A line for each condition and reference.
-fn scale_factors(results: &[Calibrated]) -> Table {
+pub(super) fn scale_factors(results: &[Calibrated]) -> Table {
     let columns = [
         Column::text("condition"),
         Column::text("reference"),
@@ -108,7 +115,7 @@ fn scale_factors(results: &[Calibrated]) -> Table {
     ];
     let mut table = Table::new("Scale factors, gyroscope by reference", columns);
     for result in results {
-        let Estimate { value, by_records, interval, .. } = result.scale_factor;
+        let Estimate { value, expanded_by_records, interval, .. } = result.scale_factor;
         let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
@@ -120,7 +127,7 @@ fn scale_factors(results: &[Calibrated]) -> Table {
             AXES[result.main].to_owned(),
             format!("{value:.6}"),
             format!("{:.1}", 0.5e6 * (interval[1] - interval[0]) / value.abs()),
-            format!("{:.1}", 1.96e6 * by_records / value.abs()),
+            format!("{:.1}", 1e6 * expanded_by_records / value.abs()),
             format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
@@ -132,26 +139,141 @@ fn scale_factors(results: &[Calibrated]) -> Table {
 }
 
 /// What an uncertainty is made of.
-fn budget(result: &Calibrated) -> Table {
-    let columns =
-        [Column::text("source"), Column::number("standard uncertainty", "ppm"), Column::text("known from")];
+pub(super) fn budget(result: &Calibrated) -> Table {
+    let columns = [
+        Column::text("source"),
+        Column::text("type"),
+        Column::text("distribution"),
+        Column::text("degrees of freedom"),
+        Column::number("standard uncertainty", "ppm"),
+        Column::text("known from"),
+    ];
     let caption = format!("Uncertainty of the scale factor: {}, {}", result.condition, result.reference);
     let mut table = Table::new(caption, columns);
     for part in &result.budget {
         let ppm = part.ppm.map_or_else(|| "?".to_owned(), |ppm| format!("{ppm:.2}"));
-        table.push([part.source.clone(), ppm, part.origin.to_owned()]);
+        let [kind, distribution, freedom, source] = part.input.as_ref().map_or_else(
+            || ["", "", "", ""].map(str::to_owned),
+            |input| {
+                let freedom = freedom(input.degrees_of_freedom);
+                [
+                    format!("{:?}", input.evaluation),
+                    input.distribution.name().to_owned(),
+                    freedom,
+                    input.source.clone(),
+                ]
+            },
+        );
+        let known = if source.is_empty() || source == part.origin {
+            part.origin.to_owned()
+        } else {
+            format!("{}: {source}", part.origin)
+        };
+        table.push([short(&part.source), kind, distribution, freedom, ppm, known]);
     }
-    let total = Contribution::total(&result.budget);
+    let found = &result.scale_factor;
+    let in_ppm = |size: f64| format!("{:.2}", 1e6 * size / found.value.abs());
+    let dash = String::new;
     table.push([
-        "all that is known".to_owned(),
-        format!("{total:.2}"),
-        "root of the sum of squares".to_owned(),
+        "combined standard uncertainty".to_owned(),
+        dash(),
+        dash(),
+        freedom(found.degrees_of_freedom),
+        in_ppm(found.uncertainty),
+        "root of the sum of squares, effective degrees of freedom".to_owned(),
+    ]);
+    table.push([
+        "expanded uncertainty".to_owned(),
+        dash(),
+        dash(),
+        dash(),
+        in_ppm(found.expanded()),
+        format!("coverage factor {:.3}, for 95 %", found.coverage_factor),
     ]);
     table
 }
 
+/// The name of an input in tables and pictures: of numbers that hang together the first, and how many more.
+fn short(name: &str) -> String {
+    let parts: Vec<&str> = name.split("_with_").collect();
+    match parts.as_slice() {
+        [first, _, _, ..] => format!("{first} and {} more of the device", parts.len() - 1),
+        _ => name.to_owned(),
+    }
+}
+
+/// Degrees of freedom in a table.
+fn freedom(number: f64) -> String {
+    if number.is_finite() && number < 1e6 { format!("{number:.1}") } else { "∞".to_owned() }
+}
+
+/// The intervals by trials beside the expanded uncertainties.
+fn trials(result: &Calibrated) -> Option<Table> {
+    let check = result.cross_check.as_ref()?;
+    let columns = [
+        Column::text("entry"),
+        Column::number("trials", ""),
+        Column::number("mean", ""),
+        Column::number("standard deviation", ""),
+        Column::number("95 % from", ""),
+        Column::number("to", ""),
+        Column::number("lower end, expanded less trials", ""),
+        Column::number("upper end", ""),
+        Column::number("tolerance", ""),
+        Column::text("agrees"),
+    ];
+    let caption = format!("By trials (JCGM 101): {}, {}", result.condition, result.reference);
+    let mut table = Table::new(caption, columns);
+    let axis = AXES[result.main];
+    let own = (format!("k_{axis}{axis}"), &check.scale_factor);
+    let others = check.entries.iter().map(|(name, comparison)| (name.clone(), comparison));
+    for (name, comparison) in std::iter::once(own).chain(others) {
+        let found = &comparison.propagated;
+        table.push([
+            name,
+            found.trials.to_string(),
+            format!("{:.7}", found.value),
+            format!("{:.2e}", found.standard_uncertainty),
+            format!("{:.7}", found.interval[0]),
+            format!("{:.7}", found.interval[1]),
+            format!("{:+.1e}", comparison.differences[0]),
+            format!("{:+.1e}", comparison.differences[1]),
+            format!("{:.1e}", comparison.tolerance),
+            if comparison.agrees { "yes" } else { "no" }.to_owned(),
+        ]);
+    }
+    Some(table)
+}
+
+/// Pairs of references.
+pub(super) fn comparisons(comparisons: &[ReferenceComparison]) -> Table {
+    let columns = [
+        Column::text("condition"),
+        Column::text("axis"),
+        Column::text("references"),
+        Column::number("difference", "ppm"),
+        Column::number("its standard uncertainty", "ppm"),
+        Column::number("normalised error", ""),
+        Column::text("verdict"),
+    ];
+    let mut table = Table::new("Whether the references agree", columns);
+    for found in comparisons {
+        let [first, second] = &found.references;
+        table.push([
+            found.condition.clone(),
+            AXES[found.axis].to_owned(),
+            format!("{second} less {first}"),
+            format!("{:+.1}", found.difference_ppm),
+            format!("{:.1}", found.uncertainty_ppm),
+            format!("{:+.2}", found.normalised_error),
+            if found.contradict { "contradict each other" } else { "agree" }.to_owned(),
+        ]);
+    }
+    table
+}
+
 /// K, where there is more than one entry.
-fn matrix(result: &Calibrated) -> Option<Table> {
+pub(super) fn matrix(result: &Calibrated) -> Option<Table> {
     let known = result.matrix.iter().flatten().flatten().count();
     if known < 2 {
         return None;
@@ -251,7 +373,7 @@ fn changes(changes: &[Change]) -> Table {
     table
 }
 
-fn at_rest(rests: &[&Rest]) -> Table {
+pub(super) fn at_rest(rests: &[&Rest]) -> Table {
     let columns = [
         Column::text("axis"),
         Column::number("static bias", "mrad/s"),
@@ -284,6 +406,7 @@ fn at_rest(rests: &[&Rest]) -> Table {
 pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     let mut figures: Vec<Figure> =
         found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
+    figures.extend(found.results.iter().map(of_budget));
     if !found.rest.is_empty() {
         figures.push(of_rest(&found.rest));
     }
@@ -297,7 +420,7 @@ fn of_records(result: &Calibrated) -> Figure {
     let end = |sign: f64| {
         result.records.iter().map(move |r| (r.reference, ppm(r.scale_factor + sign * 1.96 * r.deviation)))
     };
-    let half = 1.96e6 * result.scale_factor.by_records / value.abs();
+    let half = 1e6 * result.scale_factor.expanded_by_records / value.abs();
     let mut records = Panel::new(
         Axis::new("rate amplitude by the reference", "rad/s"),
         Axis::new("scale factor less the fitted one", "ppm"),
@@ -319,6 +442,30 @@ fn of_records(result: &Calibrated) -> Figure {
          their bars say that one factor is not the whole truth.",
     )
     .with(records)
+}
+
+/// What each input adds to the uncertainty of a scale factor, and all together.
+fn of_budget(result: &Calibrated) -> Figure {
+    let mut parts: Vec<(&str, f64)> =
+        result.budget.iter().filter_map(|part| Some((part.source.as_str(), part.ppm?))).collect();
+    let all = 1e6 * result.scale_factor.uncertainty / result.scale_factor.value.abs();
+    parts.retain(|(_, ppm)| *ppm > 1e-3 * all);
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let rows = std::iter::once(("combined", all)).chain(parts);
+    let mut panel =
+        Panel::new(Axis::new("standard uncertainty", "ppm"), Axis::new("row of the legend, from above", ""));
+    for (place, (name, ppm)) in rows.enumerate() {
+        let y = -(place as f64) - 1.0;
+        let role = if place == 0 { Role::Estimate } else { Role::Other };
+        panel = panel.with(Series::line(format!("{} {ppm:.1} ppm", short(name)), role, [(0.0, y), (ppm, y)]));
+    }
+    Figure::new(
+        format!("budget-{}-{}", result.condition, result.reference),
+        format!("Budget of the scale factor: condition {}, reference {}", result.condition, result.reference),
+        "Standard uncertainties of the scale factor by what they come from, largest first below all together. What nobody stated is not \
+         in it, and what is below a thousandth of all is left out.",
+    )
+    .with(panel)
 }
 
 /// Allan's deviation of each axis.
@@ -358,7 +505,8 @@ fn of_rest(rests: &[Rest]) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` where there is a record at rest, `report.html`, its pictures in `figures/`, `run.toml`.
+/// `records.csv`, `allan.csv` where there is a record at rest, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
     let summary = CalibrationSummary::of(found);
@@ -376,6 +524,13 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     let figures = calibration_figures(found);
     let html = page(found, &figures).to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    let certificate = Certificate::of(found);
+    output.write("certificate.json", |w| {
+        serde_json::to_writer_pretty(&mut *w, &certificate)?;
+        writeln!(w)
+    })?;
+    let html = certificate_page(&certificate, found, &figures).to_html()?;
+    output.write("certificate.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &figures {
         figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
     }
@@ -389,7 +544,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
                 took_s: info.took.as_secs_f64(),
             },
             input: &found.sources,
-            calibration: &found.file,
+            calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -404,7 +559,7 @@ fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
         let biases =
             AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
         for (name, unit, entry) in entries.chain(biases) {
-            let Some(Estimate { value, by_records, uncertainty, interval: [low, high] }) = entry else {
+            let Some(Estimate { value, by_records, uncertainty, interval: [low, high], .. }) = entry else {
                 continue;
             };
             writeln!(
@@ -474,6 +629,9 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
              budget knows of; what nobody stated is not in it. Crest to trough is the published method, samples about the \
              turning points averaged; with an intercept, as printed, its errors are three to four times larger.",
         );
+        if !found.comparisons.is_empty() {
+            section = section.table(comparisons(&found.comparisons));
+        }
         if !found.changes.is_empty() {
             section = section.table(changes(&found.changes));
         }
@@ -484,7 +642,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
             Section::new(format!("Condition {}, reference {}", result.condition, result.reference))
                 .part(Part::Evidence);
         section = section.table(budget(result));
-        if let Some(table) = matrix(result) {
+        for table in [matrix(result), trials(result)].into_iter().flatten() {
             section = section.table(table);
         }
         for line in geometry(result) {
@@ -493,8 +651,9 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         for line in &result.not_observed {
             section = section.notice(Severity::Note, format!("Not observed: {line}"));
         }
-        let id = format!("records-{}-{}", result.condition, result.reference);
-        for figure in figures.iter().filter(|figure| figure.id == id) {
+        let ids =
+            ["budget", "records"].map(|kind| format!("{kind}-{}-{}", result.condition, result.reference));
+        for figure in figures.iter().filter(|figure| ids.contains(&figure.id)) {
             section = section.figure(figure.clone());
         }
         page = page.with(section);
@@ -511,7 +670,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         page =
             page.with(Section::new("In the files").part(Part::Made).notice(Severity::Note, finding.clone()));
     }
-    let file = toml::to_string(&found.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
+    let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));
     let beside = "The numbers are in `calibration.json`; dates and durations are in `run.toml`.";
     let made = Section::made("calibrate gyro", env!("CARGO_PKG_VERSION"), beside);
     page.with(made.preformatted("The calibration file as it was understood", file))
@@ -531,7 +691,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: &'a [Source],
-    calibration: &'a GyroscopeCalibration,
+    calibration: toml::Value,
 }
 
 #[derive(Serialize)]

@@ -86,6 +86,8 @@ pub struct Comparison {
     pub scale: f64,
     /// The root mean square of the difference over the largest value of the reference.
     pub rms_over_peak: f64,
+    /// Where it differs most, and by how much there, ours less theirs over the same.
+    pub worst: (f64, f64),
     /// The lines of the reference, in the order of the file; `None` where there is none, or none is measured.
     pub lines: Vec<Option<MeasuredLine>>,
 }
@@ -341,7 +343,10 @@ fn compare(
     let scale = if free_scale { sum(&|o, o2| o * o2) / sum(&|o, _| o * o) } else { 1.0 };
     let peak = pairs.iter().map(|(.., theirs)| theirs.abs()).fold(0.0, f64::max);
     let square = sum(&|ours, theirs| (scale * ours - theirs).powi(2));
+    let off = pairs.iter().map(|(nu, ours, theirs)| (*nu, (scale * ours - theirs) / peak));
+    let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((f64::NAN, f64::NAN));
     Ok(Comparison {
+        worst,
         rms_over_peak: (square / pairs.len() as f64).sqrt() / peak,
         wavenumber_per_m: pairs.iter().map(|(nu, ..)| *nu).collect(),
         ours: pairs.iter().map(|(_, ours, _)| *ours).collect(),

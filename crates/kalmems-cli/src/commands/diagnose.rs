@@ -33,7 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), E
     let Some(beside) = beside else { return Ok(()) };
     let text = found.causes.first().filter(|cause| !cause.edits.is_empty());
     let Some(text) = text.and_then(|cause| pasted(&experiment, cause)) else {
-        tell!("nothing is written: no cause was found that the experiment could say");
+        tell!("nothing is written: no cause was found that an experiment file can state");
         return Ok(());
     };
     beside.write(&text)?;

@@ -47,13 +47,13 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
     }
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
-        let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";
+        let why = "no filter gave an estimate of the motion: each stopped or lost the signal; the report and `metrics.json` state the times";
         return Err(Ending::Wrong(why.to_owned()));
     }
     let failed: Vec<&str> = metrics.estimators().filter(|e| !e.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {
         let failed = failed.join(", ");
-        return Err(Ending::NotConsistent(format!("not every answer can be trusted: {failed}")));
+        return Err(Ending::NotConsistent(format!("the verdict is `doubtful` or worse for: {failed}")));
     }
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! `kalmems export`.
 
-use crate::args::{ExportArguments, Language};
+use crate::args::{ExportArguments, ExportDigits, Language};
 use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
-use kalmems::export::{Request, Target, write_export};
+use kalmems::export::{Digits, Request, Target, write_export};
 use kalmems::inspect::quantity;
 use kalmems::results::Work;
 use kalmems::rigs::Workbench;
@@ -25,6 +25,11 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
         update_every: arguments.update_every,
         samples: arguments.samples,
         adjustable: arguments.adjustable.clone(),
+        digits: match arguments.digits {
+            None => Digits::AsNeeded,
+            Some(ExportDigits::Single) => Digits::Single,
+            Some(ExportDigits::Double) => Digits::Double,
+        },
     };
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;

@@ -79,5 +79,5 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         return Ok(());
     }
     let file = arguments.input.display();
-    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the diagnosis says why")))
+    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the findings above say why")))
 }

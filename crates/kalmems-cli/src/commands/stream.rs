@@ -253,46 +253,46 @@ fn text(summary: &StreamSummary) -> String {
     }
     let received = &summary.received;
     for (count, what) in [
-        (order.dropped, "samples never came"),
+        (order.dropped, "samples were lost"),
         (order.duplicated, "samples came twice"),
-        (order.late, "samples came late and were put in their place"),
+        (order.late, "samples came late and were sorted in"),
         (order.too_late, "samples came too late"),
         (order.without_time, "samples had no time"),
         (order.misplaced, "samples had a time far from those around them, and were left out"),
         (received.same_time, "frames had the time of the one before, and were left out"),
         (received.passed_over, "samples were acknowledged by an earlier run"),
         (received.damaged_lines, "lines were no samples"),
-        (received.damaged_bytes, "bytes belonged to no frame"),
+        (received.damaged_bytes, "bytes were outside of any frame"),
         (received.cut_off, "lines or frames had no end, which may have cut them off, and were left out"),
         (received.steps_back, "times the clock went back"),
         (received.breaks, "times the connection broke"),
-        (received.reconnections, "times it was there again"),
-        (summary.stretches.restarts as u64, "times the estimate began anew"),
+        (received.reconnections, "times the connection was restored"),
+        (summary.stretches.restarts as u64, "times the estimate began again"),
         (summary.not_estimated, "samples could not be estimated"),
         (summary.noise_only, "times the signal was noise only"),
-        (summary.withheld, "zero phases or crossings of noise were not told"),
+        (summary.withheld, "zero phases or crossings were not reported, because the signal was noise"),
         (
             summary.crossings_by_fallback,
-            "crossings were told by the steepest slope of the signal, which has no zero there or one that may be noise",
+            "crossings were timed by the steepest slope of the signal, which has no zero there or one that may be noise",
         ),
-        (summary.crossings_refused, "crossings were not told, as the noise hides when they were"),
+        (summary.crossings_refused, "crossings were not reported, because noise hides their time"),
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");
         }
     }
     if let Some(AheadSummary { counts, overdue }) = &summary.ahead {
-        text += &format!("{} zero phases told before they happened", counts.told);
+        text += &format!("{} zero phases announced in advance", counts.told);
         for (count, what) in [
-            (counts.late, "told later than asked for"),
-            (counts.missed, "not told"),
-            (*overdue, "written when they had happened, if samples arrive when they are taken"),
+            (counts.late, "announced with less than the wanted lead"),
+            (counts.missed, "not announced"),
+            (*overdue, "written after they had happened, if samples arrive when they are taken"),
         ] {
             text += &format!(", {count} {what}");
         }
         text += "\n";
         if counts.without_drive > 0 {
-            text += &format!("{} samples at which the drive was not foreseeable\n", counts.without_drive);
+            text += &format!("{} samples at which the drive could not be predicted\n", counts.without_drive);
         }
     }
     if let Some(origin) = &summary.origin {

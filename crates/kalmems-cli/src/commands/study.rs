@@ -6,7 +6,7 @@ use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
-use kalmems::study::{Options, Plan, StudyError};
+use kalmems::study::{Options, Plan, Shard, StudyError};
 use std::path::PathBuf;
 
 pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Ending> {
@@ -33,7 +33,14 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Endi
         tell!("note: {} of {} runs were in {journal} already", progressed.before, progressed.runs);
     }
     let Some(output) = output else {
-        tell!("shard {} is in {journal}; join all with: kalmems merge", arguments.shard);
+        let journals: Vec<String> = all_shards(arguments.shard)
+            .map(|shard| plan.journal(&out, shard).display().to_string())
+            .collect();
+        let all = journals.join(" ");
+        tell!(
+            "shard {} is in {journal}; when all are finished, join them with: kalmems merge {all}",
+            arguments.shard
+        );
         return Ok(());
     };
     report(&plan, &[progressed.journal], output, arguments.json)
@@ -45,6 +52,13 @@ pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), En
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     report(&plan, &arguments.journals, target::begin(Some(&out), &[], &work)?, arguments.json)
+}
+
+/// All shards of a study of which this is one.
+fn all_shards(one: Shard) -> impl Iterator<Item = Shard> {
+    let text = one.to_string();
+    let count = text.split_once('/').and_then(|(_, count)| count.parse::<u32>().ok()).unwrap_or(1);
+    (1..=count).filter_map(move |number| format!("{number}/{count}").parse().ok())
 }
 
 fn folder(plan: &Plan, out: Option<&PathBuf>) -> PathBuf {

@@ -122,7 +122,7 @@ fn a_filter_that_is_doubtful_is_told_by_strict() {
     let out = out.to_str().unwrap();
     let output = run(&["estimate", EXAMPLE, "--strict", "--out", out]);
     assert_eq!(output.status.code(), Some(3));
-    assert!(text(&output.stderr).contains("not every answer can be trusted: EKF, UKF"));
+    assert!(text(&output.stderr).contains("the verdict is `doubtful` or worse for: EKF, UKF"));
     // With the true stiffness and as much process noise as there is, which is none.
     let toml = std::fs::read_to_string(root().join(TRUE)).unwrap().replace("1e8 rad^2/s^3", "1e4 rad^2/s^3");
     let path = folder.path().join("experiment.toml");

@@ -48,7 +48,7 @@ fn no_file_is_replaced_and_none_is_written_elsewhere() {
     let folder = scanner();
     std::fs::write(folder.path().join("mine.toml"), "mine").unwrap();
     for (to, why) in
-        [("mine.toml", "--force to keep it beside"), ("../there.toml", "in the folder of the experiment")]
+        [("mine.toml", "`--force`, which keeps the present file as"), ("../there.toml", "in the folder of the experiment")]
     {
         let output = run(&["diagnose", "experiment.toml", "--write", to], folder.path());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -93,9 +93,7 @@ fn every_chapter_stands_in_the_summary() {
 }
 
 /// A command of a page: as the page has it, and the words behind `kalmems`.
-#[derive(Debug)]
 struct Documented {
-    page: String,
     line: String,
     words: Vec<String>,
 }
@@ -149,7 +147,7 @@ fn commands(page: &str) -> Vec<Documented> {
         };
         let names_a_file = words.iter().any(|word| word.contains(['.', '/']) || word.starts_with("--"));
         if !words.iter().any(is_own) && (names_a_file || words.len() > 1) {
-            found.push(Documented { page: page.to_owned(), line: line.to_owned(), words });
+            found.push(Documented { line: line.to_owned(), words });
         }
     };
     for (line, fenced) in lines(&whole) {

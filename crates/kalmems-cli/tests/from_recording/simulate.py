@@ -121,7 +121,8 @@ def threshold_scanner(rng, wrong, folder):
     omega = 2 * np.pi * frequency
     damped = omega * np.sqrt(1 - damping**2)
     amplitude, phase = near(rng, 0.147, 0.1), rng.uniform(0, 2 * np.pi)
-    samples, rate = 12_001, 500e3
+    # An operator records a decay until it has fallen to a tenth: 80 ms.
+    samples, rate = 40_001, 500e3
     time = np.arange(samples) / rate
     decay = amplitude * np.exp(-damping * omega * time)
     angle = decay * np.cos(damped * time + phase)

@@ -5,7 +5,10 @@ use super::engine::Followed;
 use super::gate::{Decisions, Watch};
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
-use super::{Course, EstimateError, FilterBasics, Known, SignalSegment, StateName, Tracked, Trajectory};
+use super::{
+    Course, EstimateError, FilterBasics, Known, ReadoutState, SignalSegment, StateName, Tracked, Trajectory,
+    WithReadout,
+};
 use crate::config::Method;
 use crate::progress::Progress;
 use kalmems_core::FilterError;
@@ -138,6 +141,26 @@ pub fn answers(
 
 /// The same with a filter that `begin` makes, of what was known where another run left it, if one did.
 pub fn follow(
+    (filter, past): (&FilterBasics, &mut FilterPast),
+    begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+    (course, samples): (&mut dyn Course, &Samples),
+    states: &[StateName],
+    progress: &dyn Progress,
+) -> Result<Vec<Trajectory>, EstimateError> {
+    if !filter.readout.is_empty() {
+        if !course.further_signals().is_empty() {
+            return Err(EstimateError::SeveralReadouts { filter: filter.name.clone() });
+        }
+        let all: Vec<StateName> =
+            states.iter().copied().chain(filter.readout.iter().map(ReadoutState::name)).collect();
+        let mut course = WithReadout::new(course, &filter.readout);
+        return follow_all((filter, past), begin, (&mut course, samples), &all, progress);
+    }
+    follow_all((filter, past), begin, (course, samples), states, progress)
+}
+
+/// The same with a course and the names of all states that the filter has.
+fn follow_all(
     (filter, past): (&FilterBasics, &mut FilterPast),
     begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
     (course, samples): (&mut dyn Course, &Samples),

@@ -31,6 +31,11 @@ pub struct StartSearch {
     pub mirrored: Vec<Vec<usize>>,
     /// States that come round, and the period of each.
     pub periods: Vec<(usize, f64)>,
+    /// Starts from which it is sought as well, such as what a lock-in finds.
+    pub seeds: Vec<Vec<f64>>,
+    /// Whether a start and the one in which all of `mirrored` have the other sign are one: of a device that is symmetric no signal
+    /// tells it.
+    pub is_symmetric: bool,
 }
 
 /// A start, and what is known behind the samples that it was found from.
@@ -132,8 +137,10 @@ impl Batch<'_> {
             fits.iter().min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares)).cloned()
         };
         let found = best(&fits).ok_or(NoBatchStart::NotFitted)?;
-        for other in self.mirrored(&found.parameters) {
-            fits.extend(self.follow(other));
+        if !self.search.is_symmetric {
+            for other in self.mirrored(&found.parameters) {
+                fits.extend(self.follow(other));
+            }
         }
         Ok((best(&fits).unwrap_or(found), fits))
     }
@@ -221,6 +228,10 @@ impl Batch<'_> {
                 }
             }
         }
+        for known in &self.search.seeds {
+            let seed = std::array::from_fn(|i| known.get(i).copied().unwrap_or(0.0));
+            seeds.push((self.cost(&seed), seed));
+        }
         seeds[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
         seeds.truncate(FOLLOWED);
         seeds.into_iter().filter(|(cost, _)| cost.is_finite()).map(|(_, seed)| seed).collect()
@@ -290,17 +301,23 @@ impl Batch<'_> {
             return Err(NoBatchStart::Undetermined((0..self.states()).filter(lost).collect()));
         }
         let scale = widening(found);
-        let is_another = |other: &&Fit<MOST_STATES>| {
-            let alike = other.sum_of_squares - found.sum_of_squares < ALIKE * scale;
+        let is_other_than = |start: &Start, other: &Fit<MOST_STATES>| {
             let apart = |i: usize| {
-                let mut apart = other.parameters[i] - found.parameters[i];
+                let mut apart = other.parameters[i] - start[i];
                 if let Some((_, period)) = self.search.periods.iter().find(|(state, _)| *state == i) {
                     apart -= period * (apart / period).round();
                 }
                 let sd = deviation(found, i);
                 sd > 0.0 && apart.abs() > APART * sd
             };
-            alike && (0..self.states()).any(apart)
+            (0..self.states()).any(apart)
+        };
+        let mirrored = if self.search.is_symmetric { self.mirrored(&found.parameters).pop() } else { None };
+        let is_another = |other: &&Fit<MOST_STATES>| {
+            let alike = other.sum_of_squares - found.sum_of_squares < ALIKE * scale;
+            alike
+                && is_other_than(&found.parameters, other)
+                && mirrored.is_none_or(|mirrored| is_other_than(&mirrored, other))
         };
         match all.iter().find(is_another) {
             Some(other) => {
@@ -662,7 +679,7 @@ mod tests {
                 prior: vec![Prior { mean: 0.0, sd }; states],
                 shapes: vec![shape],
                 mirrored: vec![vec![0, 1]],
-                periods: Vec::new(),
+                ..StartSearch::default()
             }
         }
     }
@@ -766,5 +783,9 @@ mod tests {
             panic!("a sign was told")
         };
         assert!(one.iter().zip(&other).all(|(a, b)| (a + b).abs() < 1e-6), "{one:?} {other:?}");
+        // Where it is known that nothing tells it, either will do.
+        let either = StartSearch { is_symmetric: true, ..search };
+        let found = batch_start(&mut way, 0..60, &either).unwrap().first.mean;
+        assert!([2.0, -2.0].iter().any(|truth| (found[0] - truth).abs() < 0.1), "{found:?}");
     }
 }

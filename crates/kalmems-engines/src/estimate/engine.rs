@@ -7,7 +7,8 @@ use super::gate::{Decisions, Rejection, Watch};
 use super::linked::Linked;
 use super::transition::{Sensor, Transition};
 use super::{
-    Counts, Failure, FurtherSignal, Known, Lock, StateSeries, TakenOver, Trajectory, TrajectoryKind,
+    Counts, Failure, FurtherSignal, Known, Lock, StateSeries, TakenOver, TakenOverTo, Trajectory,
+    TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -78,6 +79,11 @@ pub trait Filtering {
 
     /// Moves the state by one step.
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
+
+    /// Comes to a state that is known of all that it has, whatever was before.
+    fn take_over(&mut self, known: &TakenOverTo) -> Result<(), FilterError> {
+        self.predict(known)
+    }
 
     /// Corrects the state with a sample `y` of this noise variance, where its NIS is not above the largest that is believed.
     fn update_within(

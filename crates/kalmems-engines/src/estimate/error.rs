@@ -2,7 +2,7 @@
 
 use super::MOST_STATES;
 use crate::config::ConfigError;
-use crate::recording::ReadError;
+use crate::recording::{Finding, FindingKind, ReadError, unsound};
 use kalmems_figures::number;
 
 /// What keeps an estimate from being made.
@@ -100,6 +100,14 @@ pub enum EstimateError {
         filter: String,
         /// Why.
         why: kalmems_core::augmentation::AugmentationError,
+    },
+    /// The readout's states of a filter that takes several signals.
+    #[error(
+        "the filter `{filter}` takes several signals, and its table `readout` is for one; name one in `channels`, or leave it out"
+    )]
+    SeveralReadouts {
+        /// The filter.
+        filter: String,
     },
     /// A filter of the caller's own, of two states, is to follow the table of a filter that has others or no process.
     #[error(
@@ -233,6 +241,18 @@ pub enum EstimateError {
         /// How many samples.
         count: usize,
     },
+    /// The signal is another channel.
+    #[error(
+        "{place}: the signal `{column}` {found}; it is no signal of the device: name the column that is, or check the wiring"
+    )]
+    Repeated {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// What was found.
+        found: String,
+    },
     /// The mass lay on a plate.
     #[error(
         "{place}: the mass was pulled in to a plate at {} s: the signal `{column}` is {volts:.3} V there, and so in \
@@ -331,5 +351,22 @@ impl EstimateError {
                 | Self::DriveUnknown { .. }
                 | Self::Trigger { .. }
         )
+    }
+}
+
+impl EstimateError {
+    /// Refuses a recording one of whose signals is clipped or another channel, in the segments that are wanted by their labels; `place` is
+    /// what messages call it.
+    pub fn of_unsound(
+        diagnosis: &[Finding],
+        (place, columns): (&str, &[&str]),
+        wanted: impl Fn(&str) -> bool,
+    ) -> Result<(), Self> {
+        let Some(finding) = unsound(diagnosis, columns, wanted) else { return Ok(()) };
+        let (place, column) = (place.to_owned(), finding.column.clone().unwrap_or_default());
+        Err(match finding.kind {
+            FindingKind::Repeats => Self::Repeated { place, column, found: finding.detail.clone() },
+            _ => Self::Clipped { place, column, count: finding.count },
+        })
     }
 }

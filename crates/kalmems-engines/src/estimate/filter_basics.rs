@@ -2,7 +2,7 @@
 
 use super::gate::{FALSE_REJECTIONS, Taking, UpdateLaw, largest_nis};
 use super::tracked::{Parameter, Tracked, tracked};
-use super::{AnyFilter, EstimateError, FilterKind, GainOf, Known, MOST_MODELS, StateName};
+use super::{AnyFilter, EstimateError, FilterKind, GainOf, Known, MOST_MODELS, ReadoutState, StateName};
 use crate::config::{
     ConfigError, Estimate, Experiment, Fault, Filter, Gate, Key, Method, Quantity, Update, Values,
 };
@@ -31,6 +31,8 @@ pub struct FilterBasics {
     pub lag_s: Option<f64>,
     /// Which samples it takes, and how.
     pub taking: Taking,
+    /// What is between sensor and recording as states, behind all others.
+    pub readout: Vec<ReadoutState>,
 }
 
 impl FilterBasics {
@@ -65,6 +67,7 @@ impl FilterBasics {
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
             lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
             taking: taking(experiment, filter),
+            readout: ReadoutState::of(experiment, at, filter)?,
         })
     }
 
@@ -103,7 +106,10 @@ impl FilterBasics {
         left: Option<Known>,
         start: impl FnOnce() -> Result<Known, EstimateError>,
     ) -> Result<AnyFilter, EstimateError> {
-        let known = left.map_or_else(start, Ok)?;
+        let known = match left {
+            Some(left) => left,
+            None => start()?.with(self.readout.iter().map(ReadoutState::first)),
+        };
         let states = known.mean.len();
         let (method, points) = (self.method, self.points);
         let kind =

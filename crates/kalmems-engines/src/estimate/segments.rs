@@ -159,6 +159,12 @@ impl<'a> SignalSegment<'a> {
 }
 
 impl SignalSegment<'_> {
+    /// Refuses a segment in which one of these columns is clipped, or is another channel, as far as that is known.
+    pub fn require_sound(&self, columns: &[&str]) -> Result<(), EstimateError> {
+        let (diagnosis, place) = (self.recording.diagnosis(), self.place.as_str());
+        EstimateError::of_unsound(diagnosis, (place, columns), |label| label == self.segment.label)
+    }
+
     /// Refuses a segment that does not last this long after the settling time, in s.
     pub fn require_after_settling(&self, lasting_s: f64) -> Result<(), EstimateError> {
         // Of a segment that goes on, more is to come.

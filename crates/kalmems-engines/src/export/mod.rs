@@ -44,6 +44,20 @@ pub struct Request {
     pub samples: usize,
     /// Parameters that the program may change while it runs, of a device of one's own.
     pub adjustable: Vec<String>,
+    /// How many digits the source computes with, of a device of one's own.
+    pub digits: Digits,
+}
+
+/// How many digits a source computes with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Digits {
+    /// Numbers of 32 bits, and of 64 where a rehearsal over the recording needs them to come within 10⁻⁵ of the library's filter.
+    #[default]
+    AsNeeded,
+    /// Numbers of 32 bits.
+    Single,
+    /// Means and covariance in numbers of 64 bits.
+    Double,
 }
 
 /// A filter that can be exported.

@@ -1,7 +1,7 @@
 //! From an experiment to the files of an export.
 
 use super::samples::Samples;
-use super::{ExportError, Filter, Request, Target, c, rust};
+use super::{Digits, ExportError, Filter, Request, Target, c, rust};
 use crate::config::{ConfigError, Experiment, Fault, Update};
 use crate::recording::{Layout, ReadError, Recording};
 use crate::signal::cubic_between;
@@ -64,6 +64,11 @@ pub fn export(
             "its parameters are constants of the source; leave `--adjustable` out, or expand the experiment to equations",
         );
     }
+    if request.digits == Digits::Double {
+        return refuse(
+            "its source has numbers of 32 bits; leave `--digits` out, or expand the experiment to equations",
+        );
+    }
     let heading = heading(experiment, request, &name, interval_s);
     let mut files = match (filter, request.target) {
         (Filter::Scanner(filter), Target::Rust) => {
@@ -120,15 +125,20 @@ impl Exported {
         (filter, interval_s): (String, f64),
         files: Vec<(String, String)>,
     ) -> Self {
-        let Request { target, samples, update_every, adjustable, .. } = request;
+        let Request { target, samples, update_every, adjustable, digits, .. } = request;
         let digest = digest(experiment);
         let adjustable = if adjustable.is_empty() {
             String::new()
         } else {
             format!(", {} adjustable", adjustable.join(" "))
         };
+        let digits = match digits {
+            Digits::AsNeeded => "",
+            Digits::Single => ", in 32 bits",
+            Digits::Double => ", in 64 bits",
+        };
         let input_id = format!(
-            "{}: export {} to {target:?}, {filter}, {interval_s:e} s, one in {update_every}, {samples} samples{adjustable}",
+            "{}: export {} to {target:?}, {filter}, {interval_s:e} s, one in {update_every}, {samples} samples{adjustable}{digits}",
             experiment.name,
             digest.get(..12).unwrap_or(&digest)
         );

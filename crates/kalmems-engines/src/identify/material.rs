@@ -3,6 +3,7 @@
 use super::still::STRETCH;
 use super::{IdentifyError, Still, StillRecord};
 use crate::config::{self, Experiment, Fault, Key, Role};
+use crate::estimate::EstimateError;
 use crate::evaluate::{Reference, ReferenceChannels, ReferenceRecording};
 use crate::progress::Progress;
 use crate::recording::{Around, Finding, Recording, Segment, Source, Stretches};
@@ -27,6 +28,18 @@ pub struct Material {
     pub sources: Vec<Source>,
     /// What was found in the recording that does not keep it from being used.
     pub diagnosis: Vec<Finding>,
+}
+
+/// Refuses a recording one of whose signals is clipped or another channel: what is fitted to it would be wrong and look sure.
+pub fn require_sound(diagnosis: &[Finding], name: &str, columns: &[&str]) -> Result<(), IdentifyError> {
+    EstimateError::of_unsound(diagnosis, (name, columns), |_| true)
+        .map_err(|why| IdentifyError::Unfit { recording: name.to_owned(), why: without_place(&why, name) })
+}
+
+/// The same without the place, which an error of an identification names itself.
+fn without_place(why: &EstimateError, name: &str) -> String {
+    let text = why.to_string();
+    text.strip_prefix(name).and_then(|text| text.strip_prefix(": ")).unwrap_or(&text).to_owned()
 }
 
 impl Material {
@@ -75,6 +88,7 @@ impl Material {
         };
         let signal = recording.column_of(column, kind)?.of(segment).to_vec();
         let diagnosis = recording.diagnosis().to_vec();
+        require_sound(&diagnosis, &name, &[column])?;
         Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
     }
 

@@ -1,6 +1,6 @@
 //! What an identification says.
 
-use super::Material;
+use super::{Material, TWO_SIDED};
 use crate::config::Experiment;
 use kalmems_figures::Figure;
 use serde::Serialize;
@@ -21,9 +21,6 @@ pub struct Identified {
     /// The recording that it comes from.
     pub recording: String,
 }
-
-/// 95 % of a Gaussian lie within so many standard deviations.
-const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 impl Identified {
     /// A parameter whose error is Gaussian.

@@ -38,10 +38,80 @@ pub fn standings(
     standings
 }
 
+/// Numbers that make a recording the likeliest, and what is known of them.
+pub struct Likeliest<'a> {
+    /// Where they are, each from what was stated of it.
+    pub at: &'a [f64],
+    /// Their standard errors.
+    pub spread: &'a dyn Fn(usize) -> f64,
+    /// Whether a number is told well enough to be put into its place.
+    pub is_told: &'a dyn Fn(usize) -> bool,
+    /// The correlation of the errors of two numbers.
+    pub correlation: &'a dyn Fn(usize, usize) -> f64,
+}
+
+/// As [`standings`], with what a number that keeps its stated value does to the others.
+///
+/// Correlations are those at the likeliest values. What is stated of a number that keeps its value may be far from there, so that the others are
+/// sought once more beside it, by `sought` with those that are kept: one that then moves by more than its standard error hangs on it.
+///
+/// # Errors
+/// Those of `sought`.
+pub fn standings_beside<E>(
+    likeliest: &Likeliest,
+    sought: &mut dyn FnMut(&[bool]) -> Result<Vec<f64>, E>,
+) -> Result<Vec<Standing>, E> {
+    let Likeliest { at, spread, is_told, correlation } = likeliest;
+    let count = at.len();
+    let mut moved = vec![false; count];
+    loop {
+        let mut standings = standings(count, &|i| is_told(i) && !moved[i], correlation);
+        let kept: Vec<bool> = standings.iter().map(|standing| *standing != Standing::Told).collect();
+        let strongest = |i: usize| {
+            let others = (0..count).filter(|j| !is_told(*j));
+            others.max_by(|a, b| correlation(i, *a).abs().total_cmp(&correlation(i, *b).abs()))
+        };
+        for (i, standing) in standings.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
+            *standing = strongest(i).map_or(Standing::Untold, Standing::HangsOn);
+        }
+        if !kept.contains(&true) || !kept.contains(&false) {
+            return Ok(standings);
+        }
+        let beside = sought(&kept)?;
+        let distance = |i: usize| beside.get(i).map_or(f64::INFINITY, |there| (there - at[i]).abs());
+        let is_far = |i: usize| distance(i).is_nan() || distance(i) > spread(i);
+        let moves = |i: usize| !kept[i] && is_far(i);
+        let now: Vec<bool> = (0..count).map(|i| moved[i] || moves(i)).collect();
+        if now == moved {
+            return Ok(standings);
+        }
+        moved = now;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use Standing::{HangsOn, Told, Untold};
+
+    /// The second number is uncorrelated with the first at the likeliest values, and another beside what is stated of it.
+    #[test]
+    fn what_moves_beside_a_number_that_keeps_its_value_hangs_on_it() {
+        let likeliest = Likeliest {
+            at: &[2.0, 0.1, 0.0],
+            spread: &|_| 0.05,
+            is_told: &|i| i != 0,
+            correlation: &|i, j| f64::from(u8::from(i == j)),
+        };
+        let mut asked = 0;
+        let found = standings_beside::<()>(&likeliest, &mut |kept| {
+            asked += 1;
+            assert!(kept[0]);
+            Ok(vec![0.0, 0.3, 0.01])
+        });
+        assert_eq!((found.unwrap(), asked), (vec![Untold, HangsOn(0), Told], 2));
+        assert_eq!(standings_beside(&likeliest, &mut |_| Err("stopped")), Err("stopped"));
+    }
 
     /// Five numbers: the last is not told; the fourth hangs on it, the third on the fourth; the first two on each other alone.
     #[test]

@@ -83,6 +83,10 @@ pub enum FindingKind {
     BurstTime,
     /// The signal stays at its highest or lowest value.
     Saturation,
+    /// The signal stays at a value while its neighbours move.
+    Stuck,
+    /// A column holds the values of another one.
+    Repeats,
     /// The same value in every row.
     Constant,
 }
@@ -156,6 +160,8 @@ impl FindingKind {
             | Self::OtherRate
             | Self::BurstTime
             | Self::Saturation
+            | Self::Stuck
+            | Self::Repeats
             | Self::Constant => Severity::Note,
         }
     }
@@ -170,7 +176,7 @@ impl FindingKind {
             Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
             Self::BurstTime => ("burst", "bursts"),
-            Self::Saturation => ("sample", "samples"),
+            Self::Saturation | Self::Stuck => ("sample", "samples"),
             _ => ("", ""),
         }
     }
@@ -263,6 +269,12 @@ impl FindingKind {
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \
                  measured signal"
+            }
+            Self::Stuck => {
+                "the samples are kept as they stand: if the converter or the transfer hung there, leave these cells empty"
+            }
+            Self::Repeats => {
+                "both are kept: if they are two channels, check the wiring and the names of the columns"
             }
             Self::Constant => "it is kept: check the connection, if this is a measured signal",
         }

@@ -4,12 +4,13 @@ use super::findings::{Findings, Place, short};
 use super::label::Label;
 use super::plan::Plan;
 use super::rails::{LONG_RUN, Part, Rails};
+use super::repeats::Repeats;
 use super::request::Request;
-use super::restart::{RestartCounts, Restarts, StretchPlace, TOO_SLOW, UNSORTED};
+use super::restart::{RestartCounts, TOO_SLOW, UNSORTED, first_cut};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
 use super::time::{Tally, TimeCheck};
-use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
+use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Restarts, Source, StretchPlace};
 use kalmems_figures::number;
 use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
 use std::collections::{BTreeMap, VecDeque};
@@ -54,6 +55,8 @@ pub(super) struct Pass {
     breaks: VecDeque<(usize, u64)>,
     /// One for each target; none for the labels of the segments, which are constant in each by their nature.
     rails: Vec<Option<Rails>>,
+    /// Columns that are one.
+    repeats: Repeats,
     /// The interval of the nominal rate in s, where the settings say one of a column of times.
     nominal_s: Option<f64>,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
@@ -78,7 +81,10 @@ impl Pass {
         let rails = |target: &super::plan::Target| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
+        let looked_at: Vec<bool> =
+            plan.targets.iter().map(|target| plan.segment_column != Some(target.index)).collect();
         Self {
+            repeats: Repeats::new(&looked_at),
             rails: plan.targets.iter().map(rails).collect(),
             plan,
             clock,
@@ -109,6 +115,7 @@ impl Pass {
             (self.origin, self.resolution_s) = (block.origin, block.resolution_s);
         }
         self.append(block, begin);
+        self.repeats.take(&self.plan.targets, block.rows, self.lines.of(begin));
         self.breaks.extend(block.breaks.iter().map(|(row, missing)| (begin + row, *missing)));
         let whole = [(0, Vec::new())];
         let runs = match block.labels.first() {
@@ -258,7 +265,7 @@ impl Pass {
         // From the row before the first on, where the stretch has it.
         let first = rows.start.saturating_sub(1).max(draft.start).max(self.base);
         let times = self.times.get(first - self.base..rows.end - self.base)?;
-        restarts.first(times, 1).map(|(row, why)| (first + row, why))
+        first_cut(&restarts, times, 1).map(|(row, why)| (first + row, why))
     }
 
     /// Begins a new stretch of the present record with a row.
@@ -386,6 +393,8 @@ impl Pass {
         for rails in std::mem::take(&mut self.rails).into_iter().flatten() {
             rails.finish(self.labels.len(), &mut self.findings);
         }
+        let repeats = std::mem::replace(&mut self.repeats, Repeats::new(&[]));
+        repeats.finish(&self.plan.targets, &self.plan.names, &mut self.findings);
     }
 
     /// Lets go of rows, so far as no check needs them any more; at least those from `row` on stay.

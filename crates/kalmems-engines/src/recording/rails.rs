@@ -20,6 +20,7 @@
 use super::FindingKind as Kind;
 use super::findings::{Findings, Place, short};
 use super::segment::Lines;
+use super::stuck::Stuck;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -51,6 +52,7 @@ pub(super) struct Rails {
     segment: SegmentExtremes,
     /// Segments whose values are all the same: position, line and value.
     constant: Vec<(usize, usize, f64)>,
+    stuck: Stuck,
 }
 
 /// What is known of the present segment.
@@ -92,6 +94,7 @@ impl Rails {
             numbers: 0,
             segment: SegmentExtremes::default(),
             constant: Vec::new(),
+            stuck: Stuck::default(),
         }
     }
 
@@ -107,6 +110,9 @@ impl Rails {
                 SegmentExtremes { index: part.segment, line: lines.of(begin), ..SegmentExtremes::default() };
         }
         self.segment.rows += fresh.len();
+        for (row, value) in (begin..).zip(fresh) {
+            self.stuck.take(*value, (row, part.segment), |row| lines.of(row));
+        }
         let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
         let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else {
             self.meet(part, lines);
@@ -144,6 +150,7 @@ impl Rails {
 
     /// The end of a stretch of a segment, with its last part: what comes after it does not follow it.
     pub(super) fn end_stretch(&mut self, part: &Part) {
+        self.stuck.interrupt();
         for rail in self.sides.iter_mut().flatten() {
             rail.end_segment(part);
         }
@@ -178,6 +185,11 @@ impl Rails {
                     format!("always {} in this segment", short(level))
                 });
             }
+        }
+        for run in self.stuck.finish([low.level, high.level]) {
+            findings.add_many(Kind::Stuck, place(Some(run.segment), run.line), run.rows, || {
+                format!("stays at {} for {} rows, between rows that differ", short(run.value), run.rows)
+            });
         }
         let mut found: BTreeMap<usize, [Tally; 2]> = BTreeMap::new();
         let levels = [high.level, low.level];

@@ -859,3 +859,49 @@ fn cells_of_a_text_without_numbers_are_not_quoted() {
         assert!(found.contains("the cell is no number") && !found.contains("swordfish"), "{found}");
     }
 }
+
+/// Of a column that holds what another holds, with its sign or the other, both are told; levels that are the same for a while, or constants,
+/// are none.
+#[test]
+fn a_column_that_repeats_another_is_told_of_both() {
+    let mut text = "time_s,a_V,b_V,c_V,d_V,e_V\n".to_owned();
+    for i in 0..40 {
+        let a = f64::from(i * i % 17) - 3.0;
+        writeln!(text, "{},{a},{},{a},7,7", f64::from(i) * 1e-3, if i < 30 { a } else { -a }).unwrap();
+    }
+    let of = |text: &str| {
+        let recording = read(text.as_bytes(), &layout("time_s", "", &[])).unwrap();
+        let found = recording.diagnosis.iter().filter(|f| f.kind == FindingKind::Repeats);
+        found.map(|f| format!("{}: {}", f.column.as_deref().unwrap(), f.detail)).collect::<Vec<_>>()
+    };
+    let words = |one: &str, other: &str, sign: &str| {
+        [[one, other], [other, one]]
+            .map(|[of, as_in]| format!("{of}: repeats column `{as_in}`{sign} in every row"))
+    };
+    assert_eq!(of(&text), words("a_V", "c_V", ""));
+    let turned = text.lines().enumerate().map(|(row, line)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if row > 0 {
+            cells[3] = format!("{}", -cells[1].parse::<f64>().unwrap());
+        }
+        cells.join(",") + "\n"
+    });
+    assert_eq!(of(&turned.collect::<String>()), words("a_V", "c_V", " with the other sign"));
+    // A few rows tell nothing.
+    assert!(of(&text.lines().take(12).fold(String::new(), |all, line| all + line + "\n")).is_empty());
+}
+
+/// A converter that hangs is told with its line and its rows; a rail is a rail.
+#[test]
+fn a_value_that_hangs_is_told_beside_saturation() {
+    let mut rows: Vec<i32> =
+        (0..4000).map(|i| (500.0 * (f64::from(i) * 0.05).sin()).round() as i32).collect();
+    let held = rows[700];
+    rows[700..730].fill(held);
+    let text = rows.iter().enumerate().fold("time_us,cap_V\n".to_owned(), |all, (i, code)| {
+        all + &format!("{i},{}\n", f64::from(*code) * 0.001)
+    });
+    let recording = read(text.as_bytes(), &layout("time_us", "", &["cap_V"])).unwrap();
+    let [finding] = recording.diagnosis.as_slice() else { panic!("{:?}", recording.diagnosis) };
+    assert_eq!((finding.kind, finding.first_row, finding.count), (FindingKind::Stuck, 702, 30));
+}

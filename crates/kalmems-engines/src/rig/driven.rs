@@ -10,19 +10,21 @@ use crate::estimate::driven::{
     WithParameters, side_by_side,
 };
 use crate::estimate::{
-    AnyFilter, Around, Axis, Course, EstimateError, FilterBasics, FilterPast, Known, Motion, Parameter, Part,
-    Past, SegmentEstimate, SignalSegment, StateName, Trajectory, answers_of_bank, follow, process_noise,
+    AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterBasics, FilterPast, Known, Motion,
+    Parameter, Part, Past, Prior, SegmentEstimate, SignalSegment, StartOf, StartSearch, Started, StateName,
+    Trajectory, answers_of_bank, begun, follow, process_noise, rows_for_start, start_from_signal,
 };
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::{Outlook, Topic};
 use crate::progress::Progress;
-use crate::recording::{Layout, Source};
+use crate::recording::{Finding, Layout, Source};
 use crate::simulate::{
     Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, WhiteNoise, drive_of,
 };
 use crate::units::kind;
 use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
 use kalmems_core::{Mat, Measurement, Nodes, NoiseDensity, Parameters};
+use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 /// A device of `M` states that a recorded voltage drives and one recorded voltage shows.
@@ -211,7 +213,9 @@ struct Settings<D: DrivenDevice<M>, const M: usize> {
 
 struct FilterSettings<const M: usize> {
     basics: FilterBasics,
-    start: [f64; M],
+    /// `None` where it comes from the signal.
+    start: Option<[f64; M]>,
+    /// Of a start from the signal how far from rest a state may be, 0 where that is not known.
     start_sd: [f64; M],
     /// The density of the noise.
     density: f64,
@@ -244,11 +248,6 @@ impl<const M: usize> FilterSettings<M> {
         if filter.demodulator {
             return refuse("demodulator", "this device has none; leave it out".to_owned());
         }
-        let Some(Start::Values(start)) = &filter.start else {
-            let states: Vec<String> =
-                D::STATES.iter().map(|(name, unit, _)| format!("{name} = \"0 {unit}\"")).collect();
-            return refuse("start", format!("expected values, such as `{{ {} }}`", states.join(", ")));
-        };
         let values = |name: &str, values: &Values, sign| {
             experiment.values(at.clone().child(name), values, entries::<D, M>(sign))
         };
@@ -258,8 +257,11 @@ impl<const M: usize> FilterSettings<M> {
         let scales: Vec<f64> = D::PARAMETERS.iter().map(scale).collect();
         let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };
         Ok(Self {
-            start: values("start", start, Sign::Any)?,
-            start_sd: if claims {
+            start: match &filter.start {
+                Some(Start::Values(start)) => Some(values("start", start, Sign::Any)?),
+                Some(Start::FromSignal) | None => None,
+            },
+            start_sd: if claims && !filter.start_sd.is_empty() {
                 values("start_sd", &filter.start_sd, Sign::NotNegative)?
             } else {
                 [0.0; M]
@@ -283,6 +285,11 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let first_s = STARTING_CYCLES / self.settings.model.natural_hz;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
+        let from_signal = self.settings.filters.iter().filter(|filter| filter.start.is_none());
+        let motion = (self.settings.model.natural_hz.recip(), interval_s);
+        let for_start =
+            from_signal.map(|filter| rows_for_start(motion, filter.basics.states(&D::STATES).len()));
+        let rows = for_start.fold(rows, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before: INTERPOLATED, after: 1, smooths }
     }
@@ -295,6 +302,7 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_sound(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive = data.drive.first_sine().copied();
         let motion = match &drive {
@@ -306,7 +314,8 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
             let past = past.filter(index);
-            let mut found = filter.follow::<D>(&settings.model, &data, past, self.progress)?;
+            let seen = Seen { data: &data, place: &segment.place, progress: self.progress };
+            let mut found = filter.follow::<D>(&settings.model, seen, past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let judge = &mut past.answer(answer).judge;
                 trajectory.lock = judge.judge(trajectory, &axes, start_s, data.samples.ends);
@@ -316,6 +325,18 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let axis = Axis { angle: D::STATES[0].0, motion, drive };
         Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
     }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+    }
+}
+
+/// What a filter sees, of which segment, and who follows the work.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    data: &'a DrivenSegment<'a>,
+    place: &'a str,
+    progress: &'a dyn Progress,
 }
 
 impl<const M: usize> FilterSettings<M> {
@@ -323,22 +344,21 @@ impl<const M: usize> FilterSettings<M> {
     fn follow<D: DrivenDevice<M>>(
         &self,
         model: &ModelOf<D, M>,
-        data: &DrivenSegment,
+        seen: Seen,
         past: &mut FilterPast,
-        progress: &dyn Progress,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut lower = Mat::<f64, M, M>::zero();
         lower.0[D::NOISE.0][D::NOISE.0] = self.density;
         let noise = NoiseDensity::from_lower(lower);
-        let (tracked, variance) = (&self.basics.tracked, model.noise_variance);
+        let (tracked, sizes) = (&self.basics.tracked, (model.noise_variance, model.natural_hz));
         let plain = Plain { dynamics: model.motion, readout: model.readout, noise };
         if self.basics.method == Method::Bank {
-            return self.bank::<D>(&plain, variance, data, past, progress);
+            return self.bank::<D>(&plain, sizes, seen, past);
         }
         if tracked.is_empty() {
             return match self.basics.method {
-                Method::EulerEkf => self.through::<D, _>(&ByEuler(plain), variance, data, past, progress),
-                _ => self.through::<D, _>(&plain, variance, data, past, progress),
+                Method::EulerEkf => self.through::<D, _>(&ByEuler(plain), sizes, seen, past),
+                _ => self.through::<D, _>(&plain, sizes, seen, past),
             };
         }
         let wrong = |why| self.basics.no_model(why);
@@ -346,42 +366,69 @@ impl<const M: usize> FilterSettings<M> {
         let readout = readout.map_err(wrong)?;
         let plant =
             WithParameters::new((model.motion, noise), readout, tracked, |parameter| parameter.in_motion);
-        self.through::<D, _>(&plant.map_err(wrong)?, variance, data, past, progress)
+        self.through::<D, _>(&plant.map_err(wrong)?, sizes, seen, past)
     }
 
     /// Filters of several models side by side.
     fn bank<D: DrivenDevice<M>>(
         &self,
         plain: &Plain<D::Motion, D::Readout, M>,
-        variance: f64,
-        data: &DrivenSegment,
+        (variance, natural_hz): (f64, f64),
+        Seen { data, place, progress }: Seen,
         past: &mut FilterPast,
-        progress: &dyn Progress,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let enters: Enters = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
         let plants = side_by_side(plain, &self.basics.tracked, enters);
-        let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
-            let course = DrivenCourse::new(plant, variance, data);
-            Ok(Box::new(course.map_err(|why| self.basics.no_model(why))?))
+        let course =
+            |plant| DrivenCourse::new(plant, variance, data).map_err(|why| self.basics.no_model(why));
+        let is_begun = past.left().is_some();
+        let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
+        let mut starts = Vec::new();
+        for plant in &plants {
+            let mut course = course(plant)?;
+            let start =
+                if is_begun { None } else { self.from_signal::<D>(&mut course, natural_hz, (data, place))? };
+            courses.push(Box::new(Started::new(course, start.as_ref())));
+            starts.push(start);
+        }
+        let start = |model: usize| {
+            let found = starts.get(model).and_then(Option::as_ref);
+            Ok(begun(None, found).unwrap_or_else(|| self.known()))
         };
-        let way = (plants.iter().map(course).collect::<Result<_, _>>()?, &data.samples);
         let states = self.basics.states(&D::STATES);
-        answers_of_bank((&self.basics, past), |_| Ok(self.known()), way, &states, progress)
+        answers_of_bank((&self.basics, past), start, (courses, &data.samples), &states, progress)
+    }
+
+    /// The start from the signal along a course; `None` where the file states one.
+    fn from_signal<D: DrivenDevice<M>>(
+        &self,
+        course: &mut dyn Course,
+        natural_hz: f64,
+        (data, place): (&DrivenSegment, &str),
+    ) -> Result<Option<BatchStart>, EstimateError> {
+        if self.start.is_some() {
+            return Ok(None);
+        }
+        let motion = self.start_sd.map(|sd| Prior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
+        let prior = motion.into_iter().chain(self.basics.priors()).collect();
+        let search = StartSearch::of_oscillation(prior, TAU * natural_hz);
+        let (states, cycle_s) = (self.basics.states(&D::STATES), natural_hz.recip());
+        let of = StartOf { place, basics: &self.basics, states: (&states, M), sizes: &[], cycle_s };
+        start_from_signal(course, &data.samples, &search, of).map(Some)
     }
 
     /// What is known at the first sample.
     fn known(&self) -> Known {
-        let motion = self.start.into_iter().zip(self.start_sd);
+        let motion = self.start.unwrap_or([0.0; M]).into_iter().zip(self.start_sd);
         Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
     fn through<D: DrivenDevice<M>, P: Plant>(
         &self,
         plant: &P,
-        variance: f64,
-        data: &DrivenSegment,
+        (variance, natural_hz): (f64, f64),
+        Seen { data, place, progress }: Seen,
         past: &mut FilterPast,
-        progress: &dyn Progress,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = DrivenCourse::new(plant, variance, data);
         let course = match self.basics.method {
@@ -391,7 +438,14 @@ impl<const M: usize> FilterSettings<M> {
         let mut course = course.map_err(|why| self.basics.no_model(why))?;
         let states = self.basics.states(&D::STATES);
         let (basics, interval_s) = (&self.basics, data.interval_s);
+        let is_begun = past.left().is_some();
+        let found =
+            if is_begun { None } else { self.from_signal::<D>(&mut course, natural_hz, (data, place))? };
+        // The model alone is corrected by nothing, and an observer forgets its start.
+        let corrects = basics.method != Method::Model && basics.gain().is_none();
+        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
         let begin = |left: Option<Known>| {
+            let left = begun(left, found.as_ref());
             let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.known())) };
             let motion = plant.over(interval_s).map_err(|why| basics.no_model(why))?;
             let nodes = Nodes::held(0.0);

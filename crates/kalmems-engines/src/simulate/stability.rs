@@ -128,6 +128,13 @@ pub fn starting_factor(scanner: &ParametricScanner<f64>, drive: &Drive) -> Optio
     (square.is_finite() && square > 0.0).then(|| square.sqrt())
 }
 
+/// A frequency in kHz with the digits that a width in Hz asks for: a tenth of it, and hundredths of a kHz at least.
+fn khz(hz: f64, width_hz: f64) -> String {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 2 to 9
+    let digits = (4.0 - width_hz.log10().floor()).clamp(2.0, 9.0) as usize;
+    format!("{:.digits$}", hz / 1e3)
+}
+
 impl fmt::Display for Stability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = self.drive_hz;
@@ -147,10 +154,10 @@ impl fmt::Display for Stability {
                 write!(
                     f,
                     "{starts} by itself at this drive: the pump depth is {:.1} times the threshold, and a motion \
-                     starts from {:.2} to {:.2} kHz",
+                     starts from {} to {} kHz",
                     self.pump_depth / self.threshold(),
-                    from / 1e3,
-                    to / 1e3
+                    khz(from, to - from),
+                    khz(to, to - from)
                 )
             }
         }

@@ -123,17 +123,9 @@ pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experi
     }
     described.simulate = None;
     described.recordings = named(simulation.recorded())
-        .map(|channels| Recording {
-            name: None,
-            role: simulation.role(),
-            file: RECORDING.into(),
-            format: None,
-            segments: None,
-            clock: Clock::column(TIME),
-            gaps: None,
-            channels,
-            reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
-            arrays: None,
+        .map(|channels| {
+            let reference = named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth));
+            Recording::of(simulation.role(), RECORDING.into(), Clock::column(TIME), channels, reference)
         })
         .into_iter()
         .collect();

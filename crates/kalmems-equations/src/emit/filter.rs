@@ -4,8 +4,8 @@ use super::error::EmitError;
 use super::lower::{Given, Operand, lower};
 use super::model::{Linear, Model, Rarity, tidied};
 use super::names::Names;
-use super::request::{EmitGain, EmitRequest, StepMethod};
-use super::routine::{Array, Routine};
+use super::request::{EmitDigits, EmitGain, EmitRequest, StepMethod};
+use super::routine::{Array, Routine, Widths};
 use super::runge_kutta;
 use super::scale::Units;
 use super::tape::{Id, Tape};
@@ -26,6 +26,11 @@ pub(super) struct Program {
     pub(super) predict: Routine,
     /// The measurements of the request, and behind them its events.
     pub(super) updates: Vec<Routine>,
+    /// Which arrays have 64 bits.
+    pub(super) widths: Widths,
+    /// How far each choice of digits was from what was expected, relative to the largest value of each state, in the order in which they
+    /// were tried.
+    pub(super) rehearsed: Vec<f64>,
 }
 
 /// What is common to the parts of a filter while it is made.
@@ -60,7 +65,26 @@ impl Program {
         }
         let configure = context.configure();
         let start = start(request, &units);
-        Ok(Self { units, names, start, configure, stage, predict, updates })
+        let widths = Widths::default();
+        let rehearsed = Vec::new();
+        let mut program = Self { units, names, start, configure, stage, predict, updates, widths, rehearsed };
+        program.widen(&EmitDigits::Single);
+        Ok(program)
+    }
+
+    /// Takes over how many digits the numbers have.
+    pub(super) fn widen(&mut self, digits: &EmitDigits) {
+        let (mean, covariance) = match digits {
+            EmitDigits::Single | EmitDigits::AsNeeded(_) => (false, false),
+            EmitDigits::DoubleMean => (true, self.start.1.is_empty()),
+            EmitDigits::Double => (true, true),
+        };
+        self.widths = Widths { mean, covariance, constants: mean, stage: mean };
+        let routines = self.configure.iter_mut().chain(&mut self.stage).chain([&mut self.predict]);
+        routines.chain(&mut self.updates).for_each(|routine| routine.widen(self.widths));
+        if let Some(configure) = &mut self.configure {
+            configure.widen_all();
+        }
     }
 }
 
@@ -273,6 +297,7 @@ fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
     let variance = times_h(tape, &g, one);
     let inverse = tape.divide(one, variance);
     let k: Vec<Id> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
+    routine.gains.clone_from(&k);
     let mut b = p;
     for (i, ki) in k.iter().enumerate() {
         for (j, gj) in g.iter().enumerate().take(i + 1) {

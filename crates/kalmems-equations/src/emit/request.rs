@@ -98,6 +98,22 @@ pub enum EmitGain {
     Settled(Vec<Vec<f64>>),
 }
 
+/// How many digits the source computes with. Functions such as `exp`, inputs and measurements always have 32 bits.
+///
+/// A sum or a product of 64 bits is a call of a library where a processor has none of its own, such as a Cortex-M4F.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EmitDigits {
+    /// Numbers of 32 bits throughout.
+    Single,
+    /// The means, the rates and what is expected of a measurement have 64 bits; covariance and gain have 32.
+    DoubleMean,
+    /// Means, covariance and all that leads to them have 64 bits.
+    Double,
+    /// The first of the others with which the filter, rehearsed over these samples, comes within 10⁻⁵ of the states that they expect,
+    /// relative to the largest value of each state; the nearest one where none does.
+    AsNeeded(Vec<TestSample>),
+}
+
 /// One sample of a test, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSample {
@@ -155,6 +171,8 @@ pub struct EmitRequest {
     pub events: Vec<EmitEvent>,
     /// Where the gain comes from.
     pub gain: EmitGain,
+    /// How many digits the source computes with.
+    pub digits: EmitDigits,
     /// Samples with which the source tests itself.
     pub vectors: Option<TestVectors>,
 }
@@ -255,21 +273,33 @@ impl EmitRequest {
     }
 
     fn check_vectors(&self, device: &Device) -> Result<(), EmitError> {
+        if let EmitDigits::AsNeeded(samples) = &self.digits {
+            self.check_samples(device, "digits", samples)?;
+        }
         let Some(vectors) = &self.vectors else { return Ok(()) };
         positive("vectors", vectors.tolerance)?;
-        if vectors.samples.is_empty() {
-            return Err(EmitError::request("vectors", &"no samples", "at least one sample"));
+        self.check_samples(device, "vectors", &vectors.samples)
+    }
+
+    fn check_samples(
+        &self,
+        device: &Device,
+        field: &'static str,
+        samples: &[TestSample],
+    ) -> Result<(), EmitError> {
+        if samples.is_empty() {
+            return Err(EmitError::request(field, &"no samples", "at least one sample"));
         }
-        for sample in &vectors.samples {
+        for sample in samples {
             for inputs in &sample.inputs {
-                count("vectors", inputs.len(), device.inputs().len())?;
-                finite("vectors", inputs.iter().copied())?;
+                count(field, inputs.len(), device.inputs().len())?;
+                finite(field, inputs.iter().copied())?;
             }
-            count("vectors", sample.measured.len(), self.measures.len())?;
-            count("vectors", sample.events.len(), self.events.len())?;
-            count("vectors", sample.expected.len(), self.size())?;
+            count(field, sample.measured.len(), self.measures.len())?;
+            count(field, sample.events.len(), self.events.len())?;
+            count(field, sample.expected.len(), self.size())?;
             let numbers = sample.measured.iter().chain(sample.events.iter().flatten());
-            finite("vectors", numbers.chain(&sample.expected).copied())?;
+            finite(field, numbers.chain(&sample.expected).copied())?;
         }
         Ok(())
     }

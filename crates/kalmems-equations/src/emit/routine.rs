@@ -14,6 +14,42 @@ pub(super) enum Array {
     Stage,
 }
 
+/// Which of the arrays hold numbers of 64 bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Widths {
+    pub(super) mean: bool,
+    pub(super) covariance: bool,
+    pub(super) constants: bool,
+    /// What a stage is handed and returns.
+    pub(super) stage: bool,
+}
+
+impl Widths {
+    pub(super) fn of(self, array: Array) -> bool {
+        match array {
+            Array::Mean => self.mean,
+            Array::Covariance => self.covariance,
+            Array::Constants => self.constants,
+            Array::Stage => self.stage,
+        }
+    }
+
+    /// Whether a number from outside of a routine has 64 bits, by its name in the source.
+    fn of_name(self, name: &str) -> bool {
+        let digit_follows = |letter: char| {
+            name.strip_prefix(letter).is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+        };
+        match name {
+            _ if name.starts_with("x_") => self.mean,
+            // Parameters that the program may change, from which constants follow.
+            _ if name.starts_with("p_") => true,
+            _ if digit_follows('p') => self.covariance,
+            _ if digit_follows('c') => self.constants,
+            _ => self.stage && ['k', 'z', 'w'].into_iter().any(digit_follows),
+        }
+    }
+}
+
 /// A call of the stage of Runge and Kutta's method.
 #[derive(Clone, Debug)]
 pub(super) struct StageCall {
@@ -32,20 +68,27 @@ pub(super) struct Routine {
     pub(super) outputs: Vec<(Array, usize, Id)>,
     /// The variance of an innovation, which must be positive.
     pub(super) variance: Option<Id>,
+    /// The gains of a correction.
+    pub(super) gains: Vec<Id>,
+    /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
+    pub(super) widths: Widths,
+    wide: Vec<bool>,
 }
 
-/// How a language writes what routines are made of.
+/// How a language writes what routines are made of. `wide` says whether the numbers have 64 bits.
 pub(super) trait Syntax {
     /// A number.
-    fn literal(&self, value: f64) -> Result<String, EmitError>;
+    fn literal(&self, value: f64, wide: bool) -> Result<String, EmitError>;
     /// A statement that gives a value a name.
-    fn declare(&self, name: &str, value: &str) -> String;
+    fn declare(&self, name: &str, value: &str, wide: bool) -> String;
     /// A function's call.
-    fn call(&self, called: Called, at: &str) -> String;
+    fn call(&self, called: Called, at: &str, wide: bool) -> String;
     /// The third where the first is below the second, the fourth elsewhere.
     fn choice(&self, parts: [&str; 4]) -> String;
-    /// a·b + c, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
+    /// a·b + c in 32 bits, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
     fn fused(&self, a: &str, b: &str, c: &str) -> Option<String>;
+    /// A number of the other width as one of this width, from its text without and with brackets around a sum or a product.
+    fn converted(&self, plain: &str, bracketed: &str, wide: bool) -> String;
     /// A stage's call into an array.
     fn stage(&self, output: &str, arguments: &[String]) -> String;
 }
@@ -54,6 +97,52 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
+    pub(super) fn is_wide(&self, id: Id) -> bool {
+        self.wide.get(id.index()).copied().unwrap_or(false)
+    }
+
+    /// Takes over which arrays have 64 bits. Operations have as many where what they lead to has; of a mean without its covariance the
+    /// gains are left out.
+    pub(super) fn widen(&mut self, widths: Widths) {
+        self.widths = widths;
+        let mut open: Vec<Id> = Vec::new();
+        for (array, _, id) in &self.outputs {
+            if widths.of(*array) {
+                open.push(*id);
+            }
+        }
+        if widths.stage {
+            open.extend(self.calls.iter().flat_map(|call| call.arguments.iter().copied()));
+        }
+        if widths.covariance {
+            open.extend(self.variance);
+        }
+        let mut wide = vec![false; self.tape.len()];
+        let is_gain = |id: &Id| !widths.covariance && self.gains.contains(id);
+        while let Some(id) = open.pop() {
+            match self.tape.op(id) {
+                Op::Name(_) => continue,
+                _ if is_gain(&id) => continue,
+                _ => {}
+            }
+            if let Some(slot) = wide.get_mut(id.index()).filter(|slot| !**slot) {
+                *slot = true;
+                open.extend(self.tape.op(id).parts());
+            }
+        }
+        for (id, wide) in (0_u32..).map(Id).zip(&mut wide) {
+            if let Op::Name(name) = self.tape.op(id) {
+                *wide = widths.of_name(self.tape.name_of(name));
+            }
+        }
+        self.wide = wide;
+    }
+
+    /// Computes all in 64 bits, whatever the results have.
+    pub(super) fn widen_all(&mut self) {
+        self.wide = vec![true; self.tape.len()];
+    }
+
     /// Everything that it computes.
     fn roots(&self) -> Vec<Id> {
         let calls = self.calls.iter().flat_map(|call| call.arguments.iter().copied());
@@ -109,6 +198,7 @@ impl Routine {
         }
         roots.iter().copied().for_each(&mut count);
         let mut writer = Writer {
+            routine: self,
             tape: &self.tape,
             syntax,
             uses,
@@ -118,14 +208,17 @@ impl Routine {
         };
         for call in &self.calls {
             writer.write(&call.arguments)?;
-            let arguments: Vec<String> = call.arguments.iter().map(|id| writer.text(*id, 0)).collect();
+            let arguments = call.arguments.iter().map(|id| writer.text(*id, 0, self.widths.stage));
+            let arguments = arguments.collect::<Result<Vec<String>, _>>()?;
             writer.statements.push(syntax.stage(&call.output, &arguments));
         }
         let wanted: Vec<Id> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
         writer.write(&wanted)?;
-        let outputs = self.outputs.iter().map(|(array, place, id)| (*array, *place, writer.text(*id, 0)));
-        let outputs = outputs.collect();
-        let variance = self.variance.map(|id| writer.text(id, 0));
+        let mut outputs = Vec::with_capacity(self.outputs.len());
+        for (array, place, id) in &self.outputs {
+            outputs.push((*array, *place, writer.text(*id, 0, self.widths.of(*array))?));
+        }
+        let variance = self.variance.map(|id| writer.text(id, 0, self.is_wide(id))).transpose()?;
         Ok(Written { statements: writer.statements, outputs, variance })
     }
 }
@@ -139,6 +232,7 @@ pub(super) struct Written {
 }
 
 struct Writer<'a> {
+    routine: &'a Routine,
     tape: &'a Tape,
     syntax: &'a dyn Syntax,
     uses: Vec<usize>,
@@ -149,8 +243,21 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// An expression, in brackets where it binds less tightly.
-    fn text(&self, id: Id, binding: u8) -> String {
+    /// An expression in numbers of this width, in brackets where it binds less tightly.
+    fn text(&self, id: Id, binding: u8, wide: bool) -> Result<String, EmitError> {
+        if let Op::Literal(bits) = self.tape.op(id) {
+            let value = f64::from_bits(bits);
+            let text = self.syntax.literal(value, wide)?;
+            return Ok(if value < 0.0 && binding > 2 { format!("({text})") } else { text });
+        }
+        if self.routine.is_wide(id) == wide {
+            return Ok(self.own(id, binding));
+        }
+        Ok(self.syntax.converted(&self.own(id, 0), &self.own(id, 3), wide))
+    }
+
+    /// An expression in numbers of its own width.
+    fn own(&self, id: Id, binding: u8) -> String {
         match self.texts.get(&id) {
             Some((text, own)) if *own >= binding => text.clone(),
             Some((text, _)) => format!("({text})"),
@@ -161,16 +268,17 @@ impl Writer<'_> {
     /// Statements for what these need and is not there yet.
     fn write(&mut self, wanted: &[Id]) -> Result<(), EmitError> {
         for id in self.tape.below(wanted) {
-            if self.texts.contains_key(&id) {
+            if self.texts.contains_key(&id) || matches!(self.tape.op(id), Op::Literal(_)) {
                 continue;
             }
-            let (text, binding) = self.expression(id)?;
-            let is_plain = matches!(self.tape.op(id), Op::Literal(_) | Op::Name(_));
+            let wide = self.routine.is_wide(id);
+            let (text, binding) = self.expression(id, wide)?;
+            let is_plain = matches!(self.tape.op(id), Op::Name(_));
             let often = self.uses.get(id.index()).is_some_and(|uses| *uses > 1);
             if !is_plain && (often || text.len() > LONGEST) {
                 let name = format!("t{}", self.temporaries);
                 self.temporaries += 1;
-                self.statements.push(self.syntax.declare(&name, &text));
+                self.statements.push(self.syntax.declare(&name, &text, wide));
                 self.texts.insert(id, (name, 3));
             } else {
                 self.texts.insert(id, (text, binding));
@@ -179,54 +287,60 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// The factors of a product that stands in one sum alone and has no name.
-    fn factors(&self, id: Id) -> Option<[String; 2]> {
-        match self.tape.op(id) {
-            Op::Multiply(a, b) if self.texts.get(&id).is_some_and(|(_, binding)| *binding == 2) => {
-                Some([self.text(a, 3), self.text(b, 3)])
+    /// The factors of a product in 32 bits that stands in one sum alone and has no name.
+    fn factors(&self, id: Id) -> Result<Option<[String; 2]>, EmitError> {
+        Ok(match self.tape.op(id) {
+            Op::Multiply(a, b)
+                if !self.routine.is_wide(id)
+                    && self.texts.get(&id).is_some_and(|(_, binding)| *binding == 2) =>
+            {
+                Some([self.text(a, 3, false)?, self.text(b, 3, false)?])
             }
             _ => None,
-        }
+        })
     }
 
-    /// A sum with a product in it, where the language can round that once.
-    fn fused(&self, op: Op) -> Option<String> {
-        match op {
-            Op::Add(a, b) => match (self.factors(b), self.factors(a)) {
-                (Some([x, y]), _) => self.syntax.fused(&x, &y, &self.text(a, 0)),
-                (None, Some([x, y])) => self.syntax.fused(&x, &y, &self.text(b, 0)),
-                (None, None) => None,
-            },
-            Op::Subtract(a, b) => match (self.factors(b), self.factors(a)) {
-                (Some([x, y]), _) => self.syntax.fused(&format!("-{x}"), &y, &self.text(a, 0)),
-                (None, Some([x, y])) => self.syntax.fused(&x, &y, &format!("-{}", self.text(b, 3))),
-                (None, None) => None,
-            },
-            _ => None,
-        }
+    /// A sum in 32 bits with a product in it, where the language can round that once.
+    fn fused(&self, op: Op) -> Result<Option<String>, EmitError> {
+        let (Op::Add(a, b) | Op::Subtract(a, b)) = op else { return Ok(None) };
+        let is_sum = matches!(op, Op::Add(..));
+        Ok(match (self.factors(b)?, self.factors(a)?) {
+            (Some([x, y]), _) => {
+                let x = if is_sum { x } else { format!("-{x}") };
+                self.syntax.fused(&x, &y, &self.text(a, 0, false)?)
+            }
+            (None, Some([x, y])) => {
+                let other =
+                    if is_sum { self.text(b, 0, false)? } else { format!("-{}", self.text(b, 3, false)?) };
+                self.syntax.fused(&x, &y, &other)
+            }
+            (None, None) => None,
+        })
     }
 
-    fn expression(&self, id: Id) -> Result<(String, u8), EmitError> {
-        if let Some(fused) = self.fused(self.tape.op(id)) {
+    fn expression(&self, id: Id, wide: bool) -> Result<(String, u8), EmitError> {
+        if !wide && let Some(fused) = self.fused(self.tape.op(id))? {
             return Ok((fused, 3));
         }
         let two = |sign: &str, (a, left): (Id, u8), (b, right): (Id, u8)| {
-            format!("{} {sign} {}", self.text(a, left), self.text(b, right))
+            Ok::<_, EmitError>(format!("{} {sign} {}", self.text(a, left, wide)?, self.text(b, right, wide)?))
         };
         Ok(match self.tape.op(id) {
-            Op::Literal(bits) => {
-                let value = f64::from_bits(bits);
-                (self.syntax.literal(value)?, if value < 0.0 { 2 } else { 3 })
-            }
+            Op::Literal(_) => (String::new(), 3),
             Op::Name(name) => (self.tape.name_of(name).to_owned(), 3),
-            Op::Add(a, b) => (two("+", (a, 1), (b, 2)), 1),
-            Op::Subtract(a, b) => (two("-", (a, 1), (b, 2)), 1),
-            Op::Multiply(a, b) => (two("*", (a, 2), (b, 3)), 2),
-            Op::Divide(a, b) => (two("/", (a, 2), (b, 3)), 2),
-            Op::Negative(a) => (format!("-{}", self.text(a, 3)), 2),
-            Op::Call(called, at) => (self.syntax.call(called, &self.text(at, 0)), 3),
-            Op::Choice(parts) => {
-                let [a, b, c, d] = parts.map(|part| self.text(part, 1));
+            Op::Add(a, b) => (two("+", (a, 1), (b, 2))?, 1),
+            Op::Subtract(a, b) => (two("-", (a, 1), (b, 2))?, 1),
+            Op::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
+            Op::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
+            Op::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
+            Op::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
+            Op::Choice([a, b, c, d]) => {
+                let [a, b, c, d] = [
+                    self.text(a, 1, wide)?,
+                    self.text(b, 1, wide)?,
+                    self.text(c, 1, wide)?,
+                    self.text(d, 1, wide)?,
+                ];
                 (self.syntax.choice([&a, &b, &c, &d]), 3)
             }
         })

@@ -27,9 +27,14 @@ impl CurveTable {
     }
 }
 
-/// The series of ln(C/(ε₀·a)): its coefficients, and factor and offset from ln κ to its argument.
-pub(super) fn disks_series() -> (&'static [f64], f64, f64) {
+/// The series of ln(C/(ε₀·a)): its coefficients behind the first, e to the power of the first, and factor and offset from ln κ to its
+/// argument.
+///
+/// The first coefficient is twice as large as the rest of the series: as a factor it costs no digits of the exponent.
+pub(super) fn disks_series() -> (&'static [f64], f64, f64, f64) {
     use kalmems_core::Scalar;
     let [low, high] = disks::RANGE.map(Scalar::ln);
-    (disks::coefficients(), 2.0 / (high - low), -(high + low) / (high - low))
+    let (factor, offset) = (2.0 / (high - low), -(high + low) / (high - low));
+    let [first, rest @ ..] = disks::coefficients();
+    (rest, Scalar::exp(*first), factor, offset)
 }

@@ -3,7 +3,7 @@
 use super::host;
 use crate::common::{self, Chance};
 use kalmems_equations::{
-    Device, EmitGain, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod, TestSample,
+    Device, EmitDigits, EmitGain, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod, TestSample,
 };
 use std::f64::consts::TAU;
 
@@ -132,6 +132,7 @@ fn case(
             .collect(),
         events: vec![],
         gain: EmitGain::Covariance,
+        digits: EmitDigits::Single,
         vectors: None,
     };
     for (k, state) in states.iter().enumerate() {

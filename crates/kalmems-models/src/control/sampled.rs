@@ -1,10 +1,10 @@
 //! The force-rebalance loop, sample by sample.
 
-use super::{PiController, RebalanceLoop};
+use super::{Complex, Margins, PiController, RebalanceLoop};
 use crate::capacitance::FixedPlate;
 use crate::dynamics::{Accelerometer, CarrierDriven};
 use crate::readout::DifferentialReadout;
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 use core::fmt;
 use kalmems_core::{Covariance, Exponential, Mat, Nodes, NoiseDensity, Process, Rk4, Scalar, riccati};
 
@@ -190,6 +190,42 @@ impl SampledRebalance {
     }
 }
 
+/// A loop's mass and readout from one sample to the next, linear about rest.
+struct Sampled {
+    /// Of displacement and velocity.
+    f: Mat<f64, 2, 2>,
+    /// What a volt of feedback adds to them.
+    per_volt: [f64; 2],
+    /// Of the readout, in V/m.
+    sensitivity: f64,
+    controller: PiController<f64>,
+    is_late: bool,
+    interval_s: f64,
+}
+
+impl Sampled {
+    /// L at this rate in rad/s.
+    fn open_loop(&self, rate: f64) -> Complex<f64> {
+        let z = Complex::turned(rate * self.interval_s);
+        let [[a, b], [c, d]] = self.f.0;
+        let [of_x, of_v] = self.per_volt;
+        let (z_a, z_d) = (Complex { re: z.re - a, im: z.im }, Complex { re: z.re - d, im: z.im });
+        // The first row of the adjugate of z·I − F, on g, over the determinant.
+        let determinant = z_a * z_d + Complex::real(-b * c);
+        let moved = (z_d * Complex::real(of_x) + Complex::real(b * of_v)) / determinant;
+        let sum = Complex::real(self.interval_s) / Complex { re: z.re - 1.0, im: z.im };
+        let PiController { proportional, integral } = self.controller;
+        let law = Complex::real(proportional) + Complex::real(integral) * sum;
+        let open = Complex::real(-self.sensitivity) * moved * law;
+        if self.is_late { open / z } else { open }
+    }
+}
+
+/// Frequencies that are looked at between two ends.
+const GRID: u32 = 4000;
+/// Halvings of the interval between two of them.
+const HALVINGS: u32 = 60;
+
 impl RebalanceLoop<f64> {
     /// By how much both gains of the controller may grow before the sampled loop is unstable; `None` where it is already,
     /// or where a million times more changes nothing.
@@ -221,16 +257,81 @@ impl RebalanceLoop<f64> {
         Some(low)
     }
 
-    /// Whether the sampled loop is stable about rest: its states are [x, ẋ, ∫y, the voltage that waits].
-    pub fn is_stable(&self, interval_s: f64) -> bool {
-        let device: Accelerometer<f64> = self.device;
+    /// The margins of the sampled loop, sought from `from` in rad/s to half the sampling rate.
+    ///
+    /// With x_{k+1} = F·x_k + g·u_k over an interval h and y_k = S·x_k the loop broken at its output has the transfer function
+    /// L(z) = −S·\[1 0\]·(z·I − F)⁻¹·g·(K_p + K_i·h/(z − 1)), with one more z⁻¹ where the computation is late, at z = e^{jωh}
+    /// (Franklin, Powell, Workman, *Digital Control of Dynamic Systems*, 3rd edition, section 7.4). A hold is in F and g: near half the
+    /// sampling rate it is more than the delay of half an interval.
+    pub fn sampled_margins(&self, from: f64, interval_s: f64) -> Margins<f64> {
+        let sampled = self.over(interval_s);
+        let to = PI / interval_s;
+        let at = |step: u32| from * Scalar::exp((to / from).ln() * f64::from(step) / f64::from(GRID));
+        let size = |rate: f64| sampled.open_loop(rate).size();
+        let is_loud = |rate: f64| size(rate) > 1.0;
+        let quiet = (0..=GRID).find(|step| !is_loud(at(*step)));
+        let crossover = quiet.filter(|step| *step > 0).map(|step| {
+            let (mut low, mut high) = (at(step - 1), at(step));
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if is_loud(middle) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            high
+        });
+        let phase = crossover.map(|rate| {
+            let open = sampled.open_loop(rate);
+            Complex { re: -open.re, im: -open.im }.angle()
+        });
+        let sensitivity = |rate: f64| {
+            let open = sampled.open_loop(rate);
+            Complex { re: 1.0 + open.re, im: open.im }.size().recip()
+        };
+        // A loop near its edge has a peak that is narrower than the grid: between the neighbours of the largest it is sought by thirds.
+        let peak = (0..=GRID)
+            .fold(0, |best, step| if sensitivity(at(step)) > sensitivity(at(best)) { step } else { best });
+        let (mut low, mut high) = (at(peak.saturating_sub(1)), at((peak + 1).min(GRID)));
+        for _ in 0..2 * HALVINGS {
+            let third = (high - low) / 3.0;
+            if sensitivity(low + third) < sensitivity(high - third) {
+                low += third;
+            } else {
+                high -= third;
+            }
+        }
+        Margins {
+            crossover,
+            phase,
+            gain: self.sampled_gain_margin(interval_s),
+            peak_sensitivity: sensitivity(0.5 * (low + high)).max(sensitivity(at(peak))),
+        }
+    }
+
+    /// Mass and readout over an interval.
+    fn over(&self, interval_s: f64) -> Sampled {
         let none = NoiseDensity::none();
-        let process = Exponential::new(device, interval_s, &none, (&[0.0; 2], &[0.0; 2]));
+        let process = Exponential::new(self.device, interval_s, &none, (&[0.0; 2], &[0.0; 2]));
         let (_, f) = process.linearize(&[0.0; 2], &[0.0; 2]);
         let volt = 1e-6;
         let pushed: [f64; 2] = process.step(&[0.0; 2], &[0.0, volt]);
-        let per_volt = pushed.map(|entry| entry / volt);
-        let (s, c) = (self.readout.sensitivity(), &self.controller);
+        Sampled {
+            f,
+            per_volt: pushed.map(|entry| entry / volt),
+            sensitivity: self.readout.sensitivity(),
+            controller: self.controller,
+            is_late: self.delay > interval_s,
+            interval_s,
+        }
+    }
+
+    /// Whether the sampled loop is stable about rest: its states are [x, ẋ, ∫y, the voltage that waits].
+    pub fn is_stable(&self, interval_s: f64) -> bool {
+        let device: Accelerometer<f64> = self.device;
+        let Sampled { f, per_volt, sensitivity: s, .. } = self.over(interval_s);
+        let c = &self.controller;
         // u = K_p·S·x + K_i·∫y, applied now or an interval later.
         let law = [c.proportional * s, 0.0, c.integral, 0.0];
         let applied = if self.delay > interval_s { [0.0, 0.0, 0.0, 1.0] } else { law };

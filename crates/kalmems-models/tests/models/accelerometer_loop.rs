@@ -3,7 +3,9 @@
 
 use kalmems_models::capacitance::{DifferentialPlates, FixedPlate};
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
-use kalmems_models::control::{Comparator, Complex, PiController, RebalanceLoop, SampledRebalance, Stopped};
+use kalmems_models::control::{
+    Comparator, Complex, Margins, PiController, RebalanceLoop, SampledRebalance, Stopped,
+};
 use kalmems_models::dynamics::{Accelerometer, ProofMass};
 use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::{PI, TAU};
@@ -143,6 +145,30 @@ fn a_sampled_loop_is_stable_where_its_kick_dies_away() {
         assert!(!grows(&with_gain(0.97 * edge)), "{delay} {edge}");
         assert!(grows(&with_gain(1.03 * edge)), "{delay} {edge}");
     }
+    // The phase margin goes through 0 where the gain margin does, and disturbances are amplified without a bound there; sampled fast, all of it is
+    // that of the continuous loop.
+    for delay in [0.0, 1.5 * interval] {
+        let with_gain = |gain| {
+            let controller = PiController { proportional: gain, integral: 0.0 };
+            RebalanceLoop { controller, delay, ..rebalanced(4.0, 10.0) }
+        };
+        let edge = 10.0 * with_gain(10.0).sampled_gain_margin(interval).unwrap();
+        let at = |share: f64| with_gain(share * edge).sampled_margins(1.0, interval);
+        let (inside, outside) = (at(0.999), at(1.001));
+        let degrees = |margins: &Margins<f64>| margins.phase.unwrap().to_degrees();
+        assert!(
+            (0.0..0.1).contains(&degrees(&inside)) && (-0.1..0.0).contains(&degrees(&outside)),
+            "{delay} {edge}"
+        );
+        assert!(inside.peak_sensitivity > 500.0, "{}", inside.peak_sensitivity);
+        assert!((inside.gain.unwrap() * 0.999 - 1.0).abs() < 1e-6 && outside.gain.is_none());
+    }
+    let (fast, closed) = (1e-8, RebalanceLoop { delay: 0.5e-8, ..rebalanced(4.0, 10.0) });
+    let (sampled, continuous) = (closed.sampled_margins(1.0, fast), closed.margins(1.0, 3e8));
+    let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-3;
+    assert!(close(sampled.crossover.unwrap(), continuous.crossover.unwrap()));
+    assert!(close(sampled.phase.unwrap(), continuous.phase.unwrap()));
+    assert!(close(sampled.peak_sensitivity, continuous.peak_sensitivity));
     // The wrong sign pushes further away.
     assert!(!rebalanced(4.0, -10.0).is_stable(interval) && rebalanced(4.0, 10.0).is_stable(interval));
 }

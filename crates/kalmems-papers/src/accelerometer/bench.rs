@@ -127,7 +127,7 @@ impl Bench {
             interval_s: record.interval_s,
         };
         let samples = Samples::whole(record.time_s.len(), record.interval_s);
-        let found = estimate_segment(&settings, &data, &samples, &mut Past::default(), &Silent);
+        let found = estimate_segment(&settings, &data, &samples, &mut Past::default(), "the bench", &Silent);
         found.ok()?.into_iter().next()
     }
 }

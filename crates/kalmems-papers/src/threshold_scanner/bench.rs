@@ -230,7 +230,7 @@ pub fn follow(
     start_near(&mut settings.filters, decay.states[0], seed);
     let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
     let samples = Samples { data: &data, drive_slope: &off, crossings, first: 0, motion };
-    estimate_segment(&settings, samples, &mut Past::default(), progress).ok()
+    estimate_segment(&settings, samples, &mut Past::default(), "the bench", progress).ok()
 }
 
 /// All filters start from the same state, as far from the true one as they believe to be.

@@ -7,6 +7,7 @@ use super::settings::Hardware;
 use crate::estimate::EstimateError;
 use crate::spikes::without_spikes;
 use kalmems_core::FixedGain;
+use kalmems_figures::number;
 use kalmems_models::dynamics::SensedAcceleration;
 
 /// A way in which a recorded feedback may be wrong.
@@ -31,6 +32,21 @@ const CERTAIN: f64 = 50.0;
 
 /// Samples at most of which it is asked what mechanics would make of them.
 const ASKED: usize = 50_000;
+
+/// Refuses a recording in which something was fed back to a device that is described without a feedback: what it moved would be taken for the
+/// acceleration.
+pub fn require_none(data: &SegmentData, place: &str) -> Result<(), EstimateError> {
+    let fed = data
+        .feedback
+        .and_then(|volts| volts.iter().position(|v| v.is_finite() && *v != 0.0).map(|k| (k, volts[k])));
+    let Some((k, volts)) = fed else { return Ok(()) };
+    let why = format!(
+        "{} V are fed back at {} s, and the device has no feedback: add the table `[device.accelerometer.feedback]` with its `bias`",
+        number(volts),
+        number(data.time_s[k])
+    );
+    Err(EstimateError::Unfit { place: place.to_owned(), why })
+}
 
 /// Refuses a feedback under which the signal is far less likely than under one that is wrong in a known way.
 ///

@@ -15,10 +15,13 @@ pub struct FilterSettings {
     pub basics: FilterBasics,
     /// Whether the acceleration is an input: the states are then the displacement and the velocity alone.
     pub known_acceleration: bool,
-    /// Displacement in m, velocity in m/s, acceleration in m/s² and its rate in m/s³ to start from.
+    /// Displacement in m, velocity in m/s, acceleration in m/s² and its rate in m/s³ to start from, 0 where they come from the signal.
     pub start: [f64; 4],
-    /// Their standard deviations, 0 for what claims none.
+    /// Their standard deviations, 0 for what claims none; with a start from the signal how far from rest they may be, 0 where the file
+    /// does not say it.
     pub start_sd: [f64; 4],
+    /// Whether the start comes from the signal.
+    pub from_signal: bool,
     /// How far spring, damping and mass may be off what the device table says, relative to it: for those that consider
     /// that or choose among models.
     pub spread: [f64; 3],
@@ -26,8 +29,11 @@ pub struct FilterSettings {
     pub noise_memory_s: Option<f64>,
 }
 
+/// Those of the filter that considers most.
+pub const MOST_STATES: usize = 7;
+
 /// The states, as trajectories name them.
-const STATES: [StateName; 7] = [
+const STATES: [StateName; MOST_STATES] = [
     ("displacement", "m", &kind::LENGTH),
     ("velocity", "m_per_s", &kind::VELOCITY),
     ("acceleration", "m_per_s2", &kind::ACCELERATION),
@@ -79,18 +85,11 @@ impl FilterSettings {
             experiment.values(key, values, entries::<4>(sign))
         };
         let start = match &filter.start {
-            Some(Start::Values(start)) => values("start", start, Sign::Any)?,
-            // It has no start.
-            None if inverts => [0.0; 4],
-            _ => {
-                return refuse(
-                    "start",
-                    "an accelerometer's filter starts from values, such as those of rest",
-                );
-            }
+            Some(Start::Values(start)) => Some(values("start", start, Sign::Any)?),
+            Some(Start::FromSignal) | None => None,
         };
         // An observer does not ask how uncertain its start is.
-        let start_sd = if filter.method.claims() {
+        let start_sd = if filter.method.claims() && !filter.start_sd.is_empty() {
             values("start_sd", &filter.start_sd, Sign::NotNegative)?
         } else {
             [0.0; 4]
@@ -105,7 +104,8 @@ impl FilterSettings {
         Ok(Self {
             basics,
             known_acceleration: known,
-            start,
+            from_signal: start.is_none() && !inverts,
+            start: start.unwrap_or_default(),
             start_sd,
             spread,
             noise_memory_s: filter.noise_memory.as_ref().map(Quantity::si),

@@ -28,22 +28,26 @@ use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
 use crate::Expansion;
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
+use crate::estimate::{
+    Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment, rows_for_start,
+};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::Layout;
+use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use data::SegmentData;
 pub use filters::FilterSettings;
+use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
 pub use run::{Acceleration, Acting, Moment, Observed, Run};
 pub use segment::estimate as estimate_segment;
 pub use settings::{Hardware, Settings};
 use simulation::AccelerometerSimulation;
 pub use simulation::closed_loop;
+use std::f64::consts::TAU;
 
 /// The rig.
 pub struct AccelerometerRig;
@@ -203,7 +207,11 @@ impl Estimator for AccelerometerEstimator<'_> {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let skipped = (self.settings.skip_s / interval_s).ceil() as usize;
-        Around { head: skipped.max(HEAD), before: 1, after: 1, smooths }
+        let from_signal = self.settings.filters.iter().any(|filter| filter.from_signal);
+        let fastest = Instrument::sensed(&self.settings.hardware).map_or(0.0, |device| device.fastest());
+        let for_start =
+            if from_signal { rows_for_start((TAU / fastest, interval_s), filters::MOST_STATES) } else { 0 };
+        Around { head: skipped.max(HEAD).max(for_start), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -213,6 +221,7 @@ impl Estimator for AccelerometerEstimator<'_> {
     fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
         let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_sound(&[columns.signal])?;
         segment.require_after_settling(segment.interval_s)?;
         let optional = |name: Option<&str>, kind| {
             let column = name.map(|name| segment.recording.column_of(name, kind)).transpose();
@@ -228,14 +237,22 @@ impl Estimator for AccelerometerEstimator<'_> {
         for (values, name) in [(data.feedback, columns.feedback), (data.acceleration, columns.acceleration)] {
             data.require_whole(values, name.unwrap_or_default(), &segment.place)?;
         }
+        if !settings.hardware.has_feedback {
+            feedback::require_none(&data, &segment.place)?;
+        }
         pull_in::require_free(&settings.hardware, &data, columns.signal, &segment.place)?;
         let drive_column = columns.feedback.unwrap_or_default();
         if segment.begins {
             feedback::require_right(&settings.hardware, &data, drive_column, &segment.place)?;
         }
-        let trajectories = segment::estimate(settings, &data, &segment.samples(), past, self.progress)?;
+        let trajectories =
+            segment::estimate(settings, &data, &segment.samples(), past, &segment.place, self.progress)?;
         let estimate = segment.estimated(segment::motion(settings), trajectories);
         Ok(SegmentEstimate { drive_column: drive_column.to_owned(), ..estimate })
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 

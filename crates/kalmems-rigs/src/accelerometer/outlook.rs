@@ -146,6 +146,8 @@ fn device(hardware: &Hardware) -> Topic {
             ),
         );
     let topic = match open.bandwidth(TAU * 1e-2, TAU * 1e7) {
+        // What has no rest follows nothing.
+        _ if left <= 0.0 => topic,
         Some(rate) => topic.with(
             "open_loop_bandwidth_hz",
             [rate / TAU],
@@ -169,7 +171,10 @@ fn device(hardware: &Hardware) -> Topic {
         None => topic.with(
             "static_pull_in_gn",
             [0.0],
-            "The plates pull more than the spring holds, even at rest.",
+            format!(
+                "The plates pull with {taken:.4} N/m and the spring holds with {:.4} N/m: without a loop the mass lies on a plate.",
+                mass.spring
+            ),
         ),
     }
 }
@@ -214,7 +219,11 @@ fn of_one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, rate_hz: Opti
 
 fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
     let highest = rate_hz.map_or(TAU * 1e7, |rate| PI * rate);
-    let margins = closed.margins(TAU * 1e-2, highest);
+    // Near half the sampling rate a hold is more than a delay: all of it is of the sampled loop.
+    let margins = match rate_hz {
+        Some(rate) => closed.sampled_margins(TAU * 1e-2, rate.recip()),
+        None => closed.margins(TAU * 1e-2, highest),
+    };
     let largest = closed.device.feedback_gain() * closed.device.bias / closed.device.mass.mass;
     let topic = Topic::new("Loop").with(
         "feedback_gain_n_per_v",
@@ -235,6 +244,14 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
             "Neither the file nor a recording states a sampling rate; what follows is for a continuous loop.",
         ),
     };
+    if stable == Some(false) {
+        return topic.with(
+            "gain_margin_db",
+            [],
+            "It has neither a bandwidth nor margins: what disturbs it grows until the mass lies on a plate. Lower the controller's gains, or \
+             sample faster.",
+        );
+    }
     let topic = match closed.bandwidth(TAU, highest) {
         Some(rate) => topic.with(
             "closed_loop_bandwidth_hz",
@@ -269,9 +286,7 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
             "The loop gain does not come down to 1 within the band, or is below 1.",
         ),
     };
-    // Near half the sampling rate a hold is more than a delay: the sampled loop says.
-    let gain = rate_hz.map_or(margins.gain, |rate| closed.sampled_gain_margin(1.0 / rate));
-    let topic = match gain {
+    let topic = match margins.gain {
         Some(gain) => topic.with(
             "gain_margin_db",
             [20.0 * gain.log10()],

@@ -9,8 +9,9 @@ use super::noise_estimate::NoiseEstimate;
 use super::settings::{Hardware, Settings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Samples, StateFilter,
-    StateSeries, Trajectory, follow, inversion,
+    AnyFilter, BatchStart, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Prior, Samples,
+    StartOf, StartSearch, Started, StateFilter, StateSeries, Trajectory, follow, inversion,
+    start_from_signal,
 };
 use crate::progress::Progress;
 use crate::units::kind;
@@ -23,18 +24,20 @@ use std::{array, iter};
 
 /// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
 ///
-/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
+/// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
     data: &SegmentData,
     samples: &Samples,
     past: &mut Past,
+    place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
     let start_s = past.start_s + settings.skip_s;
     for (index, filter) in settings.filters.iter().enumerate() {
-        let task = Task { filter, data, samples, progress };
+        let device = &settings.hardware;
+        let task = Task { filter, device, data, samples, place, progress };
         let past = past.filter(index);
         let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::DirectInversion {
@@ -69,8 +72,10 @@ pub fn motion(settings: &Settings) -> Motion {
 /// One filter over one segment.
 struct Task<'a> {
     filter: &'a FilterSettings,
+    device: &'a Hardware,
     data: &'a SegmentData<'a>,
     samples: &'a Samples,
+    place: &'a str,
     progress: &'a dyn Progress,
 }
 
@@ -86,13 +91,17 @@ impl Task<'_> {
         AnyFilter: From<Box<dyn StateFilter<N>>>,
     {
         let h = self.data.interval_s;
-        let known = self.start(&instrument.scales);
+        let found = self.batch_start(instrument, past.left().is_some())?;
+        let known = self.start(&instrument.scales, found.as_ref());
+        let found = found.as_ref();
         let mean = known.gaussian::<N>().mean;
         let fixed = |filter: &FixedGain<f64, N, 1>| ConstantGain::new(filter, &instrument.at_rest(h));
         match self.filter.basics.method {
             Method::HybridEkf => {
                 let step = Hybrid::new(instrument, h).map_err(|why| self.filter.basics.no_gain(&why))?;
-                self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
+                self.filtered(instrument, step, past, found, |left| {
+                    self.filter.basics.begin(left, || Ok(known))
+                })
             }
             Method::EulerEkf => {
                 let rate_hz = instrument.euler_rate_hz();
@@ -102,26 +111,28 @@ impl Task<'_> {
                 }
                 let noise = *instrument.over(h).noise().covariance();
                 let step = Euler::new(instrument.dynamics, h, noise);
-                self.filtered(instrument, step, past, |left| self.filter.basics.begin(left, || Ok(known)))
+                self.filtered(instrument, step, past, found, |left| {
+                    self.filter.basics.begin(left, || Ok(known))
+                })
             }
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
+                self.filtered(instrument, instrument.over(h), past, None, |_| Ok(AnyFilter::this(gain)))
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.basics.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, |_| Ok(AnyFilter::this(gain)))
+                self.filtered(instrument, instrument.over(h), past, None, |_| Ok(AnyFilter::this(gain)))
             }
             Method::KalmanBucy => {
                 let (observer, point) =
                     instrument.kalman_bucy(h).map_err(|why| self.filter.basics.no_gain(&why))?;
                 let none = ConstantGain::without_update(mean, &point)
                     .map_err(|why| self.filter.basics.no_gain(&why))?;
-                self.filtered(instrument, observer, past, |_| Ok(AnyFilter::this(none)))
+                self.filtered(instrument, observer, past, None, |_| Ok(AnyFilter::this(none)))
             }
-            _ => self.filtered(instrument, instrument.over(h), past, |left| {
+            _ => self.filtered(instrument, instrument.over(h), past, found, |left| {
                 self.filter.basics.begin(left, || Ok(known))
             }),
         }
@@ -144,8 +155,43 @@ impl Task<'_> {
         })
     }
 
+    /// The start from the signal, in scaled states; `None` where the file states one, and where the filter has begun.
+    ///
+    /// Of the acceleration and its rate as much is known before as the device's table says of them.
+    fn batch_start<D, const N: usize>(
+        &self,
+        instrument: &Instrument<D, N>,
+        is_begun: bool,
+    ) -> Result<Option<BatchStart>, EstimateError>
+    where
+        D: Dynamics<f64, N, Input: Input> + Copy,
+    {
+        let (filter, prior) = (self.filter, self.device.sensed.prior);
+        if is_begun || !filter.from_signal {
+            return Ok(None);
+        }
+        let stated = filter.start_sd.iter().zip([0.0, 0.0, prior.rms, prior.rms * prior.rate]);
+        let sds = stated.map(|(stated, usual)| if *stated > 0.0 { *stated } else { usual });
+        let sds = sds.chain(filter.spread).zip(instrument.scales.sizes());
+        let known = sds.map(|(sd, size)| Prior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
+        let search = StartSearch { prior: known.collect(), ..StartSearch::default() };
+        let (interval_s, names) = (self.data.interval_s, states(N));
+        let of = StartOf {
+            place: self.place,
+            basics: &filter.basics,
+            states: (names, N),
+            sizes: instrument.scales.sizes(),
+            cycle_s: TAU / instrument.fastest(),
+        };
+        let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(interval_s));
+        start_from_signal(&mut course, self.samples, &search, of).map(Some)
+    }
+
     /// What is known at first, in scaled states.
-    fn start<const N: usize>(&self, scales: &Scales<f64, N>) -> Known {
+    fn start<const N: usize>(&self, scales: &Scales<f64, N>, found: Option<&BatchStart>) -> Known {
+        if let Some(found) = found {
+            return found.first.clone();
+        }
         let first = |values: &[f64; 4], deviations: &[f64; 3]| {
             array::from_fn(|i| values.iter().chain(deviations).nth(i).copied().unwrap_or(0.0))
         };
@@ -161,6 +207,7 @@ impl Task<'_> {
         instrument: &Instrument<D, N>,
         prediction: S,
         past: &mut FilterPast,
+        start: Option<&BatchStart>,
         begin_filter: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
@@ -174,13 +221,16 @@ impl Task<'_> {
             let kept = past.course.take::<NoiseEstimate>();
             *kept.unwrap_or_else(|| begin(memory_s))
         });
-        let mut course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
+        let course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
+        // The model alone is corrected by nothing.
+        let corrects = self.filter.basics.method != Method::Model;
+        let mut course = Started::new(course, start.filter(|_| corrects));
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
         let mut all = follow(basics, begin_filter, way, states(N), self.progress)?;
         for trajectory in &mut all {
             restore(trajectory, &instrument.scales);
         }
-        if let Some(mut noise) = course.into_noise() {
+        if let Some(mut noise) = course.into_inner().into_noise() {
             let history = noise.history.drain(..).chain(iter::repeat([f64::NAN; 2]));
             let (mean, sd) = history.take(all[0].time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
             let (name, unit) = ("noise_variance", "V2");
@@ -196,11 +246,12 @@ impl Task<'_> {
         instrument: &Instrument<UncertainMechanics<f64>, 7>,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let known = self.start(&instrument.scales);
+        let found = self.batch_start(instrument, past.left().is_some())?;
+        let known = self.start(&instrument.scales, found.as_ref());
         let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
         let process = instrument.over(self.data.interval_s);
-        self.filtered(instrument, process, past, |_| Ok(AnyFilter::this(filter)))
+        self.filtered(instrument, process, past, found.as_ref(), |_| Ok(AnyFilter::this(filter)))
     }
 
     /// Filters of several models, weighed.
@@ -210,7 +261,12 @@ impl Task<'_> {
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let Gaussian { mean, covariance } = self.start(&instrument.scales).gaussian();
+        let mut found = self.batch_start(instrument, past.left().is_some())?;
+        if let Some(found) = &mut found {
+            // The models weigh the same samples once more: from ten of the standard deviations that these say, they add half a percent.
+            found.first.lower.iter_mut().for_each(|entry| *entry *= 100.0);
+        }
+        let Gaussian { mean, covariance } = self.start(&instrument.scales, found.as_ref()).gaussian();
         let filter = Ekf::new(mean, covariance);
         let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
             .map_err(|why| self.filter.basics.no_gain(&why))?

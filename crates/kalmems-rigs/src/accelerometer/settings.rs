@@ -3,6 +3,7 @@
 use super::filters::FilterSettings;
 use crate::accelerometer::device;
 use crate::config::{ConfigError, Experiment, Fault, Quantity};
+use kalmems_figures::number;
 use kalmems_models::capacitance::DifferentialPlates;
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{Accelerometer, GaussMarkov, ProofMass, SensedAcceleration};
@@ -88,10 +89,28 @@ impl Hardware {
     }
 }
 
+impl Hardware {
+    /// Refuses a device without a feedback whose plates pull more than its spring holds: its mass lies on a plate.
+    pub fn require_rest(&self, experiment: &Experiment) -> Result<(), ConfigError> {
+        let (device, left) = (&self.sensed.device, self.sensed.device.softened_spring(0.0));
+        if self.has_feedback || left > 0.0 {
+            return Ok(());
+        }
+        let why = format!(
+            "the spring holds with {} N/m and the carrier pulls the plates with {} N/m, so that the mass lies on a plate; expected a \
+             stronger spring, a smaller `carrier_amplitude` or a feedback, `[device.accelerometer.feedback]`",
+            number(device.mass.spring),
+            number(device.electrostatic_spring(0.0))
+        );
+        Err(experiment.error("device.accelerometer.proof_mass.spring", Fault::Value { why }))
+    }
+}
+
 impl Settings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let hardware = Hardware::of(experiment)?;
+        hardware.require_rest(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
             return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));

@@ -89,6 +89,7 @@ impl AccelerometerSimulation {
     /// Reads and checks what the file says. A loop that is not stable is refused.
     pub fn of(experiment: &Experiment) -> Result<Self, SimulateError> {
         let hardware = Hardware::of(experiment)?;
+        hardware.require_rest(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` and \
                           `[simulate.drive.acceleration]`";

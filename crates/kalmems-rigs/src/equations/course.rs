@@ -6,9 +6,7 @@ use super::events::EventUse;
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::Drive;
-use crate::estimate::{
-    BatchStart, Bridge, Counts, Course, EVENTS, Filtering, Samples, TakenOverTo, Trajectory, by_signals,
-};
+use crate::estimate::{Bridge, Counts, Course, EVENTS, Filtering, Samples, Trajectory, by_signals};
 use kalmems_core::{FilterError, Innovation, Nodes};
 
 /// A measured channel over a segment.
@@ -57,8 +55,6 @@ pub struct EquationCourse<'a> {
     channels: &'a [usize],
     /// Steps from sample to sample, and each of them.
     parts: (usize, Interval),
-    /// The row from which on samples correct the filter, and what is known there; where those before it told the start.
-    started: Option<(usize, Option<TakenOverTo>)>,
     /// Innovation and standard deviation of each channel after the first, at the last sample.
     further: Vec<[f64; 2]>,
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
@@ -95,7 +91,6 @@ impl<'a> EquationCourse<'a> {
             between,
             channels,
             parts,
-            started: None,
             further: Vec::new(),
             nodes,
             told,
@@ -132,14 +127,6 @@ impl<'a> EquationCourse<'a> {
             }
         }
         Ok(())
-    }
-
-    /// The same for a filter that starts from the signal: the samples that told its start do not correct it a second time, and behind
-    /// them it is at what they say, noise of the motion included.
-    #[must_use]
-    pub fn started(self, start: Option<&BatchStart>) -> Self {
-        let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
-        Self { started, ..self }
     }
 }
 
@@ -216,10 +203,7 @@ impl Course for EquationCourse<'_> {
             let under = self.model.under(each, Nodes { start, middle, end }, filter.mean());
             filter.predict(&under)?;
         }
-        match &self.started {
-            Some((row, Some(known))) if *row == to => filter.predict(known),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     fn correct(
@@ -228,12 +212,6 @@ impl Course for EquationCourse<'_> {
         k: usize,
         counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        if self.started.as_ref().is_some_and(|(row, _)| k < *row) {
-            counts.for_start += 1;
-            self.further.clear();
-            self.further.resize(self.channels.len().saturating_sub(1), [f64::NAN; 2]);
-            return Ok(None);
-        }
         self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);

@@ -12,18 +12,21 @@ use crate::Rig;
 use crate::config::{Experiment, Fault, Key, Method};
 use crate::estimate::driven::Drive;
 use crate::estimate::{AnyFilter, FilterPast, GainOf, Known, Samples, Sensor, Tracked, Transition};
-use crate::export::{ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
+use crate::export::{Digits, ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
 use crate::progress::Silent;
 use crate::recording::{Recording, Segment};
 use crate::units::kind;
 use kalmems_equations::{
-    EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod,
-    TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart,
+    StepMethod, TestSample, TestVectors,
 };
 
 /// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
 /// passes its own test: numbers of 32 bits have seven digits, and a covariance that has not settled costs some.
 const TOLERANCE: f64 = 1e-2;
+
+/// How many samples of the recording a filter is rehearsed over, to see how many digits it needs.
+const REHEARSED: usize = 3000;
 
 /// Standard deviations by which a state is away from 0 from which on it is counted from where it starts.
 const FAR: f64 = 10.0;
@@ -101,6 +104,32 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         (Some(gain), [measure]) => settled((own, filter, model), gain, *measure, interval_s)?,
         (Some(_), _) => return refuse("its gain is that of one measurement; name it in `channels`"),
     };
+    let asked = if request.digits == Digits::AsNeeded { REHEARSED } else { 0 };
+    let mut samples = match &recording {
+        Some(recording) if parts == 1 && asked.max(request.samples) > 0 => {
+            let count = (request.samples, asked.max(request.samples));
+            match test_samples(experiment, (&settings, filter), recording, &measures, count) {
+                // Nothing was asked for: there is no rehearsal, which the source says.
+                Err(_) if request.samples == 0 => Vec::new(),
+                samples => samples?,
+            }
+        }
+        _ => Vec::new(),
+    };
+    if request.digits == Digits::AsNeeded && samples.is_empty() {
+        let why = if parts > 1 {
+            "How many digits it needs is not tried where a sample takes several predictions."
+        } else {
+            "There was no recording over which to see how many digits it needs."
+        };
+        heading.push(why.to_owned());
+    }
+    let digits = match request.digits {
+        Digits::Double => EmitDigits::Double,
+        Digits::AsNeeded if !samples.is_empty() => EmitDigits::AsNeeded(samples.clone()),
+        Digits::AsNeeded | Digits::Single => EmitDigits::Single,
+    };
+    samples.truncate(request.samples);
     let emitted = EmitRequest {
         heading,
         interval_s: each_s,
@@ -117,15 +146,11 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
             .enumerate()
             .filter_map(|(k, tracked)| free(own, tracked, over.covariance(states + k, states + k)))
             .collect(),
-        vectors: match &recording {
-            Some(recording) if request.samples > 0 => {
-                Some(vectors(experiment, (&settings, filter), recording, &measures, request.samples)?)
-            }
-            _ => None,
-        },
+        vectors: (!samples.is_empty()).then_some(TestVectors { samples, tolerance: TOLERANCE }),
         measures,
         events,
         gain,
+        digits,
         name,
     };
     let language = match request.target {
@@ -278,17 +303,17 @@ fn events_ago(
     Ok(ago)
 }
 
-/// The first samples of the recording with the states that the library's filter has behind each.
+/// The first samples of the recording, so many at least and at most, with the states that the library's filter has behind each.
 ///
 /// The source predicts before it corrects. The first row is therefore where the filter starts, without a correction, and the samples
 /// are those behind it.
-fn vectors(
+fn test_samples(
     experiment: &Experiment,
     (settings, filter): (&Settings, &FilterSettings),
     recording: &Recording,
     measures: &[EmitMeasure],
-    count: usize,
-) -> Result<TestVectors, ExportError> {
+    (at_least, at_most): (usize, usize),
+) -> Result<Vec<TestSample>, ExportError> {
     let own = &settings.own;
     let file = || recording.source().file.clone();
     let columns = Columns::of(experiment, 0)?;
@@ -320,7 +345,7 @@ fn vectors(
     }
     let ago = events_ago(settings, &columns, (recording, segment))?;
     let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
-        let rows = rows.iter().take(count + 1).enumerate();
+        let rows = rows.iter().take(at_most + 1).enumerate();
         let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
         EventTimes { settings: *event, found: Found::Recorded(told) }
     };
@@ -330,8 +355,12 @@ fn vectors(
             && signals.iter().all(|(_, signal)| *k == 0 || finite(signal))
     };
     let rows = (0..time_s.len()).take_while(whole).count();
-    if rows <= count {
-        return Err(ExportError::Samples { file: file(), asked: count, found: rows.saturating_sub(1) });
+    if rows <= at_least {
+        return Err(ExportError::Samples { file: file(), asked: at_least, found: rows.saturating_sub(1) });
+    }
+    let count = at_most.min(rows.saturating_sub(1));
+    if count == 0 {
+        return Ok(Vec::new());
     }
     let drives: Vec<Drive<'_>> =
         volts.iter().map(|values| Drive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
@@ -383,5 +412,5 @@ fn vectors(
             expected: expected(k),
         }
     };
-    Ok(TestVectors { samples: (1..=count).map(sample).collect(), tolerance: TOLERANCE })
+    Ok((1..=count).map(sample).collect())
 }

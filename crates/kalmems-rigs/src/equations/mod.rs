@@ -8,6 +8,7 @@ mod event_times;
 mod events;
 mod export;
 mod interpolation;
+mod inversion;
 mod model;
 mod names;
 mod number;
@@ -51,18 +52,17 @@ fn short(value: f64) -> String {
 }
 
 /// What equations of a motion and of its measurements do not tell.
-static NO_METHODS: [(Method, &str); 3] = [
-    (Method::LockIn, NO_INVERSE),
-    (Method::DirectInversion, NO_INVERSE),
+static NO_METHODS: [(Method, &str); 2] = [
+    (
+        Method::LockIn,
+        "its equations say what signal a state makes, and not which lines a swing makes in it; use `ekf`, or `direct_inversion` where the \
+         signal is that of one state",
+    ),
     (
         Method::KalmanBucy,
         "its equations are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
     ),
 ];
-
-/// Why nothing is taken from the signal alone.
-const NO_INVERSE: &str =
-    "its equations say what signal a state makes, and not what state a signal means; use `ekf`";
 
 /// The columns of a recording.
 struct Columns<'a> {
@@ -152,6 +152,7 @@ impl Rig for EquationsRig {
             several_signals: true,
             simulated_channels: true,
             events: true,
+            states_readout: true,
             no_methods: &NO_METHODS,
             ..Uses::default()
         }

@@ -14,7 +14,7 @@ use crate::crossings::Needed;
 use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
 use crate::estimate::{
     AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterPast, Known, Motion, Part, Past,
-    SegmentEstimate, Sensor, SignalSegment, Trajectory, Transition, answers_of_bank, follow,
+    SegmentEstimate, Sensor, SignalSegment, Started, Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Nodes;
@@ -172,6 +172,9 @@ impl OneFilter<'_> {
     pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
         let states = basics.states(&self.own.states());
+        if let Some(inverse) = &self.filter.inverse {
+            return Ok(self.inversion(inverse, &self.own.states()).into_iter().collect());
+        }
         let channels = self.channels();
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
         // A filter that goes on from another run has been started there.
@@ -190,7 +193,7 @@ impl OneFilter<'_> {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
-            course.started(start_of(&starts, index).filter(|_| corrects))
+            Started::new(course, start_of(&starts, index).filter(|_| corrects))
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();
@@ -210,7 +213,7 @@ impl OneFilter<'_> {
     }
 
     /// The channels that correct it.
-    fn channels(&self) -> Vec<usize> {
+    pub fn channels(&self) -> Vec<usize> {
         let wanted = &self.filter.measures;
         let all = 0..self.data.channels.len();
         if wanted.is_empty() {

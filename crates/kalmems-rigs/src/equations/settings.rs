@@ -2,6 +2,7 @@
 
 use super::events::{self, EventSettings, EventUse};
 use super::interpolation::Interpolation;
+use super::inversion::Inverse;
 use super::model::{EquationModel, Rule, noises, pace};
 use super::names;
 use super::table::{EquationsTable, refused};
@@ -12,7 +13,6 @@ use crate::estimate::driven::combinations;
 use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, Tracked, process_noise};
 use crate::units::Dimension;
 use kalmems_equations::{Device, EquationError, Mode, modes};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -131,6 +131,8 @@ pub struct FilterSettings {
     pub measures: Vec<usize>,
     /// How it uses the events.
     pub events: Vec<EventUse>,
+    /// The state that its measurement tells, where each sample is taken by itself.
+    pub inverse: Option<Inverse>,
     start: StartOf,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
@@ -191,11 +193,9 @@ impl FilterSettings {
             return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
         }
         let entries = names::entries(device, Sign::Any);
-        let no_values = BTreeMap::new();
         let start = match &filter.start {
             Some(Start::Values(values)) => Some(values),
-            Some(Start::FromSignal) => None,
-            None => Some(&no_values),
+            Some(Start::FromSignal) | None => None,
         };
         let of = |name: &str, values: &Values, sign| {
             some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
@@ -234,7 +234,20 @@ impl FilterSettings {
         let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
         let measures = measures(experiment, &at, filter, device)?;
         let events = events::uses(experiment, own, events, (&at, filter))?;
-        Ok(Self { basics, measures, events, start, density })
+        let inverse = if filter.method == Method::DirectInversion {
+            let all = 0..device.measures().len();
+            let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
+            let [measure] = chosen[..] else {
+                return refuse("channels", "an inversion is that of one measurement; name it".to_owned());
+            };
+            Some(
+                Inverse::of(own, measure)
+                    .map_err(|why| experiment.error(at.child("method"), Fault::Value { why }))?,
+            )
+        } else {
+            None
+        };
+        Ok(Self { basics, measures, events, inverse, start, density })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.

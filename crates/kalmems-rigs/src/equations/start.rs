@@ -4,39 +4,30 @@ use super::course::EquationCourse;
 use super::model::EquationModel;
 use super::segment::OneFilter;
 use super::settings::OwnDevice;
-use super::short;
-use crate::estimate::{Around, BatchStart, EstimateError, NoBatchStart, Prior, StartSearch, batch_start};
+use crate::estimate::{
+    BatchStart, EstimateError, Prior, StartOf, StartSearch, rows_for_start, start_from_signal,
+};
 use kalmems_equations::{MOST_STATES, Mode, shape};
 use std::f64::consts::TAU;
 
-/// Periods of the slowest free oscillation that the start is first sought in.
-const PERIODS: f64 = 3.0;
 /// A mode is an oscillation whose phase a start can have where its rate is this part of its size at least.
 const OSCILLATES: f64 = 0.3;
 /// Oscillations whose phases are sought; the amplitudes of the faster ones follow by themselves.
 const MOST_SHAPES: usize = 3;
-/// The first rows are doubled so often where they do not tell the start.
-const DOUBLINGS: u32 = 2;
-/// Samples for each state, at least.
-const SAMPLES_PER_STATE: usize = 20;
-
 fn oscillating(own: &OwnDevice) -> impl Iterator<Item = &Mode> {
     own.modes.iter().filter(|mode| mode.rate > OSCILLATES * mode.size())
 }
 
-/// The rows that a start is first sought in, at this interval in s.
-fn first_rows(own: &OwnDevice, interval_s: f64) -> usize {
+/// The period of its slowest free oscillation in s, or, without one, its longest time constant.
+fn cycle_s(own: &OwnDevice) -> f64 {
     let period_s = oscillating(own).map(|mode| TAU / mode.rate).fold(0.0, f64::max);
     let decays = own.modes.iter().map(Mode::size).filter(|size| *size > 0.0);
-    let longest_s = if period_s > 0.0 { period_s } else { decays.map(f64::recip).fold(0.0, f64::max) };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, saturating
-    let rows = (PERIODS * longest_s / interval_s).ceil() as usize;
-    rows.clamp(SAMPLES_PER_STATE * own.device.states().len(), Around::LONGEST_HEAD >> (DOUBLINGS + 1))
+    if period_s > 0.0 { period_s } else { decays.map(f64::recip).fold(0.0, f64::max) }
 }
 
 /// The rows that are looked at, at most, and one behind them.
 pub fn most_rows(own: &OwnDevice, interval_s: f64) -> usize {
-    (first_rows(own, interval_s) << DOUBLINGS) + 1
+    rows_for_start((cycle_s(own), interval_s), own.device.states().len())
 }
 
 /// What the search knows of a device and of a filter's states.
@@ -91,63 +82,16 @@ impl OneFilter<'_> {
     ) -> Result<Option<BatchStart>, EstimateError> {
         let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
         let search = search(self.own, prior);
-        let fresh = &self.data.samples.fresh;
-        let first = first_rows(self.own, self.data.samples.interval_s);
-        let mut course = EquationCourse::new(model, (self.data, &self.own.between), (channels, &[]), steps);
-        let mut why = NoBatchStart::NotFitted;
-        let mut until = fresh.start;
-        for doubling in 0..=DOUBLINGS {
-            let end = (fresh.start + (first << doubling)).min(fresh.end);
-            if end == until {
-                break;
-            }
-            until = end;
-            match batch_start(&mut course, fresh.start..end, &search) {
-                Ok(start) => return Ok(Some(start)),
-                Err(found) => why = found,
-            }
-        }
-        let lasting_s = self.data.time_s[until.saturating_sub(1)] - self.data.time_s[fresh.start];
-        Err(EstimateError::NoStart {
-            place: self.data.place.to_owned(),
-            filter: self.filter.basics.name.clone(),
-            why: self.told(&why, lasting_s),
-        })
-    }
-
-    /// Why there is no start, in words.
-    fn told(&self, why: &NoBatchStart, lasting_s: f64) -> String {
         let states = self.filter.basics.states(&self.own.states());
-        let name = |place: &usize| states.get(*place).map_or("?", |(name, ..)| name);
-        let lasting = short(lasting_s);
-        match why {
-            NoBatchStart::NotFitted => format!(
-                "no motion of the device was found that its first {lasting} s follow from; the inputs, the noise or the device are not \
-                 as described"
-            ),
-            NoBatchStart::Undetermined(lost) => {
-                let names: Vec<String> = lost.iter().map(|place| format!("`{}`", name(place))).collect();
-                format!(
-                    "its first {lasting} s do not tell {}; say in `start_sd` how far from rest that may be",
-                    names.join(" and ")
-                )
-            }
-            NoBatchStart::Ambiguous(both) => {
-                let text = |start: &Vec<f64>| {
-                    let own = start.iter().zip(&states).take(self.own.device.own_states());
-                    let each: Vec<String> = own
-                        .map(|(value, (name, _, kind))| {
-                            format!("{name} = \"{value:.4e} {}\"", kind.dimension)
-                        })
-                        .collect();
-                    format!("`{{ {} }}`", each.join(", "))
-                };
-                let [one, other] = both.each_ref().map(text);
-                format!(
-                    "its first {lasting} s follow equally well from {one} and from {other}, which is for you to decide"
-                )
-            }
-        }
+        let of = StartOf {
+            place: self.data.place,
+            basics: &self.filter.basics,
+            states: (&states, self.own.device.states().len()),
+            sizes: &[],
+            cycle_s: cycle_s(self.own),
+        };
+        let mut course = EquationCourse::new(model, (self.data, &self.own.between), (channels, &[]), steps);
+        start_from_signal(&mut course, &self.data.samples, &search, of).map(Some)
     }
 }
 

@@ -12,13 +12,20 @@ pub struct BiasOff {
     pub drive: Sine,
     /// What the signals hold of it, offset included; in the order of the electrodes.
     pub signals: Vec<Sine>,
+    /// Samples that they were fitted to.
+    pub samples: usize,
 }
 
 impl BiasOff {
     /// From the drive and the signals of a record. `None` where a signal has too few samples.
     pub fn of(label: &str, time_s: &[f64], drive: Sine, signals: &[&[f64]]) -> Option<Self> {
         let fitted = signals.iter().map(|signal| fit_sine_at(time_s, signal, drive.frequency_hz));
-        Some(Self { label: label.to_owned(), drive, signals: fitted.collect::<Option<_>>()? })
+        Some(Self {
+            label: label.to_owned(),
+            drive,
+            signals: fitted.collect::<Option<_>>()?,
+            samples: time_s.len(),
+        })
     }
 
     /// A signal of the record with the bias on without what the drive alone makes of it.

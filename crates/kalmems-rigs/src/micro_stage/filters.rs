@@ -16,6 +16,8 @@ pub struct FilterSettings {
     pub start: Option<[f64; 2]>,
     /// Their standard deviations; 0 for what claims none.
     pub start_sd: [f64; 2],
+    /// Whether the start and its covariance come from the signals, by all of their first samples.
+    pub by_batch: bool,
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
 }
@@ -72,7 +74,8 @@ impl FilterSettings {
             Some(Start::Values(values)) => Some(read("start", values, Sign::Any)?),
             _ => None,
         };
-        let start_sd = if filter.method.claims() {
+        let by_batch = start.is_none() && filter.method.claims() && filter.start_sd.is_empty();
+        let start_sd = if filter.method.claims() && !by_batch {
             read("start_sd", &filter.start_sd, Sign::NotNegative)?
         } else {
             [0.0; 2]
@@ -92,6 +95,6 @@ impl FilterSettings {
             |parameter: &Parameter| plate.map_or(1.0, |current| parameter.scale(&hardware.stage, &current));
         let basics =
             FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &PARAMETERS.each_ref().map(scale)))?;
-        Ok(Self { basics, electrodes, start, start_sd, density })
+        Ok(Self { basics, electrodes, start, start_sd, by_batch, density })
     }
 }

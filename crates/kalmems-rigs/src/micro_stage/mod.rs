@@ -25,6 +25,7 @@ use crate::Expansion;
 use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
 use crate::estimate::{
     Around, Axis, EstimateError, Motion, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+    rows_for_start,
 };
 use crate::evaluate::{EdgeVelocity, Instruments};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
@@ -236,9 +237,7 @@ impl Estimator for StageEstimator<'_> {
         let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
         segment.require_after_settling(segment.interval_s)?;
         let place = self.place(&segment);
-        if let Some((column, count)) = records::clipped(segment.recording, segment.segment, &names) {
-            return Err(EstimateError::Clipped { place, column, count });
-        }
+        segment.require_sound(&names)?;
         let time_s = segment.time_s.as_slice();
         let volts = segment.recording.column_of(drive, &kind::VOLTAGE)?.of(segment.segment);
         let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
@@ -283,10 +282,7 @@ impl Estimator for StageEstimator<'_> {
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
         let names: Vec<&str> = self.columns.1.iter().map(|(_, column)| *column).collect();
-        match records::clipped_where(diagnosis, &names, |label| self.wants(label)) {
-            Some((column, count)) => Err(EstimateError::Clipped { place: place.to_owned(), column, count }),
-            None => Ok(()),
-        }
+        EstimateError::of_unsound(diagnosis, (place, &names), |label| self.wants(label))
     }
 }
 
@@ -311,7 +307,12 @@ impl StageEstimator<'_> {
 
     /// The rows of a record's beginning, those of the settling time among them.
     fn head(&self, interval_s: f64) -> usize {
-        rows(self.settings.skip_s / interval_s).max(self.block(interval_s)).min(Around::LONGEST_HEAD)
+        let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
+        let cycle_s = self.settings.hardware.natural_hz().recip();
+        let for_start = by_batch
+            .map(|filter| rows_for_start((cycle_s, interval_s), 2 + filter.basics.parameters().len()));
+        let head = rows(self.settings.skip_s / interval_s).max(self.block(interval_s));
+        for_start.fold(head, usize::max).min(Around::LONGEST_HEAD)
     }
 
     /// The rows of a block that tells how the drive goes on.

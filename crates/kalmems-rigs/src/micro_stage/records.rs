@@ -4,7 +4,7 @@ use super::hardware::Hardware;
 use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
 use crate::identify::{IdentifyError, Material};
 use crate::progress::Progress;
-use crate::recording::{Finding, FindingKind, Instant, Layout, ReadError, Recording, Segment};
+use crate::recording::{FindingKind, Instant, Layout, ReadError, Recording, unsound};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;
 
@@ -99,7 +99,15 @@ pub fn read(
     let mut records = Vec::new();
     for segment in recording.segments() {
         let place = place(&name, &segment.label);
-        if let Some((column, count)) = clipped(&recording, segment, &wanted) {
+        if let Some(finding) = unsound(recording.diagnosis(), &wanted, |label| label == segment.label) {
+            let (column, count) = (finding.column.as_deref().unwrap_or_default(), finding.count);
+            if finding.kind == FindingKind::Repeats {
+                let found = &finding.detail;
+                let why = format!(
+                    "the column `{column}` {found}: name the column that is the channel, or check the wiring"
+                );
+                return Err(unfit(&place, why));
+            }
             let why = format!(
                 "the column `{column}` is clipped in {count} samples; what it was there is not known, and its waveform is \
                  what gap and gain come from: lower the drive or the amplifier's gain, and record again"
@@ -238,24 +246,6 @@ pub fn place(name: &str, label: &str) -> String {
         "" => name.to_owned(),
         label => format!("{name}, record `{label}`"),
     }
-}
-
-/// The first of these columns that is clipped in a record, and in how many samples.
-pub fn clipped(recording: &Recording, segment: &Segment, columns: &[&str]) -> Option<(String, usize)> {
-    clipped_where(recording.diagnosis(), columns, |label| label == segment.label)
-}
-
-/// The same of what was found in a recording, in records that are wanted by their label.
-pub fn clipped_where(
-    diagnosis: &[Finding],
-    columns: &[&str],
-    wanted: impl Fn(&str) -> bool,
-) -> Option<(String, usize)> {
-    diagnosis.iter().find_map(|finding| {
-        let column = finding.column.as_deref().filter(|column| columns.contains(column))?;
-        let here = finding.segment.as_ref().is_none_or(|label| wanted(label));
-        (finding.kind == FindingKind::Saturation && here).then(|| (column.to_owned(), finding.count))
-    })
 }
 
 /// The largest part by which the drive's frequencies of records that belong together may differ.

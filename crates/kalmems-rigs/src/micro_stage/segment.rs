@@ -9,8 +9,9 @@ use super::settings::Settings;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, Enters, Plain, Plant, side_by_side};
 use crate::estimate::{
-    self, AnyFilter, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StateName,
-    Swing, Trajectory, Windows, answers_of_bank, follow, kalman_bucy, lock_in,
+    self, AnyFilter, BatchStart, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion,
+    Past, Prior, StartOf, StartSearch, Started, StateName, Swing, Trajectory, Windows, answers_of_bank,
+    begun, follow, kalman_bucy, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -159,10 +160,36 @@ impl Task<'_> {
         past: &mut FilterPast,
         begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let mut course = self.course(plants)?.observed_by(observer);
         let (basics, states) = (&self.filter.basics, self.filter.basics.states(&STATES));
+        let found = self.batch_start(plants, past.left().is_some())?;
+        // An observer forgets its start.
+        let corrects = basics.gain().is_none();
+        let course = self.course(plants)?.observed_by(observer);
+        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
         let way = (&mut course as _, &self.samples.taken);
+        let begin = |left| begin(begun(left, found.as_ref()));
         follow((basics, past), begin, way, &states, self.progress)
+    }
+
+    /// The start of a model by all of the first samples; `None` where it is stated otherwise, and where the filter has begun.
+    fn batch_start<P: Plant>(
+        &self,
+        plants: &[P],
+        is_begun: bool,
+    ) -> Result<Option<BatchStart>, EstimateError> {
+        let Samples { place, ref taken, drive_hz, .. } = *self.samples;
+        let basics = &self.filter.basics;
+        if is_begun || !self.filter.by_batch {
+            return Ok(None);
+        }
+        let free = [Prior { mean: 0.0, sd: None }; 2];
+        let mut prior = free.to_vec();
+        prior.extend(basics.priors());
+        let seed = start_from(&self.channels, self.samples, self.filter)?.to_vec();
+        let search = StartSearch { seeds: vec![seed], ..StartSearch::of_oscillation(prior, TAU * drive_hz) };
+        let states = basics.states(&STATES);
+        let of = StartOf { place, basics, states: (&states, 2), sizes: &[], cycle_s: drive_hz.recip() };
+        start_from_signal(&mut self.course(plants)?, taken, &search, of).map(Some)
     }
 
     fn course<'b, P: Plant>(&'b self, plants: &'b [P]) -> Result<StageCourse<'b, P>, EstimateError> {
@@ -181,11 +208,19 @@ impl Task<'_> {
         while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(Exactly)).collect() {
             models.push(model);
         }
-        let course =
-            |plants| -> Result<Box<dyn Course + '_>, EstimateError> { Ok(Box::new(self.course(plants)?)) };
-        let courses = models.iter().map(|model| course(model)).collect::<Result<_, _>>()?;
+        let is_begun = past.left().is_some();
+        let starts = models.iter().map(|model| self.batch_start(model, is_begun));
+        let starts = starts.collect::<Result<Vec<_>, _>>()?;
+        let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
+        for (model, start) in models.iter().zip(&starts) {
+            courses.push(Box::new(Started::new(self.course(model)?, start.as_ref())));
+        }
+        let start = |model: usize| {
+            let found = starts.get(model).and_then(Option::as_ref);
+            begun(None, found).map_or_else(|| self.start(), Ok)
+        };
         let (way, states) = ((courses, &self.samples.taken), basics.states(&STATES));
-        answers_of_bank((basics, past), |_| self.start(), way, &states, self.progress)
+        answers_of_bank((basics, past), start, way, &states, self.progress)
     }
 
     /// Cycle by cycle of the drive, over all channels.

@@ -27,13 +27,13 @@ mod trigger;
 
 use super::{Estimator, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role};
+use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role, Uses};
 use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
 use crate::progress::Progress;
-use crate::recording::Layout;
+use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use bound::{MotionBound, motion_bound};
@@ -97,6 +97,10 @@ impl Rig for PistonMirrorRig {
                 }
             },
         )
+    }
+
+    fn uses(&self, _: &Experiment) -> Uses {
+        Uses { reads_capacitance: true, ..Uses::default() }
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
@@ -193,6 +197,7 @@ impl Estimator for PistonEstimator<'_> {
         let hardware = &settings.hardware;
         let segment =
             SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
+        segment.require_sound(&[columns.signal])?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
         let head = 0..head;
@@ -223,6 +228,10 @@ impl Estimator for PistonEstimator<'_> {
         let remarks = if segment.ends { tally.remarks(hardware, &data, &trajectories) } else { Vec::new() };
         self.past.rig.put(tally);
         Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 

@@ -198,7 +198,10 @@ fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<Topic, Simul
     if let Some(stability) = Stability::of(&device, &drive) {
         topic = topic.with(
             "pump_depth_over_threshold",
-            [stability.pump_depth / stability.threshold()],
+            [stability.pump_depth / stability.threshold()]
+                .into_iter()
+                .chain(stability.tongue_hz().into_iter().flatten())
+                .collect::<Vec<f64>>(),
             format!("From rest: {stability}."),
         );
     }

@@ -15,7 +15,9 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
         Method::EulerEkf => Integration::Euler,
         _ => return refuse("of a scanner, the methods `ekf` and `euler_ekf` can be exported"),
     };
-    if filter.demodulator_sd.is_some() || !filter.basics.tracked.is_empty() {
+    if filter.demodulator_sd.is_some()
+        || !(filter.basics.tracked.is_empty() && filter.basics.readout.is_empty())
+    {
         return refuse("it has other states than angle and rate; leave `demodulator` and `states` out");
     }
     if hardware.delay_s > 0.0 {

@@ -14,6 +14,8 @@ pub struct FilterSettings {
     pub start: Option<[f64; 2]>,
     /// Their standard deviations, 0 for what claims none.
     pub start_sd: [f64; 2],
+    /// Whether the start and its covariance come from the signal, by all of its first samples.
+    pub by_batch: bool,
     /// The standard deviation of each low-pass stage's first voltage, where the stages are states.
     pub demodulator_sd: Option<f64>,
     /// The density of the angular acceleration's noise, in rad²/s³.
@@ -79,13 +81,18 @@ impl FilterSettings {
                 "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`";
             return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
         }
-        let (start_sd, demodulator_sd) = deviations(experiment, &at, filter)?;
+        let by_batch = start.is_none() && filter.method.claims() && filter.start_sd.is_empty();
+        let (start_sd, demodulator_sd) = if by_batch {
+            ([0.0; 2], filter.demodulator.then_some(0.0))
+        } else {
+            deviations(experiment, &at, filter)?
+        };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
         // The lock-in has no process; every other one has this noise, or for the model alone none.
         let [acceleration_density] =
             if filter.method.claims() { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };
         let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?;
-        Ok(Self { basics, start, start_sd, demodulator_sd, acceleration_density })
+        Ok(Self { basics, start, start_sd, by_batch, demodulator_sd, acceleration_density })
     }
 
     /// The names of its states.

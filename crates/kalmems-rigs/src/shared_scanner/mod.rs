@@ -28,13 +28,14 @@ use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Ro
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
     Around, Axis, Beside, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+    rows_for_start,
 };
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::{Layout, Recording};
+use crate::recording::{Finding, Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -213,7 +214,10 @@ impl Estimator for ScannerEstimator<'_> {
     fn around(&self, interval_s: f64) -> Around {
         let cycle_s = 1.0 / self.settings.hardware.natural_hz();
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths)
+        let around = around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths);
+        let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
+        let rows = by_batch.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
+        Around { head: rows.fold(around.head, usize::max), ..around }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -224,6 +228,7 @@ impl Estimator for ScannerEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_sound(&[signal_column])?;
         past.drive.foresees = self.beside.foretelling.is_some();
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let motion = data.motion(settings.hardware.natural_hz());
@@ -238,6 +243,10 @@ impl Estimator for ScannerEstimator<'_> {
             remarks,
             ..segment.estimated_under(drive_column, (axis, Vec::new()), trajectories)
         })
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }
 

@@ -9,8 +9,9 @@ use crate::estimate::driven::{
     ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
 };
 use crate::estimate::{
-    AnyFilter, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling, GainOf,
-    Known, Past, StateName, Swing, Trajectory, answers_of_bank, follow, lock_in,
+    AnyFilter, BatchStart, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
+    GainOf, Known, Past, Prior, StartOf, StartSearch, Started, StateName, Swing, Trajectory, answers_of_bank,
+    begun, follow, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
@@ -99,6 +100,7 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
         (!basics.method.claims(), "a method without a process"),
         (!basics.tracked.is_empty(), "parameters as states"),
         (filter.demodulator_sd.is_some(), "the demodulator's stages as states"),
+        (!basics.readout.is_empty(), "the readout's constants as states"),
     ];
     if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
         return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
@@ -109,11 +111,13 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
         Ok(AnyFilter::this(make(mean, covariance)))
     };
-    let follower = task.follower();
+    let is_begun = past.left().is_some();
+    let plant = affine(&settings.hardware, filter);
+    let follower = task.follower().started(task.batch_start(&plant, is_begun)?);
     let mut trajectories = if basics.method == Method::EulerEkf {
-        follower.follow(&ByEuler(affine(&settings.hardware, filter)), &filter.states(), past, begin)?
+        follower.follow(&ByEuler(plant), &filter.states(), past, begin)?
     } else {
-        follower.follow(&affine(&settings.hardware, filter), &filter.states(), past, begin)?
+        follower.follow(&plant, &filter.states(), past, begin)?
     };
     judge(settings, data, past, &mut trajectories);
     Ok(trajectories)
@@ -201,9 +205,22 @@ pub struct Follower<'a> {
     pub said: Said,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,
+    /// Where it starts, or each model of a bank does, where all of the first samples say that.
+    pub starts: Vec<Option<BatchStart>>,
 }
 
 impl Follower<'_> {
+    /// Likewise, from a start that all of the first samples have told.
+    #[must_use]
+    pub fn started(self, start: Option<BatchStart>) -> Self {
+        Self { starts: vec![start], ..self }
+    }
+
+    /// The start of the model with this place.
+    fn start(&self, model: usize) -> Option<&BatchStart> {
+        self.starts.get(model).and_then(Option::as_ref)
+    }
+
     /// Follows the filter, at first from what `start` says.
     pub fn run<P: Plant>(
         &self,
@@ -227,13 +244,15 @@ impl Follower<'_> {
         past: &mut FilterPast,
         start: impl Fn() -> Result<Known, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
+        let course = |(model, plant)| -> Result<Box<dyn Course + '_>, EstimateError> {
             let course = DrivenCourse::new(plant, self.noise_variance, self.data);
-            Ok(Box::new(course.map_err(|why| self.filter.no_model(why))?))
+            let course = course.map_err(|why| self.filter.no_model(why))?;
+            Ok(Box::new(Started::new(course, self.start(model))))
         };
-        let courses = plants.iter().map(course).collect::<Result<Vec<_>, _>>()?;
+        let courses = plants.iter().enumerate().map(course).collect::<Result<Vec<_>, _>>()?;
         let way = (courses, &self.data.samples);
-        answers_of_bank((self.filter, past), |_| start(), way, states, self.progress)
+        let start = |model| begun(None, self.start(model)).map_or_else(&start, Ok);
+        answers_of_bank((self.filter, past), start, way, states, self.progress)
     }
 
     /// Follows the filter that `begin` makes.
@@ -251,10 +270,14 @@ impl Follower<'_> {
             _ => course,
         };
         let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
-        let mut course = course.foretelling(self.foreteller(past)?, from_s);
+        let course = course.foretelling(self.foreteller(past)?, from_s);
+        // An observer forgets its start.
+        let corrects = self.filter.gain().is_none();
+        let mut course = Started::new(course, self.start(0).filter(|_| corrects));
+        let begin = |left| begin(begun(left, self.start(0)));
         let told =
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
-        past.foreteller = course.into_foreteller();
+        past.foreteller = course.into_inner().into_foreteller();
         told
     }
 
@@ -276,15 +299,56 @@ impl Follower<'_> {
 impl Task<'_> {
     fn follower(&self) -> Follower<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
-        Follower { filter, data: self.data, noise_variance, said: self.said, progress: self.progress }
+        let (data, said, progress) = (self.data, self.said, self.progress);
+        Follower { filter, data, noise_variance, said, progress, starts: Vec::new() }
     }
 
     fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        self.follower().bank(plants, &self.filter.states(), past, || self.start())
+        let is_begun = past.left().is_some();
+        let starts = plants.iter().map(|plant| self.batch_start(plant, is_begun));
+        let follower = Follower { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
+        follower.bank(plants, &self.filter.states(), past, || self.start())
     }
 
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        self.follower().run(plant, &self.filter.states(), past, || self.start())
+        let follower = self.follower().started(self.batch_start(plant, past.left().is_some())?);
+        follower.run(plant, &self.filter.states(), past, || self.start())
+    }
+
+    /// The start of a model by all of the first samples; `None` where it is stated otherwise, and where the filter has begun.
+    ///
+    /// Signal and torque are those of the mirrored motion as well, so that either sign is taken.
+    fn batch_start<P: Plant>(&self, plant: &P, is_begun: bool) -> Result<Option<BatchStart>, EstimateError> {
+        let (filter, hardware, data) = (self.filter, &self.settings.hardware, self.data);
+        if is_begun || !filter.by_batch {
+            return Ok(None);
+        }
+        let motion_hz = data.motion(hardware.natural_hz()).frequency_hz;
+        let first_s = data.time_s.first().copied().unwrap_or(0.0);
+        let volts = |angle: f64| {
+            hardware.readout.gain * hardware.readout.comb.capacitance(angle) + hardware.readout.offset
+        };
+        let stages = if filter.demodulator_sd.is_some() { 2 } else { 0 };
+        let prior = |mean: f64| Prior { mean, sd: None };
+        let prior = [prior(0.0); 2].into_iter().chain(vec![prior(volts(0.0)); stages]);
+        let prior = prior.chain(filter.basics.priors()).collect();
+        // Without a steady drive there is no lock-in, and the search begins at its own phases.
+        let swing = self.data.drive.first_sine().and_then(|_| self.first_swing().ok());
+        let seed = |(swing, _): (Swing, f64)| {
+            let [angle, rate] = swing.at(first_s);
+            [angle, rate].into_iter().chain(vec![volts(angle); stages]).collect()
+        };
+        let search = StartSearch {
+            seeds: swing.map(seed).into_iter().collect(),
+            is_symmetric: true,
+            ..StartSearch::of_oscillation(prior, TAU * motion_hz)
+        };
+        let course = DrivenCourse::new(plant, hardware.noise_variance, data);
+        let mut course = course.map_err(|why| filter.basics.no_model(why))?;
+        let (states, place) = (filter.states(), self.place);
+        let (basics, cycle_s) = (&filter.basics, motion_hz.recip());
+        let of = StartOf { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
+        start_from_signal(&mut course, &data.samples, &search, of).map(Some)
     }
 
     /// What is known at the first sample.
@@ -323,6 +387,7 @@ impl Task<'_> {
     fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let plant = affine(hardware, filter);
+        let found = self.batch_start(&plant, past.left().is_some())?;
         let begin = |left: Option<Known>| {
             let (mean, drive) = (left.map_or_else(|| self.start(), Ok)?.gaussian().mean, self.drive()?);
             let (swing, length_s) = self.first_swing()?;
@@ -332,7 +397,7 @@ impl Task<'_> {
             let found = TurningGain::<2>::new(gain, &plant, motion, mean, samples);
             Ok(AnyFilter::this(found.map_err(|why| filter.basics.no_gain(&why))?))
         };
-        self.follower().follow(&plant, &filter.states(), past, begin)
+        self.follower().started(found).follow(&plant, &filter.states(), past, begin)
     }
 
     fn lock_in(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {

@@ -15,7 +15,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
     if filter.basics.method != Method::Ekf || filter.variant != Variant::Full {
         return refuse("of this device, the method `ekf` with the variant `full` can be exported");
     }
-    if !filter.basics.tracked.is_empty() {
+    if !(filter.basics.tracked.is_empty() && filter.basics.readout.is_empty()) {
         return refuse("it has other states than angle and rate; leave `states` out");
     }
     if hardware.mirror.drive_gain != 0.0 || hardware.feedthrough != 0.0 {
@@ -37,6 +37,11 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",
         );
     };
+    if filter.from_signal {
+        return refuse(
+            "it starts from the signal; give `start` as values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
+        );
+    }
     Ok(Filter::Threshold(ThresholdFilter {
         resonator: hardware.mirror.resonator,
         readout: hardware.readout,

@@ -7,7 +7,7 @@ use crate::config::{
     Variant,
 };
 use crate::crossings::Telling;
-use crate::estimate::{FilterBasics, Known, Parameter, StateName, process_noise};
+use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, process_noise};
 use crate::units::kind;
 
 /// What one `[[estimate.filter]]` says: how the filter takes signal and crossings, where it starts, and its process noise.
@@ -21,10 +21,13 @@ pub struct FilterSettings {
     pub signal_variance: f64,
     /// How it uses the crossings, if it does.
     pub threshold: Option<ThresholdSettings>,
-    /// Angle in rad and rate in rad/s to start from, 0 for the lock-in.
+    /// Angle in rad and rate in rad/s to start from, 0 where they come from the signal and for the lock-in.
     pub start: [f64; 2],
-    /// Their standard deviations, 0 for what claims none.
+    /// Their standard deviations, 0 for what claims none; with a start from the signal how far from rest they may be, 0 where that is not
+    /// known.
     pub start_sd: [f64; 2],
+    /// Whether the start comes from the signal.
+    pub from_signal: bool,
     /// The density of the angular acceleration's noise, in rad²/s³.
     pub acceleration_density: f64,
 }
@@ -86,15 +89,8 @@ impl FilterSettings {
             return refuse("demodulator", "this device has no demodulator; leave it out");
         }
         let start = match &filter.start {
-            Some(Start::Values(start)) => state_at(experiment, at.clone().child("start"), start)?,
-            // It has no start.
-            None if filter.method == Method::LockIn => [0.0; 2],
-            _ => {
-                return refuse(
-                    "start",
-                    "expected values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
-                );
-            }
+            Some(Start::Values(start)) => Some(state_at(experiment, at.clone().child("start"), start)?),
+            Some(Start::FromSignal) | None => None,
         };
         let variant = filter.variant.unwrap_or_default();
         let more = [
@@ -126,7 +122,14 @@ impl FilterSettings {
                 "`timing_only` uses the crossings alone; add `threshold = { gate = 4 }`",
             );
         }
-        let start_sd = if claims {
+        let otherwise =
+            filter.signal_variance.is_some() || filter.threshold.is_some() || variant != Variant::Full;
+        if filter.readout.is_some() && otherwise {
+            let why = "crossings are sought in the signal as it is recorded, and every sample has to count at its worth; leave `threshold`, \
+                       `variant` and `signal_variance` out, or track `offset`, `gain` and `feedthrough` in `states`";
+            return refuse("readout", why);
+        }
+        let start_sd = if claims && !filter.start_sd.is_empty() {
             experiment.values(at.clone().child("start_sd"), &filter.start_sd, states(Sign::Positive))?
         } else {
             [0.0; 2]
@@ -152,7 +155,8 @@ impl FilterSettings {
                 angle_sd: threshold.angle_sd.as_ref().map(Quantity::si),
                 gate_nis: threshold.gate.map(|sds| sds * sds),
             }),
-            start,
+            from_signal: start.is_none() && filter.method != Method::LockIn,
+            start: start.unwrap_or_default(),
             start_sd,
             acceleration_density,
         })
@@ -163,7 +167,13 @@ impl FilterSettings {
         self.basics.states(&MOTION)
     }
 
-    /// What is known of its states at the first sample.
+    /// What is known of its states before the first sample, where the start comes from the signal.
+    pub fn prior(&self) -> Vec<Prior> {
+        let motion = self.start_sd.map(|sd| Prior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
+        motion.into_iter().chain(self.basics.priors()).collect()
+    }
+
+    /// What the file says of its states at the first sample.
     pub fn start(&self) -> Known {
         let motion = self.start.into_iter().zip(self.start_sd);
         Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))

@@ -24,7 +24,7 @@ use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses
 use crate::crossings::{Crossing, Instant, Kept, Needed, Sought};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
-    self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
+    self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment, rows_for_start,
 };
 use crate::evaluate::Instruments;
 use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
@@ -199,6 +199,10 @@ impl Estimator for ThresholdEstimator<'_> {
         let start_s = settings.skip_s + STARTING_CYCLES / settings.hardware.natural_hz();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let head = ((start_s / interval_s).ceil() as usize).max(BLOCK);
+        let from_signal = settings.filters.iter().filter(|filter| filter.from_signal);
+        let cycle_s = settings.hardware.natural_hz().recip();
+        let rows = from_signal.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
+        let head = rows.fold(head, usize::max);
         let Needed { before, after } = needed(settings, interval_s).with_a_margin();
         let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
         Around { head, before, after, smooths }
@@ -214,7 +218,8 @@ impl Estimator for ThresholdEstimator<'_> {
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_after_settling(CYCLES / natural_hz)?;
         let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
-        verdict::require_unclipped(part.recording.diagnosis(), place, Some(&part.segment.label))?;
+        // The flanks that tell of a crossing are the first to be clipped.
+        segment.require_sound(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
@@ -232,7 +237,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let motion = data.motion(natural_hz);
         let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
         let samples = Samples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
-        let trajectories = segment::estimate(settings, samples, past, self.progress)?;
+        let trajectories = segment::estimate(settings, samples, past, &segment.place, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
         let new = found.map_or(0, |(count, _)| count);
@@ -251,7 +256,7 @@ impl Estimator for ThresholdEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        verdict::require_unclipped(diagnosis, (place, self.columns[1]), None)?;
+        EstimateError::of_unsound(diagnosis, (place, &self.columns[1..]), |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
 }

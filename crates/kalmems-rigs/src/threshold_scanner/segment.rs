@@ -6,15 +6,16 @@ use super::lock_in::swing;
 use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
 use super::without_drive;
-use crate::config::Method;
+use crate::config::{Method, Variant};
 use crate::crossings::Crossing;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, Swing, Trajectory, answers,
-    answers_of_bank, follow, lock_in,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StartOf,
+    StartSearch, Started, Swing, Trajectory, answers, answers_of_bank, follow, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
+use std::f64::consts::TAU;
 
 /// One segment as the filters see it: signal, drive and the crossings that were found.
 #[derive(Clone, Copy)]
@@ -33,11 +34,12 @@ pub struct Samples<'a> {
 
 /// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
 ///
-/// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
+/// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
     samples: Samples,
     past: &mut Past,
+    place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
@@ -45,7 +47,7 @@ pub fn estimate(
     let start_s = data.scored_from(settings.skip_s);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut trajectories = Task { settings, filter, samples, progress }.run(past)?;
+        let mut trajectories = Task { settings, filter, samples, place, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             trajectory.lock = past.answer(answer).judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
@@ -59,6 +61,7 @@ struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
     samples: Samples<'a>,
+    place: &'a str,
     progress: &'a dyn Progress,
 }
 
@@ -70,22 +73,35 @@ impl Task<'_> {
         if method == Method::LockIn {
             return Ok(vec![self.lock_in(past)]);
         }
-        let (states, start) = (filter.states(), || Ok(filter.start()));
-        let (basics, taken) = ((&filter.basics, past), &self.samples.data.samples);
+        // A filter that goes on from another part has been started there.
+        let is_begun = past.left().is_some();
+        let (states, taken) = (filter.states(), &self.samples.data.samples);
+        let known =
+            |start: Option<&BatchStart>| start.map_or_else(|| filter.start(), |start| start.first.clone());
         if method == Method::Bank {
             let plants = MirrorPlant::side_by_side(hardware, filter).map_err(wrong)?;
-            let course = |plant| -> Result<Box<dyn Course + '_>, EstimateError> {
-                Ok(Box::new(self.course(plant, plant)?))
-            };
-            let courses = plants.iter().map(course).collect::<Result<_, _>>()?;
-            return answers_of_bank(basics, |_| start(), (courses, taken), &states, self.progress);
+            let starts = plants.iter().map(|plant| self.batch_start(plant, is_begun));
+            let starts = starts.collect::<Result<Vec<_>, _>>()?;
+            let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
+            for (plant, start) in plants.iter().zip(&starts) {
+                courses.push(Box::new(Started::new(self.course(plant, plant)?, start.as_ref())));
+            }
+            let start = |model: usize| Ok(known(starts.get(model).and_then(Option::as_ref)));
+            let basics = (&filter.basics, past);
+            return answers_of_bank(basics, start, (courses, taken), &states, self.progress);
         }
         let plant = MirrorPlant::new(hardware, filter).map_err(wrong)?;
         let euler = by_euler(hardware, filter);
-        let mut course = match method {
+        let found = self.batch_start(&plant, is_begun)?;
+        let start = || Ok(known(found.as_ref()));
+        // The model alone is corrected by nothing, and an observer forgets its start.
+        let corrects = method != Method::Model && filter.basics.gain().is_none();
+        let course = match method {
             Method::EulerEkf => self.course(&plant, &euler)?,
             _ => self.course(&plant, &plant)?,
         };
+        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
+        let basics = (&filter.basics, past);
         if let Some(gain) = filter.basics.gain() {
             let begin = |left: Option<Known>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
             return follow(basics, begin, (&mut course, taken), &states, self.progress);
@@ -95,6 +111,55 @@ impl Task<'_> {
             trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
+    }
+
+    /// The start of a model from the signal; `None` where the file states one, and where the filter has begun.
+    ///
+    /// Every sample counts as it is recorded, and no crossing, whatever the filter makes of them later.
+    fn batch_start(&self, plant: &MirrorPlant, is_begun: bool) -> Result<Option<BatchStart>, EstimateError> {
+        let (filter, data) = (self.filter, self.samples.data);
+        if is_begun || !filter.from_signal {
+            return Ok(None);
+        }
+        let noise_variance = self.settings.hardware.noise_variance;
+        let by_signal = FilterSettings {
+            variant: Variant::Full,
+            signal_variance: noise_variance,
+            threshold: None,
+            ..filter.clone()
+        };
+        let course = ThresholdCourse::new(
+            (plant, plant),
+            (noise_variance, self.settings.judged_angle()),
+            data,
+            self.samples.drive_slope,
+            &by_signal,
+            (&[], self.samples.first),
+        );
+        let mut course = course.map_err(|why| filter.basics.no_model(why))?;
+        let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
+        let search = StartSearch {
+            seeds: self.first_swing().map(|swing| swing.at(first_s).to_vec()).into_iter().collect(),
+            ..StartSearch::of_oscillation(filter.prior(), TAU * motion_hz)
+        };
+        let (states, place) = (filter.states(), self.place);
+        let of = StartOf {
+            place,
+            basics: &filter.basics,
+            states: (&states, 2),
+            sizes: &[],
+            cycle_s: motion_hz.recip(),
+        };
+        start_from_signal(&mut course, &data.samples, &search, of).map(Some)
+    }
+
+    /// The swing that the first cycle of the signal shows.
+    fn first_swing(&self) -> Option<Swing> {
+        let (hardware, data) = (&self.settings.hardware, self.samples.data);
+        let (motion_hz, first_s) = (self.motion_hz(), *data.time_s.first()?);
+        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None)
     }
 
     fn course<'a, P: Plant>(
@@ -117,10 +182,8 @@ impl Task<'_> {
     fn turning(&self, gain: GainOf, mirror: &Mirror, known: &Known) -> Result<AnyFilter, EstimateError> {
         let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
         let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
-        let cycle = ..data.time_s.partition_point(|t| *t < first_s + 1.0 / motion_hz);
-        let signal = without_drive(self.settings, data, self.samples.drive_slope);
-        let found = swing(&hardware.readout.comb, motion_hz, (&data.time_s[cycle], &signal[cycle]), None);
-        let swing = found.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
+        let swing = self.first_swing();
+        let swing = swing.ok_or_else(|| basics.no_gain(&"the first cycle of its signal shows no swing"))?;
         let drive = |time_s: f64| {
             let sample =
                 data.time_s.partition_point(|t| *t < time_s).min(data.time_s.len().saturating_sub(1));

@@ -2,7 +2,6 @@
 
 use crate::crossings::{LOUD, Tally};
 use crate::estimate::{EstimateError, SignalSegment};
-use crate::recording::{Finding, FindingKind};
 
 /// How many times as steep as its rises a signal must fall to be taken for reversed.
 const SIGN_RATIO: f64 = 1.5;
@@ -42,21 +41,4 @@ fn require_sign(tally: Tally, least: f64, (place, column): (&str, &str)) -> Resu
         return Err(EstimateError::SignReversed { place, column, falling, rising });
     }
     Ok(())
-}
-
-/// Refuses a recording whose signal is clipped, in the segment with this label where one is given: the flanks that tell of a
-/// crossing are the first to go.
-pub fn require_unclipped(
-    diagnosis: &[Finding],
-    (place, column): (&str, &str),
-    label: Option<&str>,
-) -> Result<(), EstimateError> {
-    let clipped = diagnosis.iter().find(|finding| {
-        finding.kind == FindingKind::Saturation
-            && finding.column.as_deref() == Some(column)
-            && (label.is_none() || finding.segment.is_none() || finding.segment.as_deref() == label)
-    });
-    let Some(finding) = clipped else { return Ok(()) };
-    let (place, column) = (place.to_owned(), column.to_owned());
-    Err(EstimateError::Clipped { place, column, count: finding.count })
 }

@@ -348,6 +348,52 @@ fn every_method_is_right_with_every_device_or_refused_for_a_reason() {
     assert_eq!(accepted, 97);
 }
 
+/// Those that a device has and its methods take, from a start that the signal tells: how far each is off the extended filter that is told
+/// its start, where both have settled.
+fn started_from_the_signal(methods: &[&str], folder: &Path) -> Vec<String> {
+    let mut problems = Vec::new();
+    for device in &DEVICES {
+        let (text, path) = with_recording(device, folder);
+        let correct = |text: String, [wrong, right]: &[&str; 2]| text.replace(wrong, right);
+        let text = device.corrected.iter().fold(text, correct);
+        let ekf = settled(device, &found(device, (&text, &path), "ekf").unwrap());
+        let unstated = Device { start: "\"from_signal\"", start_sd: "", ..*device };
+        for method in methods.iter().filter(|method| !device.refused.contains(method)) {
+            match found(&unstated, (&text, &path), method) {
+                Ok(found) => {
+                    let found = settled(device, &found);
+                    let apart: Vec<f64> = ekf.iter().zip(&found).map(|(a, b)| a - b).collect();
+                    let off = root_mean_square(&apart) / root_mean_square(&ekf);
+                    println!("{:18} {method:16} {off:.2e}", device.name);
+                    let close = if *method == "euler_ekf" { 0.2 } else { device.close };
+                    if off.is_nan() || (*method != "model" && off >= close) {
+                        problems.push(format!("{} {method}: off by {off:.2e}", device.name));
+                    }
+                }
+                Err(why) => problems.push(format!("{} refuses {method}: {why}", device.name)),
+            }
+        }
+    }
+    problems
+}
+
+#[test]
+fn a_start_from_the_signal_needs_no_deviation_with_any_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let problems = started_from_the_signal(&["ekf"], folder.path());
+    assert!(problems.is_empty(), "{problems:#?}");
+}
+
+#[test]
+#[ignore = "slow: every method with every device"]
+fn slow_every_method_starts_from_the_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    let with_a_start: Vec<&str> =
+        METHODS.into_iter().filter(|method| !["lock_in", "direct_inversion"].contains(method)).collect();
+    let problems = started_from_the_signal(&with_a_start, folder.path());
+    assert!(problems.is_empty(), "{problems:#?}");
+}
+
 /// A settled gain claims what the extended filter claims once it has settled, where the motion is steady.
 #[test]
 fn a_gain_that_turns_with_the_swing_claims_what_the_filter_settles_at() {

@@ -1,8 +1,11 @@
 //! The recording that would tell causes apart which this one cannot.
 
 use super::bench::Bench;
+use super::cause::Cause;
 use super::change::Change;
-use super::trial::Trial;
+use super::search::Search;
+use super::suspect::Suspect;
+use super::trial::{Blocks, Trial};
 use super::{DiagnoseError, threads};
 use crate::config::put;
 use crate::config::{Experiment, Key, written};
@@ -50,13 +53,14 @@ pub(super) fn proposal(
     progress: &dyn Progress,
 ) -> Result<Option<Proposal>, DiagnoseError> {
     let Some((first, others)) = causes.split_first() else { return Ok(None) };
-    let Some(usual) = simulate(workbench, experiment, (bench, base)) else { return Ok(None) };
+    let there = Elsewhere { workbench, experiment, bench };
+    let Some(usual) = there.usual(base) else { return Ok(None) };
     let variations = variations(&usual);
     let work = (progress, "simulating other recordings");
     let tried = map_on_threads(work, threads(), (variations.len(), 1), |place, heard| {
         heard.reached(0).is_continue().then(|| {
             let (what, simulate) = variations.get(place)?;
-            let ahead = ahead(workbench, experiment, (bench, simulate), (first, others))?;
+            let ahead = there.ahead(simulate, (first, others))?;
             let table = Table::from_iter([("simulate".to_owned(), Value::Table(simulate.clone()))]);
             Some(Proposal { what: what.clone(), ahead, simulate: toml::to_string(&table).ok()? })
         })
@@ -66,65 +70,96 @@ pub(super) fn proposal(
     Ok(best.filter(|best| best.ahead > APART))
 }
 
-/// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
-fn simulate(
-    workbench: &Workbench,
-    experiment: &Experiment,
-    (bench, base): (&Bench, &Trial),
-) -> Option<Table> {
-    if experiment.simulate.is_some() {
-        let whole: Table = experiment.to_toml().ok()?.parse().ok()?;
-        return whole.get("simulate")?.as_table().cloned();
-    }
-    let (rows, duration_s) = bench.extent();
-    let (drive, rate_hz) = (base.drive?, rows as f64 / duration_s);
-    let sine = Table::from_iter([
-        ("offset".to_owned(), written(drive.offset, "V")),
-        ("amplitude".to_owned(), written(drive.amplitude, "V")),
-        ("frequency".to_owned(), written(drive.frequency_hz, "Hz")),
-    ]);
-    // The start has the states of the motion, or none where it is at rest.
-    let starts = [base.start.as_slice(), &[]].map(|states| {
-        let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), written(*value, unit)));
-        each.collect::<Table>()
-    });
-    starts.into_iter().find_map(|start| {
-        let simulate = Table::from_iter([
-            ("duration".to_owned(), written(duration_s, "s")),
-            ("sampling_rate".to_owned(), written(rate_hz, "Hz")),
-            ("integration_rate".to_owned(), written(10.0 * rate_hz, "Hz")),
-            ("start".to_owned(), Value::Table(start)),
-            (
-                "drive".to_owned(),
-                Value::Table(Table::from_iter([("sine".to_owned(), Value::Table(sine.clone()))])),
-            ),
-        ]);
-        let changed = with_simulation(workbench, experiment, bench, &simulate, &[])?;
-        workbench.rig(&changed).ok()?.simulate(&changed).ok()?;
-        Some(simulate)
-    })
+/// Recordings that there are not, simulated.
+pub(super) struct Elsewhere<'a> {
+    pub(super) workbench: &'a Workbench,
+    pub(super) experiment: &'a Experiment,
+    pub(super) bench: &'a Bench<'a>,
 }
 
-/// The experiment without its recordings, with a simulation and with changes of its device.
-fn with_simulation(
-    workbench: &Workbench,
-    experiment: &Experiment,
-    bench: &Bench,
-    simulate: &Table,
-    changes: &[Change],
-) -> Option<Experiment> {
-    let mut document = bench.document.clone();
-    document.remove("recording");
-    document.remove("identify");
-    document.insert("simulate".to_owned(), Value::Table(simulate.clone()));
-    for change in changes {
-        change.write(&mut document).ok()?;
+impl Elsewhere<'_> {
+    /// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
+    pub(super) fn usual(&self, base: &Trial) -> Option<Table> {
+        if self.experiment.simulate.is_some() {
+            let whole: Table = self.experiment.to_toml().ok()?.parse().ok()?;
+            return whole.get("simulate")?.as_table().cloned();
+        }
+        let (rows, duration_s) = self.bench.extent();
+        let (drive, rate_hz) = (base.drive?, rows as f64 / duration_s);
+        let sine = Table::from_iter([
+            ("offset".to_owned(), written(drive.offset, "V")),
+            ("amplitude".to_owned(), written(drive.amplitude, "V")),
+            ("frequency".to_owned(), written(drive.frequency_hz, "Hz")),
+        ]);
+        // The start has the states of the motion, or none where it is at rest.
+        let starts = [base.start.as_slice(), &[]].map(|states| {
+            let each = states.iter().map(|(name, unit, value)| ((*name).to_owned(), written(*value, unit)));
+            each.collect::<Table>()
+        });
+        starts.into_iter().find_map(|start| {
+            let simulate = Table::from_iter([
+                ("duration".to_owned(), written(duration_s, "s")),
+                ("sampling_rate".to_owned(), written(rate_hz, "Hz")),
+                ("integration_rate".to_owned(), written(10.0 * rate_hz, "Hz")),
+                ("start".to_owned(), Value::Table(start)),
+                (
+                    "drive".to_owned(),
+                    Value::Table(Table::from_iter([("sine".to_owned(), Value::Table(sine.clone()))])),
+                ),
+            ]);
+            let changed = self.with_simulation(&simulate, &[])?;
+            self.workbench.rig(&changed).ok()?.simulate(&changed).ok()?;
+            Some(simulate)
+        })
     }
-    workbench.parse(&toml::to_string(&document).ok()?, experiment.path()).ok()
+
+    /// The experiment without its recordings, with a simulation and with changes of its device.
+    fn with_simulation(&self, simulate: &Table, changes: &[Change]) -> Option<Experiment> {
+        let mut document = self.bench.document.clone();
+        document.remove("recording");
+        document.remove("identify");
+        document.insert("simulate".to_owned(), Value::Table(simulate.clone()));
+        for change in changes {
+            change.write(&mut document).ok()?;
+        }
+        self.workbench.parse(&toml::to_string(&document).ok()?, self.experiment.path()).ok()
+    }
+
+    /// A bench with the simulated recording of a device with these changes; its filter is told the device as it is stated.
+    fn bench(&self, simulate: &Table, changes: &[Change]) -> Option<Bench<'_>> {
+        let real = self.with_simulation(simulate, changes)?;
+        let simulation = self.workbench.rig(&real).ok()?.simulate(&real).ok()?;
+        let simulated = Unwritten::of(&*simulation, &self.bench.stop).ok()?;
+        let told = described(&self.with_simulation(simulate, &[])?, &*simulation);
+        let mut there = Bench::of(self.workbench, &told, None).ok()?;
+        there.stop = self.bench.stop.clone();
+        let rig = self.workbench.rig(&there.experiment).ok()?;
+        let index = *rig.wanted(&there.experiment).ok()?.first()?;
+        let recording = simulated.recorded(&rig.layout(&there.experiment, index).ok()?).ok()?;
+        there.with_recording(recording).ok()
+    }
+
+    /// By how much the first cause is likelier than the next one in a simulated recording of a device that has it, ln p.
+    fn ahead(&self, simulate: &Table, (first, others): (&[Change], &[Vec<Change>])) -> Option<f64> {
+        let there = self.bench(simulate, first)?;
+        let likelihood = |changes: &[Change]| Some(there.run(changes)?.innovations.log_likelihood());
+        let own = likelihood(first)?;
+        let next = others.iter().filter_map(|changes| likelihood(changes)).fold(f64::NEG_INFINITY, f64::max);
+        Some(own - next).filter(|ahead| ahead.is_finite())
+    }
+
+    /// The relative standard errors with which the simulated recording of a device with these sizes would tell them all together.
+    pub(super) fn errors(&self, simulate: &Table, suspects: &[Suspect], sizes: &[f64]) -> Option<Vec<f64>> {
+        let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
+        let there = self.bench(simulate, &cause.changes(suspects)?)?;
+        let base = there.run(&cause.changes(suspects)?)?;
+        let search = Search { bench: &there, suspects, base: &base };
+        Some(search.most_likely(&cause, Blocks::All)?.sd)
+    }
 }
 
 /// Recordings that differ from a simulated one in one thing each.
-fn variations(usual: &Table) -> Vec<(String, Table)> {
+pub(super) fn variations(usual: &Table) -> Vec<(String, Table)> {
     let mut all = Vec::new();
     let mut vary = |key: Key, text: &str, factors: &[f64], name: &str| {
         let Ok(value) = Quantity::parse(text) else { return };
@@ -158,27 +193,4 @@ fn variations(usual: &Table) -> Vec<(String, Table)> {
         all.push((format!("{LONGER} times as long"), longer));
     }
     all
-}
-
-/// By how much the first cause is likelier than the next one in a simulated recording of a device that has it, ln p.
-fn ahead(
-    workbench: &Workbench,
-    experiment: &Experiment,
-    (bench, simulate): (&Bench, &Table),
-    (first, others): (&[Change], &[Vec<Change>]),
-) -> Option<f64> {
-    let real = with_simulation(workbench, experiment, bench, simulate, first)?;
-    let simulation = workbench.rig(&real).ok()?.simulate(&real).ok()?;
-    let simulated = Unwritten::of(&*simulation, &bench.stop).ok()?;
-    let told = described(&with_simulation(workbench, experiment, bench, simulate, &[])?, &*simulation);
-    let mut there = Bench::of(workbench, &told, None).ok()?;
-    there.stop = bench.stop.clone();
-    let rig = workbench.rig(&there.experiment).ok()?;
-    let index = *rig.wanted(&there.experiment).ok()?.first()?;
-    let recording = simulated.recorded(&rig.layout(&there.experiment, index).ok()?).ok()?;
-    let there = there.with_recording(recording).ok()?;
-    let likelihood = |changes: &[Change]| Some(there.run(changes)?.innovations.log_likelihood());
-    let own = likelihood(first)?;
-    let next = others.iter().filter_map(|changes| likelihood(changes)).fold(f64::NEG_INFINITY, f64::max);
-    Some(own - next).filter(|ahead| ahead.is_finite())
 }

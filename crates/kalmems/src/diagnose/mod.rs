@@ -16,6 +16,7 @@
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 
+mod again;
 mod answer;
 mod bench;
 mod cause;
@@ -33,6 +34,7 @@ mod stop;
 mod suspect;
 mod trial;
 
+pub use again::with_found_numbers;
 pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
@@ -52,9 +54,6 @@ use explain::Explained;
 use std::num::NonZero;
 use suspect::Suspect;
 use trial::Trial;
-
-/// 95 % of a Gaussian lie within so many standard deviations.
-const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// Rows after the settling time that a diagnosis looks at.
 const ROWS: Extent = Extent(50_000);

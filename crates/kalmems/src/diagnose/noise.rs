@@ -1,5 +1,6 @@
 //! Noises of a readout that an experiment leaves to its recording.
 
+use super::DiagnoseError;
 use super::bench::{Bench, Extent, is_judged};
 use super::cause::Cause;
 use super::paste::changed;
@@ -7,8 +8,8 @@ use super::report::{Edit, digits, rounded};
 use super::search::{MOST_SIZES, MostLikelySizes, Search};
 use super::suspect::{Number, Suspect, What};
 use super::trial::{Blocks, Trial};
-use super::{DiagnoseError, TWO_SIDED};
 use crate::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Step, put};
+use crate::identify::TWO_SIDED;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::rigs::Workbench;

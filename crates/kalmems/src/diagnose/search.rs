@@ -274,7 +274,8 @@ impl Search<'_> {
         most_likely_sizes(&cause.sizes(), &steps, &mut |at| self.innovations(cause, at, blocks))
     }
 
-    fn innovations(&self, cause: &Cause, sizes: &[f64], blocks: Blocks) -> Option<Innovations> {
+    /// The innovations of some blocks with a cause of these sizes; `None` of one far beyond what is tried, and where the filter cannot be run.
+    pub(super) fn innovations(&self, cause: &Cause, sizes: &[f64], blocks: Blocks) -> Option<Innovations> {
         if let Cause::Numbers(numbers) = cause {
             let beyond = numbers.iter().zip(sizes).any(|((place, _), size)| {
                 let largest = self.suspects[*place].sizes.iter().fold(0.0_f64, |l, s| l.max(s.abs()));
@@ -289,7 +290,7 @@ impl Search<'_> {
     }
 
     /// A first step of a number: half of the smallest size that is tried.
-    fn step(&self, place: usize) -> f64 {
+    pub(super) fn step(&self, place: usize) -> f64 {
         let sizes = self.suspects.get(place).map_or(&[][..], |suspect| &suspect.sizes);
         0.5 * sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
     }

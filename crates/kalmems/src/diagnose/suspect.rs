@@ -45,6 +45,13 @@ pub(super) struct Number {
 }
 
 impl Number {
+    /// That which a key has, as text with a unit or as a plain number; `None` of zero, which no factor changes.
+    pub(super) fn of(key: &Key, value: &Value) -> Option<Self> {
+        let mut found = Vec::new();
+        collect(value, key, &mut found);
+        found.pop().filter(|number| number.key == *key)
+    }
+
     /// What is to stand there for so many times the number.
     pub(super) fn times(&self, factor: f64) -> Value {
         written(self.written * factor, &self.unit)
@@ -139,9 +146,10 @@ impl Suspect {
     }
 }
 
-/// A key without the way to the device's table.
+/// A key without the way to the device's table, or to that of the estimate.
 fn below_device(key: &Key) -> String {
-    let steps = key.steps().iter().skip(2);
+    let of_estimate = key.steps().first() == Some(&Step::Name("estimate".to_owned()));
+    let steps = key.steps().iter().skip(if of_estimate { 1 } else { 2 });
     steps
         .fold(Key::default(), |key, step| match step {
             Step::Name(name) => key.child(name),

@@ -142,7 +142,7 @@ impl std::fmt::Display for ScaleNote {
                 significant(100.0 * hidden)
             )?;
         } else {
-            write!(f, "the signal alone cannot tell `{parameter}`; ")?;
+            write!(f, "the signal does not determine `{parameter}`; ")?;
         }
         write!(
             f,

@@ -156,7 +156,10 @@ pub fn write_identification(
         way_from(output.target(), &there).unwrap_or(there)
     });
     let toml = experiment.to_toml().map_err(io::Error::other);
-    output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
+    output.write("experiment.toml", |w| {
+        w.write_all(origin(found).as_bytes())?;
+        w.write_all(toml?.as_bytes())
+    })?;
     let html = identification_page(found)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &found.figures {
@@ -175,11 +178,34 @@ pub fn write_identification(
                 took_s: info.took.as_secs_f64(),
             },
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
-            experiment: toml::Value::try_from(&found.experiment).map_err(io::Error::other)?,
+            experiment: found.experiment.to_table().map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
     Ok(())
+}
+
+/// Where the numbers of the experiment come from, as comments of its file.
+fn origin(found: &Identification) -> String {
+    let mut text = format!("# Identified by kalmems {} from these recordings:\n", env!("CARGO_PKG_VERSION"));
+    for material in &found.materials {
+        for Source { file, sha256, .. } in &material.sources {
+            text += &format!("#   {}: {file}, SHA-256 {sha256}\n", material.name);
+        }
+    }
+    text += "# Each number with its standard error, and the recording that tells it:\n";
+    for p in found.parameters.iter().filter(|p| p.standard_error.is_finite()) {
+        let digits = decimals(p.value, p.standard_error);
+        let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+        let (value, error) = (format!("{:.digits$e}", p.value), format!("{:.1e}", p.standard_error));
+        text += &format!("#   {}: {value} ± {error}{unit}, from {}\n", p.name, p.recording);
+    }
+    if !found.undetermined.is_empty() {
+        let names: Vec<&str> = found.undetermined.iter().map(|one| one.what.as_str()).collect();
+        text +=
+            &format!("# Not determined, and kept as stated where it has a place: {}.\n", names.join("; "));
+    }
+    text + "\n"
 }
 
 /// What tells one input from another: the experiment's name and the bytes of its recordings.
@@ -196,7 +222,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: Vec<&'a Source>,
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]

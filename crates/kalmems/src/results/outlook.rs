@@ -241,9 +241,8 @@ pub fn write_outlook(
     timing.insert("started_unix_s".to_owned(), i64::try_from(started).unwrap_or(i64::MAX).into());
     timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
     run.insert("timing".to_owned(), timing.into());
-    let described =
-        toml::Value::try_from(experiment).map_err(|e| failed(output.target(), io::Error::other(e)))?;
-    run.insert("experiment".to_owned(), described);
+    let described = experiment.to_table().map_err(|e| failed(output.target(), io::Error::other(e)))?;
+    run.insert("experiment".to_owned(), described.into());
     Ok(output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?)
 }
 

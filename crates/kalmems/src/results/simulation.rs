@@ -100,7 +100,7 @@ pub fn write_simulation(
                 took_s: info.took.as_secs_f64(),
             },
             input: simulation.sources(),
-            experiment: toml::Value::try_from(experiment).map_err(io::Error::other)?,
+            experiment: experiment.to_table().map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -223,7 +223,7 @@ struct Run<'a> {
     noise: Noise,
     timing: Timing,
     input: &'a [Source],
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]

@@ -8,7 +8,7 @@ use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimate_figures, summary_table};
 use kalmems::rigs::accelerometer::device::Accelerometer;
 use kalmems::rigs::published;
-use kalmems::simulate::SimulateError;
+use kalmems::simulate::{SimulateError, Unwritten, described};
 use kalmems::workflow::{self, Outcome, WorkflowError};
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use serde_json::Value;
@@ -256,6 +256,63 @@ fn the_outlook_has_the_recomputed_figures() {
     let described = include_str!("../experiments/accel-open-loop-1g.toml");
     let unknown = published().parse(described, Path::new("experiment.toml")).unwrap();
     assert!(fact(&outlook(&unknown), "readout_micro_g_per_root_hz").is_empty());
+}
+
+/// Near its edge phase margin and peak are those of the loop as it is sampled, as the gain margin is; beyond it there is none of them, and no
+/// bandwidth. The figures at K_p = 60 are those of another program.
+#[test]
+fn margins_are_those_of_the_sampled_loop_and_an_unstable_one_has_none() {
+    let with_gain = |gain: &str| {
+        let gain = format!("proportional_gain = {gain}");
+        outlook(&simulation("", &[("proportional_gain = 10", &gain)]))
+    };
+    let said = with_gain("60");
+    println!("{}", said.to_text());
+    assert_eq!(fact(&said, "is_stable"), [1.0]);
+    assert!((fact(&said, "phase_margin_deg")[0] - 0.8).abs() < 0.05, "{:?}", fact(&said, "phase_margin_deg"));
+    assert!((fact(&said, "gain_margin_db")[0] - 0.2).abs() < 0.05, "{:?}", fact(&said, "gain_margin_db"));
+    assert!(
+        (fact(&said, "peak_sensitivity")[0] / 80.8 - 1.0).abs() < 0.01,
+        "{:?}",
+        fact(&said, "peak_sensitivity")
+    );
+    let said = with_gain("80");
+    assert_eq!(fact(&said, "is_stable"), [0.0]);
+    for name in ["closed_loop_bandwidth_hz", "phase_margin_deg", "peak_sensitivity"] {
+        assert!(said.fact(name).is_none(), "{name}");
+    }
+    assert!(fact(&said, "gain_margin_db").is_empty());
+}
+
+/// A mass without a rest and a feedback that nobody described are told with what is wrong of them.
+#[test]
+fn a_weak_spring_and_a_feedback_without_its_table_are_refused() {
+    let weak = simulation(
+        &filter("EKF", "ekf", ""),
+        &[("spring = \"3 N/m\"", "spring = \"1 N/m\""), (FEEDBACK, "")],
+    );
+    let Err(why) = published().rig(&weak).unwrap().simulate(&weak).map(drop) else { panic!("it has a rest") };
+    let why = why.to_string();
+    assert!(why.contains("the spring holds with 1 N/m and the carrier pulls the plates with 1.05"), "{why}");
+    let said = outlook(&weak);
+    assert!(said.fact("open_loop_bandwidth_hz").is_none());
+    assert!(said.to_text().contains("without a loop the mass lies on a plate"), "{}", said.to_text());
+
+    // What is fed back without being described is told with its time; an open loop may have a channel of zeros.
+    let told = simulation(&filter("EKF", "ekf", ""), &[]);
+    let simulation = published().rig(&told).unwrap().simulate(&told).unwrap();
+    let recorded = Unwritten::of(&*simulation, &Silent).unwrap();
+    let mut described = described(&told, &*simulation).to_toml().unwrap().parse::<toml::Table>().unwrap();
+    described["device"]["accelerometer"].as_table_mut().unwrap().remove("feedback");
+    let open =
+        published().parse(&toml::to_string(&described).unwrap(), Path::new("experiment.toml")).unwrap();
+    let rig = published().rig(&open).unwrap();
+    let recording = recorded.recorded(&rig.layout(&open, 0).unwrap()).unwrap();
+    let why = rig.estimate(&open, 0, &recording, &Silent).unwrap_err().to_string();
+    assert!(
+        why.contains(" V are fed back at 0 s") && why.contains("[device.accelerometer.feedback]"),
+        "{why}"
+    );
 }
 
 /// Closed loop, seed by seed: consistent, and about as good as the bound; smoothed, as good as the non-causal one.

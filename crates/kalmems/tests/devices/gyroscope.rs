@@ -1,6 +1,7 @@
 //! Calibration of a gyroscope: against known matrices and closed forms. A recording of another program is calibrated in
 //! `micro_stage.rs`, by the stage's own electrodes.
 
+mod metrology;
 mod studies;
 
 use kalmems::applications::calibration::GyroscopeCalibration;

@@ -52,6 +52,14 @@ fn parameters_are_found(metrics: &Metrics, truth: &[(&str, f64, f64)]) {
 
 /// The noise of a sample is 1 mV at 0.2 V/µm, which is 5 nm.
 #[test]
+fn the_device_of_the_chapter_takes_forty_lines() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/experiment.toml");
+    let text = std::fs::read_to_string(file).unwrap();
+    let lines = text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).count();
+    assert!(lines <= 40, "{lines}");
+}
+
+#[test]
 fn the_comb_resonator_is_followed_below_the_noise_of_a_sample() {
     let metrics = estimated("comb_resonator");
     only_the_filter_with_parameters_passes(&metrics);

@@ -5,7 +5,7 @@ mod c;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
-use kalmems::export::{ExportError, Exported, Request, Target, write_export};
+use kalmems::export::{Digits, ExportError, Exported, Request, Target, write_export};
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::results::{Output, OutputError, Work};
@@ -57,6 +57,7 @@ fn request(target: Target, filter: &str) -> Request {
         update_every: NonZeroU32::MIN,
         samples: 0,
         adjustable: Vec::new(),
+        digits: Digits::AsNeeded,
     }
 }
 
@@ -88,6 +89,18 @@ fn the_firmware_holds_what_the_examples_give() {
         let kept = root().join("firmware/src/generated").join(kept);
         let same = fs::read_to_string(&kept).unwrap() == file(exported, name);
         assert!(same, "{} is not what the example gives: run `.ci/firmware generate`", kept.display());
+    }
+    // The same filter from the device's equations.
+    let expanded = kalmems::expand::expand(published(), &example(SCANNER)).unwrap();
+    let own = published().parse(&expanded.text, example(SCANNER).path()).unwrap();
+    let text = export(&own, &request(Target::C, "Euler EKF")).unwrap();
+    for name in ["scanner_filter.c", "scanner_filter.h"] {
+        let kept = root().join("firmware/src/generated/text").join(name);
+        assert!(
+            fs::read_to_string(&kept).unwrap() == file(&text, name),
+            "{} is not what the equations give: run `.ci/firmware generate`",
+            kept.display()
+        );
     }
 }
 

@@ -5,6 +5,7 @@ mod events;
 mod example_devices;
 mod export;
 mod measured_devices;
+mod own_commands;
 mod own_device;
 mod own_inputs;
 mod own_start;

@@ -3,6 +3,7 @@
 use crate::parts::same_bits_in_a_stream;
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
+use kalmems::identify::Identification;
 use kalmems::progress::Silent;
 use kalmems::recording::Recording;
 use kalmems::rigs::published;
@@ -197,8 +198,8 @@ const SOUGHT: [(&str, &str, &str, f64); 3] = [
     ("force", "2.96e-9 N/V^2", "2.7e-9 N/V^2", 2.96e-9),
 ];
 
-/// How many standard errors each of the sought numbers is off.
-fn off(seed: u64) -> [f64; 3] {
+/// What is identified of `parameters` from a recording of this seed, of an experiment with these changes of its text.
+fn identified(seed: u64, changes: &[(&str, &str, &str)], parameters: &str) -> Identification {
     let (told, simulated) = told_wrong(seed);
     let folder = tempfile::tempdir().unwrap();
     let layout = published().rig(&told).unwrap().layout(&told, 0).unwrap();
@@ -212,12 +213,18 @@ fn off(seed: u64) -> [f64; 3] {
     }
     std::fs::write(folder.path().join("recording.csv"), csv).unwrap();
     let mut text = told.to_toml().unwrap();
-    for (name, right, wrong, _) in SOUGHT {
+    for (name, right, wrong) in changes {
         text = text.replace(&format!("{name} = \"{right}\""), &format!("{name} = \"{wrong}\""));
     }
-    text += "\n[identify]\nparameters = [\"k\", \"b\", \"force\"]\n";
+    text += &format!("\n[identify]\nparameters = [{parameters}]\n");
     let experiment = parse(&text, folder.path()).unwrap();
-    let found = likeliest(published(), &experiment, &Silent).unwrap();
+    likeliest(published(), &experiment, &Silent).unwrap()
+}
+
+/// How many standard errors each of the sought numbers is off.
+fn off(seed: u64) -> [f64; 3] {
+    let wrong = SOUGHT.map(|(name, right, wrong, _)| (name, right, wrong));
+    let found = identified(seed, &wrong, "\"k\", \"b\", \"force\"");
     assert!(found.undetermined.is_empty() && found.warnings.is_empty(), "{found:?}");
     // What was found stands in the experiment, and the estimate with it passes.
     let device = found.experiment.to_toml().unwrap();
@@ -233,6 +240,23 @@ fn parameters_that_are_told_wrong_are_identified_from_one_recording() {
     for off in off(11) {
         assert!(off.abs() < 4.0, "{off}");
     }
+}
+
+/// Told to 1e-9 and wrong by 20 %: the recording cannot speak against it. Told to 10 %: it does, and the prior adds nothing to a recording that
+/// knows the number to a ten-thousandth.
+#[test]
+fn what_is_stated_of_a_number_is_its_prior_distribution() {
+    let with = |uncertainty: &str| {
+        let wrong = format!("3.6e-7 N s/m{uncertainty}");
+        let found = identified(12, &[("b", "3.0159e-7 N s/m", &wrong)], "\"b\"");
+        let says = found.notes.iter().any(|note| note.contains("enters as its prior distribution"));
+        assert_eq!(says, !uncertainty.is_empty(), "{:?}", found.notes);
+        found.parameters[0].clone()
+    };
+    let (alone, vague, fixed) = (with(""), with(" ± 10 %"), with(" ± 1e-7 %"));
+    assert!((alone.value - 3.0159e-7).abs() < 4.0 * alone.standard_error, "{alone:?}");
+    assert!((vague.value - alone.value).abs() < 0.01 * alone.standard_error, "{alone:?} {vague:?}");
+    assert!((fixed.value / 3.6e-7 - 1.0).abs() < 1e-6 && fixed.standard_error < 1e-8 * 3.6e-7, "{fixed:?}");
 }
 
 /// 40 seeds that nothing was chosen by: of 120 intervals of 95 % at least 106 hold the truth (a probability of 0.3 % of fewer if

@@ -4,4 +4,9 @@
 
 mod accelerometer;
 mod chance;
+mod harm;
+mod piston;
 mod rows;
+mod scanner;
+mod stage;
+mod threshold;

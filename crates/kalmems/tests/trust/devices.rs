@@ -96,6 +96,11 @@ impl Device {
 
     /// The text of an experiment with these settings.
     pub fn text(&self, settings: &[Setting]) -> String {
+        self.text_without(settings, &[])
+    }
+
+    /// The same without what stands at these keys.
+    fn text_without(&self, settings: &[Setting], without: &[&str]) -> String {
         let text = std::fs::read_to_string(self.path()).unwrap();
         let mut document = Value::Table(text.parse().unwrap());
         for key in self.without {
@@ -106,6 +111,9 @@ impl Device {
         }
         for (key, value) in settings {
             put(&mut document, key, Some(value));
+        }
+        for key in without {
+            put(&mut document, key, None);
         }
         toml::to_string(&document).unwrap()
     }
@@ -131,6 +139,23 @@ impl Device {
             published().rig(&real).unwrap().simulate(&real).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
         (told.map(|told| described(&self.experiment(told, seed), &*simulation)), simulated)
+    }
+
+    /// A recording of a device with these settings and without what stands at these keys, and the experiment of its filters.
+    pub fn recorded_without(
+        &self,
+        settings: &[Setting],
+        without: &[&str],
+        seed: u64,
+    ) -> (Experiment, Unwritten) {
+        let mut settings = settings.to_vec();
+        settings.push(("simulate.seed", seed.to_string()));
+        let text = self.text_without(&settings, without);
+        let experiment =
+            published().parse(&text, &self.path()).unwrap_or_else(|e| panic!("{}: {e}", self.name));
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        (described(&experiment, &*simulation), simulated)
     }
 
     /// The same of filters that are told one thing.

@@ -3,5 +3,8 @@
 mod coverage;
 mod devices;
 mod diagnose;
+mod impairments;
 mod outliers;
+mod readouts;
+mod starts;
 mod verdict;

@@ -2,4 +2,4 @@
 
 mod defects;
 mod matrix;
-mod signals;
+pub mod signals;

@@ -219,7 +219,9 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
         ("[gyroscope]", "[gyro]"),
         ("clock_tolerance", "tolerance"),
         ("[[condition.reference]]\nname", "[[condition.references]]\nname"),
-        ("vibrometer = \"50 ppm\"", "vibrometer = true"),
+        ("clock = \"1 ppm\"", "clock = true"),
+        ("distribution = \"rectangular\"", "distribution = \"round\""),
+        ("trials = 200000", "trials = 10"),
         ("target_width", "width"),
     ] {
         assert!(calibration.contains(from), "{from}");

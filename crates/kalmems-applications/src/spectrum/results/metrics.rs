@@ -1,7 +1,9 @@
 //! What is said of a spectrum.
 
 use crate::config::Quantity;
-use crate::spectrum::{CoaddedNoise, Contribution, MeasuredLine, Recalibration, ScanCounts, SpectrumOutcome};
+use crate::spectrum::{
+    CoaddedNoise, Contribution, MeasuredLine, PhaseCorrection, Recalibration, ScanCounts, SpectrumOutcome,
+};
 use kalmems_figures::significant;
 use serde::Serialize;
 
@@ -30,6 +32,8 @@ pub struct SpectrumMetrics {
     pub residual_delay_ns: Option<f64>,
     /// The standard error of that.
     pub residual_delay_sd_ns: Option<f64>,
+    /// Whether the detector's delay is taken away with the phase, so that there is none to be told.
+    pub delay_is_hidden: bool,
     /// Whether the light lowers the detector's value.
     pub inverted: bool,
     /// The largest path difference in mm.
@@ -118,6 +122,10 @@ pub struct SpectrumReferenceMetrics {
     pub scale: f64,
     /// The root mean square of the difference over the reference's largest value.
     pub rms_over_peak: f64,
+    /// Where it differs most, in 1/cm.
+    pub worst_at_per_cm: f64,
+    /// By how much there, over the same.
+    pub worst_over_peak: f64,
 }
 
 impl SpectrumMetrics {
@@ -147,6 +155,7 @@ impl SpectrumMetrics {
             misregistration_rms_nm: (shifts.len() > 1).then(|| square.sqrt() * 1e9),
             residual_delay_ns: outcome.residual_delay_s.map(|(delay, _)| delay * 1e9),
             residual_delay_sd_ns: outcome.residual_delay_s.map(|(_, sd)| sd * 1e9),
+            delay_is_hidden: outcome.file.transform.phase != PhaseCorrection::None && scans.spectra.len() > 1,
             inverted: processed.inverted,
             largest_path_difference_mm: processed.largest_m * 1e3,
             resolution_per_cm: resolution_per_cm(outcome),
@@ -166,6 +175,8 @@ impl SpectrumMetrics {
                 points: comparison.ours.len(),
                 scale: comparison.scale.recip(),
                 rms_over_peak: comparison.rms_over_peak,
+                worst_at_per_cm: comparison.worst.0 / PER_CM,
+                worst_over_peak: comparison.worst.1,
             }),
             findings: outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")).collect(),
         }
@@ -300,6 +311,9 @@ impl SpectrumMetrics {
             }
             text += "\n";
         }
+        if self.delay_is_hidden {
+            text += "whether the detector is late is not told: the correction of the phase takes a delay away with it; `phase = \"none\"` tells it\n";
+        }
         if self.inverted {
             text += "the light lowers the detector's value: the sign was turned\n";
         }
@@ -335,8 +349,11 @@ impl SpectrumMetrics {
         }
         if let Some(reference) = &self.reference {
             text += &format!(
-                "against the reference at {} wavenumbers: {:.3e} rms of its peak\n",
-                reference.points, reference.rms_over_peak
+                "against the reference at {} wavenumbers: {:.3e} rms of its peak, {:+.3e} where it is worst, at {:.3} 1/cm\n",
+                reference.points,
+                reference.rms_over_peak,
+                reference.worst_over_peak,
+                reference.worst_at_per_cm
             );
         }
         for finding in &self.findings {

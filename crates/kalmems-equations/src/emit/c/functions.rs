@@ -48,10 +48,10 @@ fn numbers(values: &[f64]) -> Result<String, EmitError> {
 }
 
 fn disks() -> Result<String, EmitError> {
-    let (coefficients, factor, offset) = disks_series();
+    let (coefficients, size, factor, offset) = disks_series();
     Ok(format!(
         r"
-/* Chebyshev's coefficients of ln(C/(epsilon_0 a)) of two disks, over ln(d/a). */
+/* Chebyshev's coefficients from the first order on of ln(C/(epsilon_0 a)) of two disks, over ln(d/a). */
 static const float DISKS[{count}] = {{
     {table}
 }};
@@ -66,13 +66,13 @@ static float disks(float share, unsigned order)
     if (!(fabsf(x) <= 1.0F)) {{
         return NAN;
     }}
-    for (k = {count} - 1; k > 0; k--) {{
+    for (k = {count} - 1; k >= 0; k--) {{
         const float b = 2.0F * x * b1 - b2 + DISKS[k];
         const float d = 2.0F * (b1 + x * d1) - d2;
         const float e = 2.0F * (2.0F * d1 + x * e1) - e2;
         b2 = b1; b1 = b; d2 = d1; d1 = d; e2 = e1; e1 = e;
     }}
-    value = expf(x * b1 - b2 + DISKS[0]);
+    value = {size} * expf(x * b1 - b2);
     slope = b1 + x * d1 - d2;
     bend = 2.0F * d1 + x * e1 - e2;
     by_share = {factor} / share;
@@ -83,6 +83,7 @@ static float disks(float share, unsigned order)
 ",
         count = coefficients.len(),
         table = numbers(coefficients)?,
+        size = float(size)?,
         factor = float(factor)?,
         offset = float(offset)?
     ))

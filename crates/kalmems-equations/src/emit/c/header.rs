@@ -1,6 +1,6 @@
 //! The header in C99.
 
-use super::{comment, float};
+use super::{comment, float, kind};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::Program;
@@ -28,11 +28,16 @@ pub(super) fn header(
     );
     let _ = write!(
         text,
-        "/* What is estimated, each state in its unit. */\ntypedef struct {{\n    float mean[{size}];\n"
+        "/* What is estimated, each state in its unit. */\ntypedef struct {{\n    {} mean[{size}];\n",
+        kind(program.widths.mean)
     );
     if request.gain == EmitGain::Covariance {
         let entries = size * (size + 1) / 2;
-        let _ = writeln!(text, "    float covariance[{entries}]; /* the lower triangle, row by row */");
+        let _ = writeln!(
+            text,
+            "    {} covariance[{entries}]; /* the lower triangle, row by row */",
+            kind(program.widths.covariance)
+        );
     }
     let _ = write!(text, "}} {name}_state_t;\n\n");
     if program.configure.is_some() {
@@ -48,7 +53,11 @@ pub(super) fn header(
     let _ = write!(text, "typedef struct {{\n    {name}_state_t state;\n");
     if let Some(configure) = &program.configure {
         let count = configure.outputs.len().max(1);
-        let _ = writeln!(text, "    float constants[{count}]; /* what follows from the parameters */");
+        let _ = writeln!(
+            text,
+            "    {} constants[{count}]; /* what follows from the parameters */",
+            kind(program.widths.constants)
+        );
     }
     let _ = write!(text, "}} {name}_t;\n\n");
     if program.configure.is_some() {

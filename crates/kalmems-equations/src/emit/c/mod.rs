@@ -45,9 +45,17 @@ const MACROS: &str = "
 #endif
 ";
 
-/// Numbers of 32 or, where parameters are taken, of 64 bits.
-struct C {
-    wide: bool,
+/// Numbers of 32 or 64 bits.
+struct C;
+
+/// The type of a number.
+fn kind(wide: bool) -> &'static str {
+    if wide { "double" } else { "float" }
+}
+
+/// A number of this width as C reads it.
+fn number(value: f64, wide: bool) -> Result<String, EmitError> {
+    if wide { Ok(format!("{value:?}")) } else { float(value) }
 }
 
 /// A number of 32 bits as C reads it.
@@ -61,16 +69,16 @@ pub(super) fn float(value: f64) -> Result<String, EmitError> {
 }
 
 impl Syntax for C {
-    fn literal(&self, value: f64) -> Result<String, EmitError> {
-        if self.wide { Ok(format!("{value:?}")) } else { float(value) }
+    fn literal(&self, value: f64, wide: bool) -> Result<String, EmitError> {
+        number(value, wide)
     }
 
-    fn declare(&self, name: &str, value: &str) -> String {
-        format!("const {} {name} = {value};", if self.wide { "double" } else { "float" })
+    fn declare(&self, name: &str, value: &str, wide: bool) -> String {
+        format!("const {} {name} = {value};", kind(wide))
     }
 
-    fn call(&self, called: Called, at: &str) -> String {
-        let at = if self.wide { format!("(float)({at})") } else { at.to_owned() };
+    fn call(&self, called: Called, at: &str, wide: bool) -> String {
+        let at = if wide { format!("(float)({at})") } else { at.to_owned() };
         let call = match called {
             Called::FallingExp => format!("falling_exp({at})"),
             Called::Exp => format!("expf({at})"),
@@ -85,7 +93,7 @@ impl Syntax for C {
             Called::Disks(order) => format!("disks({at}, {order}U)"),
             Called::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
         };
-        if self.wide { format!("(double){call}") } else { call }
+        if wide { format!("(double){call}") } else { call }
     }
 
     fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
@@ -93,7 +101,11 @@ impl Syntax for C {
     }
 
     fn fused(&self, a: &str, b: &str, c: &str) -> Option<String> {
-        (!self.wide).then(|| format!("FUSED({a}, {b}, {c})"))
+        Some(format!("FUSED({a}, {b}, {c})"))
+    }
+
+    fn converted(&self, _: &str, bracketed: &str, wide: bool) -> String {
+        format!("({}){bracketed}", kind(wide))
     }
 
     fn stage(&self, output: &str, arguments: &[String]) -> String {
@@ -146,11 +158,12 @@ fn source(
     text += &functions;
     text += &scales(request, program)?;
     if let Some(stage) = &program.stage {
-        let written = stage.written(&C { wide: false })?;
-        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("float {p}")).collect();
+        let written = stage.written(&C)?;
+        let of_stage = kind(program.widths.stage);
+        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{of_stage} {p}")).collect();
         let _ = write!(
             text,
-            "\n/* What one stage needs: rates per sample and their derivatives. */\nstatic void stage({}, float to[{}])\n{{\n",
+            "\n/* What one stage needs: rates per sample and their derivatives. */\nstatic void stage({}, {of_stage} to[{}])\n{{\n",
             parameters.join(", "),
             stage.outputs.len()
         );
@@ -160,15 +173,20 @@ fn source(
     let has_constants = |routine: &Routine| routine.reads_constants();
     let mut core =
         |routine: &Routine, of: &str, inputs: &[String], measured: &[String]| -> Result<(), EmitError> {
-            let written = routine.written(&C { wide: false })?;
-            let constants = if has_constants(routine) { ", const float *constants" } else { "" };
+            let written = routine.written(&C)?;
+            let constants = if has_constants(routine) {
+                format!(", const {} *constants", kind(program.widths.constants))
+            } else {
+                String::new()
+            };
             let more: String = further(inputs.iter().chain(measured), "float ", "");
-            let kind = if written.variance.is_some() { "int" } else { "void" };
-            let _ = write!(text, "\nWITHIN {kind} {of}({name}_state_t *state{constants}{more})\n{{\n");
+            let result = if written.variance.is_some() { "int" } else { "void" };
+            let _ = write!(text, "\nWITHIN {result} {of}({name}_state_t *state{constants}{more})\n{{\n");
             for (local, array, place) in interface.loads(routine, program) {
                 let _ = writeln!(
                     text,
-                    "    const float {local} = {array}[{place}];",
+                    "    const {} {local} = {array}[{place}];",
+                    kind(program.widths.of(array)),
                     array = match array {
                         Array::Mean => "state->mean",
                         Array::Covariance => "state->covariance",
@@ -181,7 +199,13 @@ fn source(
             }
             if let Some(stage) = &program.stage {
                 for call in &routine.calls {
-                    let _ = writeln!(text, "    float {}[{}];", call.output, stage.outputs.len());
+                    let _ = writeln!(
+                        text,
+                        "    {} {}[{}];",
+                        kind(program.widths.stage),
+                        call.output,
+                        stage.outputs.len()
+                    );
                 }
             }
             body(&mut text, &written, "state->mean", "state->covariance", "constants");

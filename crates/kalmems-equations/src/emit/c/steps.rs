@@ -1,6 +1,6 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, float};
+use super::{C, kind, number};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::Program;
@@ -20,9 +20,12 @@ pub(super) fn finish(
     let name = &request.name;
     let size = request.size();
     let (mean, covariance) = &program.start;
+    let widths = program.widths;
+    // The sum is looked at for what is not a number, to which 32 bits are enough.
+    let narrow = |wide: bool| if wide { "(float)" } else { "" };
     let arrays: Vec<String> = (0..size)
-        .map(|k| format!("state->mean[{k}]"))
-        .chain((0..covariance.len()).map(|k| format!("state->covariance[{k}]")))
+        .map(|k| format!("{}state->mean[{k}]", narrow(widths.mean)))
+        .chain((0..covariance.len()).map(|k| format!("{}state->covariance[{k}]", narrow(widths.covariance))))
         .collect();
     let _ = write!(
         text,
@@ -31,7 +34,7 @@ pub(super) fn finish(
         arrays.join("\n                      + ")
     );
     if let Some(configure) = &program.configure {
-        let written = configure.written(&C { wide: true })?;
+        let written = configure.written(&C)?;
         let _ = write!(text, "\nvoid {name}_default_parameters({name}_parameters_t *parameters)\n{{\n");
         for (field, _, value) in Interface::parameters(device, request, program) {
             let _ = writeln!(text, "    parameters->{field} = {value:?};");
@@ -50,12 +53,14 @@ pub(super) fn finish(
         if names.is_empty() {
             text.push_str("    (void)parameters;\n");
         }
-        let _ = writeln!(text, "    float constants[{}], sum = 0.0F;\n    unsigned k;", count.max(1));
+        let of_constants = kind(widths.constants);
+        let _ =
+            writeln!(text, "    {of_constants} constants[{}], sum = 0.0F;\n    unsigned k;", count.max(1));
         for statement in &written.statements {
             let _ = writeln!(text, "    {statement}");
         }
         for (_, place, value) in &written.outputs {
-            let _ = writeln!(text, "    constants[{place}] = (float)({value});");
+            let _ = writeln!(text, "    constants[{place}] = {value};");
         }
         let _ = write!(
             text,
@@ -67,9 +72,10 @@ pub(super) fn finish(
     if program.configure.is_some() {
         let _ = writeln!(text, "    {name}_parameters_t parameters;");
     }
-    for (array, values) in [("mean", mean), ("covariance", covariance)] {
+    for (array, values, wide) in [("mean", mean, widths.mean), ("covariance", covariance, widths.covariance)]
+    {
         for (k, value) in values.iter().enumerate() {
-            let _ = writeln!(text, "    filter->state.{array}[{k}] = {};", float(*value)?);
+            let _ = writeln!(text, "    filter->state.{array}[{k}] = {};", number(*value, wide)?);
         }
     }
     if program.configure.is_some() {
@@ -80,16 +86,20 @@ pub(super) fn finish(
     }
     text.push_str("}\n");
     steps(text, device, request, program, interface);
+    let value = "ORIGIN[state] + UNIT[state] * filter->state.mean[state]";
+    let value = if widths.mean { format!("(float)({value})") } else { value.to_owned() };
     let _ = write!(
         text,
         "\nfloat {name}_value(const {name}_t *filter, unsigned state)\n{{\n    \
-         return state < {size}U ? ORIGIN[state] + UNIT[state] * filter->state.mean[state] : 0.0F;\n}}\n"
+         return state < {size}U ? {value} : 0.0F;\n}}\n"
     );
     if !covariance.is_empty() {
+        let variance = "UNIT[state] * UNIT[state] * filter->state.covariance[state * (state + 3U) / 2U]";
+        let variance = if widths.covariance { format!("(float)({variance})") } else { variance.to_owned() };
         let _ = write!(
             text,
             "\nfloat {name}_variance(const {name}_t *filter, unsigned state)\n{{\n    return state < {size}U\n               \
-             ? UNIT[state] * UNIT[state] * filter->state.covariance[state * (state + 3U) / 2U]\n               : 0.0F;\n}}\n"
+             ? {variance}\n               : 0.0F;\n}}\n"
         );
     }
     Ok(())

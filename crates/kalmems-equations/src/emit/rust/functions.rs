@@ -71,7 +71,11 @@ pub(super) fn reduced(x: f32) -> (f32, f32, u32) {
     let square = r * r;
     let sine = ((2.755_731_9e-6 * square - 1.984_127e-4) * square + 8.333_333_3e-3) * square - 0.166_666_67;
     let cosine = ((-2.755_731_9e-7 * square + 2.480_158_7e-5) * square - 1.388_888_9e-3) * square + 0.041_666_667;
-    (r + r * square * sine, 1.0 - 0.5 * square + square * square * cosine, count.to_bits() & 3)
+    // What 1 - square/2 loses by rounding is added with the small terms.
+    let half = 0.5 * square;
+    let near = 1.0 - half;
+    let cosine = near + (((1.0 - near) - half) + square * square * cosine);
+    (r + r * square * sine, cosine, count.to_bits() & 3)
 }
 // --- SIN
 pub(super) fn sin(x: f32) -> f32 {

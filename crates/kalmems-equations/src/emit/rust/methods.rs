@@ -1,6 +1,6 @@
 //! What is around the routines in Rust: start, parameters, and steps that are taken whole or not at all.
 
-use super::{Rust, float, typed};
+use super::{Rust, kind, number, typed};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::Program;
@@ -17,14 +17,18 @@ pub(super) fn methods(
     program: &Program,
     interface: &Interface,
 ) -> Result<(), EmitError> {
-    let list = |values: &[f64]| -> Result<String, EmitError> {
-        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
+    let widths = program.widths;
+    let list = |values: &[f64], wide: bool| -> Result<String, EmitError> {
+        Ok(values.iter().map(|value| number(*value, wide)).collect::<Result<Vec<_>, _>>()?.join(", "))
     };
     let (mean, covariance) = &program.start;
     let size = request.size();
-    let triangle =
-        if covariance.is_empty() { String::new() } else { format!(", covariance: [{}]", list(covariance)?) };
-    let state = format!("State {{ mean: [{}]{triangle} }}", list(mean)?);
+    let triangle = if covariance.is_empty() {
+        String::new()
+    } else {
+        format!(", covariance: [{}]", list(covariance, widths.covariance)?)
+    };
+    let state = format!("State {{ mean: [{}]{triangle} }}", list(mean, widths.mean)?);
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
         None => {
@@ -40,8 +44,11 @@ pub(super) fn methods(
             configured(text, device, request, program, configure)?;
         }
     }
-    let mut sum: Vec<String> = (0..size).map(|k| format!("state.mean[{k}]")).collect();
-    sum.extend((0..covariance.len()).map(|k| format!("state.covariance[{k}]")));
+    // The sum is looked at for what is not a number, to which 32 bits are enough.
+    let entry = |of: String, wide: bool| if wide { format!("narrow({of})") } else { of };
+    let mut sum: Vec<String> = (0..size).map(|k| entry(format!("state.mean[{k}]"), widths.mean)).collect();
+    let entries = 0..covariance.len();
+    sum.extend(entries.map(|k| entry(format!("state.covariance[{k}]"), widths.covariance)));
     let _ = write!(
         text,
         "\n    /// Takes over a state where all its numbers are finite.\n    fn take(&mut self, state: &State) -> bool {{\n        \
@@ -49,16 +56,26 @@ pub(super) fn methods(
         sum.join("\n            + ")
     );
     steps(text, device, request, program, interface);
+    let value = if widths.mean {
+        "(f64::from(ORIGIN[k]) + f64::from(UNIT[k]) * self.state.mean[k]) as f32"
+    } else {
+        "ORIGIN[k] + UNIT[k] * self.state.mean[k]"
+    };
     let _ = write!(
         text,
         "\n    /// The means in SI.\n    pub fn values(&self) -> [f32; {size}] {{\n        \
-         core::array::from_fn(|k| ORIGIN[k] + UNIT[k] * self.state.mean[k])\n    }}\n"
+         core::array::from_fn(|k| {value})\n    }}\n"
     );
     if !covariance.is_empty() {
+        let variance = if widths.covariance {
+            "(f64::from(UNIT[k] * UNIT[k]) * self.state.covariance[k * (k + 3) / 2]) as f32"
+        } else {
+            "UNIT[k] * UNIT[k] * self.state.covariance[k * (k + 3) / 2]"
+        };
         let _ = write!(
             text,
             "\n    /// The variances in SI.\n    pub fn variances(&self) -> [f32; {size}] {{\n        \
-             core::array::from_fn(|k| UNIT[k] * UNIT[k] * self.state.covariance[k * (k + 3) / 2])\n    }}\n"
+             core::array::from_fn(|k| {variance})\n    }}\n"
         );
     }
     text.push_str(
@@ -75,7 +92,7 @@ fn configured(
     program: &Program,
     configure: &Routine,
 ) -> Result<(), EmitError> {
-    let written = configure.written(&Rust { wide: true })?;
+    let written = configure.written(&Rust)?;
     let count = configure.outputs.len();
     let names = configure.names();
     let given = if names.is_empty() { "_parameters" } else { "parameters" };
@@ -92,11 +109,11 @@ fn configured(
     for statement in &written.statements {
         let _ = writeln!(text, "        {statement}");
     }
-    let values: Vec<String> =
-        written.outputs.iter().map(|(_, _, value)| format!("({value}) as f32")).collect();
+    let values: Vec<String> = written.outputs.iter().map(|(_, _, value)| value.clone()).collect();
+    let of_constants = kind(program.widths.constants);
     let _ = write!(
         text,
-        "        let constants: [f32; {count}] = [{}];\n        \
+        "        let constants: [{of_constants}; {count}] = [{}];\n        \
          if constants.iter().all(|constant| constant.is_finite()) {{\n            self.constants = constants;\n            \
          return true;\n        }}\n        false\n    }}\n",
         values.join(", ")

@@ -18,14 +18,30 @@ use tables::functions;
 /// A choice between two values.
 const CHOICE: &str = "
 #[inline(always)]
-fn choice(smaller: f32, larger: f32, then: f32, otherwise: f32) -> f32 {
+fn choice<T: PartialOrd>(smaller: T, larger: T, then: T, otherwise: T) -> T {
     if smaller < larger { then } else { otherwise }
 }
 ";
 
-/// Numbers of 32 or, where parameters are taken, of 64 bits.
-struct Rust {
-    wide: bool,
+/// A number of 64 bits as one of 32.
+const NARROW: &str = "
+#[inline(always)]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
+";
+
+/// Numbers of 32 or 64 bits.
+struct Rust;
+
+/// The type of a number.
+fn kind(wide: bool) -> &'static str {
+    if wide { "f64" } else { "f32" }
+}
+
+/// A number of this width as Rust reads it.
+fn number(value: f64, wide: bool) -> Result<String, EmitError> {
+    if wide { Ok(format!("{value:?}")) } else { float(value) }
 }
 
 /// A number of 32 bits as Rust reads it.
@@ -36,16 +52,16 @@ pub(super) fn float(value: f64) -> Result<String, EmitError> {
 }
 
 impl Syntax for Rust {
-    fn literal(&self, value: f64) -> Result<String, EmitError> {
-        if self.wide { Ok(format!("{value:?}")) } else { float(value) }
+    fn literal(&self, value: f64, wide: bool) -> Result<String, EmitError> {
+        number(value, wide)
     }
 
-    fn declare(&self, name: &str, value: &str) -> String {
+    fn declare(&self, name: &str, value: &str, _: bool) -> String {
         format!("let {name} = {value};")
     }
 
-    fn call(&self, called: Called, at: &str) -> String {
-        let at = if self.wide { format!("({at}) as f32") } else { at.to_owned() };
+    fn call(&self, called: Called, at: &str, wide: bool) -> String {
+        let at = if wide { format!("narrow({at})") } else { at.to_owned() };
         let call = match called {
             Called::FallingExp => format!("falling_exp({at})"),
             Called::Exp => format!("exp({at})"),
@@ -60,7 +76,7 @@ impl Syntax for Rust {
             Called::Disks(order) => format!("disks({at}, {order})"),
             Called::Curve(curve, order) => format!("curve{curve}({at}, {order})"),
         };
-        if self.wide { format!("f64::from({call})") } else { call }
+        if wide { format!("f64::from({call})") } else { call }
     }
 
     fn choice(&self, [a, b, c, d]: [&str; 4]) -> String {
@@ -69,6 +85,10 @@ impl Syntax for Rust {
 
     fn fused(&self, _: &str, _: &str, _: &str) -> Option<String> {
         None
+    }
+
+    fn converted(&self, plain: &str, _: &str, wide: bool) -> String {
+        if wide { format!("f64::from({plain})") } else { format!("narrow({plain})") }
     }
 
     fn stage(&self, output: &str, arguments: &[String]) -> String {
@@ -107,14 +127,18 @@ pub(super) fn files(
         list(&program.units.origins)?
     );
     let covariance = if has_covariance {
-        format!("    /// The lower triangle, row by row.\n    pub covariance: [f32; {entries}],\n")
+        format!(
+            "    /// The lower triangle, row by row.\n    pub covariance: [{}; {entries}],\n",
+            kind(program.widths.covariance)
+        )
     } else {
         String::new()
     };
     let _ = write!(
         text,
         "\n/// What is estimated, each state in its unit.\n#[derive(Clone, Copy, Debug)]\npub struct State {{\n    \
-         /// The means.\n    pub mean: [f32; {size}],\n{covariance}}}\n"
+         /// The means.\n    pub mean: [{}; {size}],\n{covariance}}}\n",
+        kind(program.widths.mean)
     );
     let constants = program.configure.as_ref().map(|configure| configure.outputs.len());
     if constants.is_some() {
@@ -128,7 +152,9 @@ pub(super) fn files(
         }
         text += " }\n    }\n}\n";
     }
-    let field = constants.map_or(String::new(), |count| format!("    constants: [f32; {count}],\n"));
+    let of_constants = kind(program.widths.constants);
+    let field =
+        constants.map_or(String::new(), |count| format!("    constants: [{of_constants}; {count}],\n"));
     let _ = write!(
         text,
         "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n{field}}}\n"
@@ -138,12 +164,13 @@ pub(super) fn files(
     }
     text += &functions(device, &called)?;
     if let Some(stage) = &program.stage {
-        let written = stage.written(&Rust { wide: false })?;
-        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{p}: f32")).collect();
+        let written = stage.written(&Rust)?;
+        let of_stage = kind(program.widths.stage);
+        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{p}: {of_stage}")).collect();
         let count = stage.outputs.len();
         let _ = write!(
             text,
-            "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [f32; {count}] {{\n    let mut to = [0.0; {count}];\n",
+            "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [{of_stage}; {count}] {{\n    let mut to = [0.0; {count}];\n",
             parameters.join(", ")
         );
         body(&mut text, &written, "to", "to", "to");
@@ -157,6 +184,9 @@ pub(super) fn files(
         core(&mut text, program, &interface, (update, &of), (&inputs, &measured))?;
     }
     methods(&mut text, device, request, program, &interface)?;
+    if text.contains("narrow(") {
+        text += NARROW;
+    }
     Ok(vec![(format!("{}.rs", request.name), text)])
 }
 
@@ -182,10 +212,10 @@ fn core(
     (routine, of): (&Routine, &str),
     (inputs, measured): (&[String], &[String]),
 ) -> Result<(), EmitError> {
-    let written = routine.written(&Rust { wide: false })?;
+    let written = routine.written(&Rust)?;
     let constants = match &program.configure {
         Some(configure) if routine.reads_constants() => {
-            format!(", constants: &[f32; {}]", configure.outputs.len())
+            format!(", constants: &[{}; {}]", kind(program.widths.constants), configure.outputs.len())
         }
         _ => String::new(),
     };

@@ -59,10 +59,10 @@ fn numbers(values: &[f64]) -> Result<String, EmitError> {
 }
 
 fn disks() -> Result<String, EmitError> {
-    let (coefficients, factor, offset) = disks_series();
+    let (coefficients, size, factor, offset) = disks_series();
     Ok(format!(
         r"
-/// Chebyshev's coefficients of ln(C/(epsilon_0 a)) of two disks, over ln(d/a).
+/// Chebyshev's coefficients from the first order on of ln(C/(epsilon_0 a)) of two disks, over ln(d/a).
 static DISKS: [f32; {count}] = [
     {table}
 ];
@@ -74,13 +74,13 @@ fn disks(share: f32, order: u32) -> f32 {{
         return f32::NAN;
     }}
     let (mut b1, mut b2, mut d1, mut d2, mut e1, mut e2) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for c in DISKS[1..].iter().rev() {{
+    for c in DISKS.iter().rev() {{
         let b = 2.0 * x * b1 - b2 + c;
         let d = 2.0 * (b1 + x * d1) - d2;
         let e = 2.0 * (2.0 * d1 + x * e1) - e2;
         (b2, b1, d2, d1, e2, e1) = (b1, b, d1, d, e1, e);
     }}
-    let value = exp(x * b1 - b2 + DISKS[0]);
+    let value = {size} * exp(x * b1 - b2);
     let slope = b1 + x * d1 - d2;
     let bend = 2.0 * d1 + x * e1 - e2;
     let by_share = {factor} / share;
@@ -93,6 +93,7 @@ fn disks(share: f32, order: u32) -> f32 {{
 ",
         count = coefficients.len(),
         table = numbers(coefficients)?,
+        size = float(size)?,
         factor = float(factor)?,
         offset = float(offset)?
     ))

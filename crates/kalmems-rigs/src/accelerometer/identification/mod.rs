@@ -18,11 +18,14 @@ use super::settings::Hardware;
 use crate::accelerometer::device::Accelerometer;
 use crate::config::Experiment;
 use crate::fit::Derived;
-use crate::identify::{Entries, Identification, IdentifyError, Standing, Whiteness, exact, standings};
+use crate::identify::{
+    Entries, Identification, IdentifyError, Likeliest, Standing, TWO_SIDED, Whiteness, exact,
+    standings_beside,
+};
 use crate::progress::{Progress, Silent};
 use kalmems_core::Scalar;
 use likelihood::{Likelihood, forgotten_after, unknown};
-use profile::{Ends, TWO_SIDED, profiles};
+use profile::{Ends, profiles};
 use record::Record;
 use search::{Found, SearchError, search, search_from};
 use std::f64::consts::TAU;
@@ -51,39 +54,23 @@ fn spread([low, high]: &Ends) -> f64 {
 }
 
 /// What of each unknown can be put into its place.
-///
-/// Correlations are those at the likeliest values. What the experiment says of an unknown that keeps its value may be far from there, so that
-/// the others are sought once more beside it: one that then moves by more than its standard deviation hangs on it.
 fn told(
     likelihood: &Likelihood,
     found: &Found,
     ends: &[Ends; unknown::COUNT],
     progress: &dyn Progress,
 ) -> Result<Vec<Standing>, SearchError> {
-    let mut moved = [false; unknown::COUNT];
-    loop {
-        let is_told = |i: usize| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING;
-        let mut standings =
-            standings(unknown::COUNT, &|i| is_told(i) && !moved[i], &|i, j| found.correlation(i, j));
-        let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| standings[i] != Standing::Told);
-        let strongest = |i: usize| {
-            let others = (0..unknown::COUNT).filter(|j| !is_told(*j));
-            others.max_by(|a, b| found.correlation(i, *a).abs().total_cmp(&found.correlation(i, *b).abs()))
-        };
-        for (i, standing) in standings.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
-            *standing = strongest(i).map_or(Standing::Untold, Standing::HangsOn);
-        }
-        if !kept.contains(&true) || !kept.contains(&false) {
-            return Ok(standings);
-        }
+    let likeliest = Likeliest {
+        at: &found.logs,
+        spread: &|i| spread(&ends[i]),
+        is_told: &|i| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING,
+        correlation: &|i, j| found.correlation(i, j),
+    };
+    standings_beside(&likeliest, &mut |kept| {
+        let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| kept[i]);
         let start = std::array::from_fn(|i| if kept[i] { 0.0 } else { found.logs[i] });
-        let beside = search_from(likelihood, start, kept, progress)?;
-        let moves = |i: usize| !kept[i] && (beside.logs[i] - found.logs[i]).abs() > spread(&ends[i]);
-        if !(0..unknown::COUNT).any(moves) {
-            return Ok(standings);
-        }
-        moved = std::array::from_fn(|i| moved[i] || moves(i));
-    }
+        Ok(search_from(likelihood, start, kept, progress)?.logs.to_vec())
+    })
 }
 
 impl Outcome {

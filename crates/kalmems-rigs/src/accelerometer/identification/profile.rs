@@ -2,17 +2,9 @@
 
 use super::likelihood::{Likelihood, unknown};
 use super::search::{FARTHEST, Found, SearchError, search_from};
+use crate::identify;
 use crate::progress::Progress;
 use unknown::COUNT;
-
-/// 95 % of a Gaussian lie within so many standard deviations.
-pub const TWO_SIDED: f64 = 1.959_963_984_540_054;
-
-/// How near the likelihood has to come to what it falls to at the end of an interval, in standard deviations.
-const NEAR: f64 = 0.02;
-
-/// Attempts to come as near.
-const ATTEMPTS: usize = 8;
 
 /// The ends of an interval of 95 % of a logarithm, from its likeliest value; infinite where nothing sets one.
 pub type Ends = [f64; 2];
@@ -42,35 +34,10 @@ fn reach(
     (index, side): (usize, f64),
     progress: &dyn Progress,
 ) -> Result<f64, SearchError> {
-    let deviation = found.covariance.standard_deviation(index);
     let room = FARTHEST - side * found.logs[index];
-    // √(2·fall) of ln p grows in proportion to the distance where it is Gaussian: the next attempt follows from the last one.
-    let (mut inside, mut outside) = ((0.0, 0.0), None::<(f64, f64)>);
-    let mut distance = TWO_SIDED * deviation;
-    for _ in 0..ATTEMPTS {
-        distance = distance.min(room);
-        let fallen = fallen(likelihood, found, (index, side * distance), progress)?;
-        if (fallen - TWO_SIDED).abs() < NEAR {
-            return Ok(distance);
-        }
-        if fallen > TWO_SIDED {
-            outside = Some((distance, fallen));
-        } else {
-            inside = (distance, fallen);
-            if distance >= room {
-                return Ok(f64::INFINITY);
-            }
-        }
-        distance = match outside {
-            Some(outside) => {
-                let share = (TWO_SIDED - inside.1) / (outside.1 - inside.1);
-                // Never so near to an end that is known that nothing would be learnt.
-                inside.0 + share.clamp(0.05, 0.95) * (outside.0 - inside.0)
-            }
-            None => inside.0 * (1.1 * TWO_SIDED / inside.1.max(0.5 * TWO_SIDED)),
-        };
-    }
-    Ok(outside.map_or(f64::INFINITY, |(distance, _)| distance))
+    identify::reach(found.covariance.standard_deviation(index), room, &mut |distance| {
+        fallen(likelihood, found, (index, side * distance), progress)
+    })
 }
 
 /// √(2·fall) of ln p with a logarithm so far from its likeliest value; infinite where there is no filter.

@@ -3,7 +3,7 @@
 use super::super::MEANINGS;
 use super::super::data::SegmentData;
 use crate::config::{Experiment, Fault, Key, Role};
-use crate::identify::{IdentifyError, Material};
+use crate::identify::{IdentifyError, Material, require_sound};
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::units::kind;
@@ -54,6 +54,7 @@ impl Record {
         })?;
         let name =
             described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
+        require_sound(recording.diagnosis(), &name, &[signal])?;
         let unfit = |why: String| IdentifyError::Unfit { recording: name.clone(), why };
         let [segment] = recording.segments() else {
             let count = recording.segments().len();

@@ -144,6 +144,10 @@ pub fn identify(
             by.feedthrough = Some([mean(0), mean(1)]);
         }
     }
+    if let Some(delay) = &mut found.delay {
+        let samples: Vec<usize> = offs.iter().map(|(off, _)| off.samples).collect();
+        delay.deviation = delay.deviation.hypot(unfitted_delay(delay.deviation, &training, &samples));
+    }
     found.labels = training.iter().map(|record| record.label.clone()).collect();
     if has_vibrometer {
         found.rates = training.iter().filter_map(|record| record.rate).collect();
@@ -151,6 +155,24 @@ pub fn identify(
     }
     found.records = records;
     Ok(found)
+}
+
+/// What the fit of the signals does not have of the delay's standard error, in s: the sines that are taken off as feedthrough shift the phase
+/// of the fundamental by the noise of the bias-off record, which is as large as that of the record itself if it is as long; and the phase of the
+/// vibrometer has its own noise. Gaps and gains come from the harmonics, which the first leaves alone.
+fn unfitted_delay(fitted: f64, training: &[&Record], offs: &[usize]) -> f64 {
+    let count = training.len().max(1) as f64;
+    let of_offs: f64 = training
+        .iter()
+        .zip(offs)
+        .map(|(record, samples)| record.time_s.len() as f64 / (*samples).max(1) as f64)
+        .sum();
+    let of_rates = training.iter().filter_map(|record| {
+        let rate = record.rate.as_ref()?;
+        let phase = rate.residual_rms / rate.amplitude * (2.0 / record.time_s.len() as f64).sqrt();
+        Some((phase / (TAU * rate.frequency_hz)).powi(2))
+    });
+    (fitted * fitted * of_offs / count + of_rates.sum::<f64>() / (count * count)).sqrt()
 }
 
 /// The records that serve the identification.

@@ -5,6 +5,7 @@ use super::{
     unknown::{DAMPING, NOMINAL, STIFFNESS, WIDTH},
 };
 use crate::config::Experiment;
+use crate::fit::Derived;
 use crate::identify::{Entries, IdentifyError};
 use crate::shared_scanner::device::SharedScanner;
 use kalmems_core::{Covariance, Mat};
@@ -20,7 +21,7 @@ const READOUT_OFFSET: &str = "readout.offset";
 pub const NOISE_VARIANCE: &str = "readout.noise_variance";
 
 /// A parameter known worse than this, relative to itself, is not put into the experiment.
-const WORTH_SETTING: f64 = 0.1;
+pub const WORTH_SETTING: f64 = 0.1;
 
 /// Whether a parameter of a ring-down is known well enough to be used.
 pub fn is_known(fitted: &RingDownFit, index: usize) -> bool {
@@ -76,17 +77,25 @@ const RING_DOWN: [(&str, usize); 4] = [
     (COMB_WIDTH, WIDTH),
 ];
 
-/// Puts the gain and the offset of the circuit into the experiment: their errors have those of the comb in them.
+/// Puts the gain and the offset of the circuit into the experiment: their errors have those of the comb in them. So does the
+/// comb's width, where the steady state tells it.
 pub fn apply_steady_state(
     experiment: &Experiment,
     device: &mut SharedScanner,
     entries: &mut Entries,
-    (fitted, ring_down): (&SteadyStateFit, Option<&RingDownFit>),
+    (fitted, ring_down, width): (&SteadyStateFit, Option<&RingDownFit>, Option<Derived>),
 ) -> Result<(), IdentifyError> {
+    if let Some(width) = width {
+        entries.set(experiment, (COMB_WIDTH, &mut device.comb.angular_width), width, "rad")?;
+    }
     entries.set(experiment, (READOUT_GAIN, &mut device.readout.gain), fitted.gain, "V/F")?;
     entries.set(experiment, (READOUT_OFFSET, &mut device.readout.offset), fitted.offset, "V")?;
     let [by_gain, by_offset] = fitted.by_comb;
-    let of_comb = |i: usize, j: usize| ring_down.map_or(0.0, |found| found.fit.covariance.get(i, j));
+    let of_comb = |i: usize, j: usize| match (ring_down, width) {
+        (Some(found), _) => found.fit.covariance.get(i, j),
+        (None, Some(width)) if i == WIDTH && j == WIDTH => width.deviation * width.deviation,
+        _ => 0.0,
+    };
     // How the error of a sum over C₀ and θ₀ hangs together with that of a number of the ring-down.
     let with = |by: [f64; 2], other: usize| by[0] * of_comb(NOMINAL, other) + by[1] * of_comb(WIDTH, other);
     let both = fitted.affine.covariance.get(0, 1)

@@ -87,12 +87,14 @@ fn profile(record: &RingDown, fitted: &RingDownFit) -> Figure {
             .collect()
     };
     let first = comb.capacitance(fitted.fitted.first().map_or(0.0, |_| angle_of(0)));
-    let summed = integrated_capacitance(record.signal, record.interval_s, record.gain);
+    // Without the offset that was fitted, whose integral would walk along whatever curve is drawn.
+    let signal: Vec<f64> = record.signal.iter().map(|volts| volts - p[unknown::OFFSET]).collect();
+    let summed = integrated_capacitance(&signal, record.interval_s, record.gain);
     let charge: Vec<(f64, f64)> =
         (0..summed.len()).map(|k| (angle_of(k).to_degrees(), first + summed[k])).collect();
     let caption = "The part of the capacitance that the motion changes, C − C_b, over the angle: as the experiment had \
-                   it, as fitted, and from the charge added up from the first sample on, which walks away with offset \
-                   and noise.";
+                   it, as fitted, and from the charge added up from the first sample on, less the offset that was fitted; \
+                   what it walks away by is noise.";
     Figure::new("capacitance_profile", "Capacitance over the angle", caption).with(
         Panel::new(Axis::new("angle", "deg"), Axis::new("C − C_b", "F"))
             .with(Series::points("charge added up", Role::Measured, charge))

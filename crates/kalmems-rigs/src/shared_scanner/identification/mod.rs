@@ -2,8 +2,8 @@
 //!
 //! | role | channels | what it says |
 //! |---|---|---|
-//! | `ring_down` | `current_signal`: V_o1, the transimpedance stage's output in V, from the switch to the bias on | k, b, C₀, θ₀ |
-//! | `steady_state` | `signal`: the demodulated signal in V; `drive` may stand beside it | gain and offset, poles |
+//! | `ring_down` | `current_signal`: V_o1, the transimpedance stage's output in V, from the switch to the bias on; `bias`, the voltage on the electrodes, may stand beside it | k, b, C₀, θ₀ |
+//! | `steady_state` | `signal`: the demodulated signal in V; `drive` may stand beside it | gain and offset, poles; θ₀ where no ring-down tells it |
 //! | `zero_drive` | `signal`, without motion; `drive` may stand beside it | the noise's variance |
 //!
 //! A reference with the channel `angle` is used where a recording has one; the steady state needs it.
@@ -19,7 +19,7 @@ mod words;
 pub use amplitude::gain_ambiguity;
 pub use ring_down::{RingDown, RingDownError, RingDownFit, fit_ring_down, integrated_capacitance, unknown};
 pub use settings::RingDownSettings;
-pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state};
+pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state, fit_width};
 
 use super::settings::Hardware;
 use crate::config::{Experiment, Fault, Role};
@@ -28,8 +28,8 @@ use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
-use entered::{NOISE_VARIANCE, apply_ring_down, apply_steady_state, knows_comb};
-use kalmems_core::Covariance;
+use entered::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
+use kalmems_core::{Covariance, Mat};
 
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
@@ -49,7 +49,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    let decay = channel(Role::RingDown, "current_signal", &[])?;
+    let decay = channel(Role::RingDown, CURRENT, &[RECORDED_BIAS])?;
     let steady = channel(Role::SteadyState, "signal", &["drive"])?;
     let still = Material::still_of_role(
         experiment,
@@ -70,7 +70,11 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     let mut comb = (hardware.scanner.comb, Covariance::zero());
     match decay {
         Some(material) => {
-            let settings = RingDownSettings::of(experiment)?;
+            let mut settings = RingDownSettings::of(experiment)?;
+            if let Some(bias) = recorded_bias(experiment, progress)? {
+                words::recorded_bias(&mut found, &material, (settings.bias, bias));
+                settings.bias = bias;
+            }
             let record = ring_down_of(&hardware, &material, &settings);
             let fitted = decay_of(&record, &material)?;
             words::ring_down(&mut found, &material, &record, &fitted);
@@ -85,7 +89,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     match steady {
         Some(material) if material.angle.iter().any(|a| a.is_finite()) => {
             let angle = steady_state::before(&material.time_s, &material.angle, hardware.delay_s);
-            let record = SteadyState {
+            let mut record = SteadyState {
                 time_s: &material.time_s,
                 interval_s: material.interval_s,
                 signal: &material.signal,
@@ -93,15 +97,27 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 comb: comb.0,
                 comb_covariance: comb.1,
             };
-            let fitted = fit_steady_state(&record)
-                .ok_or_else(|| {
+            let fit = |record: &SteadyState| {
+                let found = fit_steady_state(record).ok_or_else(|| {
                     material.unfit("the reference shows no motion to fit the signal to".to_owned())
-                })?
-                .map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })?;
-            words::steady_state(&mut found, &material, &record, &fitted);
-            figures::steady_state(&mut found, &material, &record, &fitted);
+                })?;
+                found.map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })
+            };
+            let mut fitted = fit(&record)?;
             let used = ring_down.as_ref().filter(|found| knows_comb(found));
-            apply_steady_state(experiment, &mut device, &mut entries, (&fitted, used))?;
+            // A lag of the demodulator makes a loop of the line, which another width would make narrower as well.
+            let width = if used.is_none() && fitted.poles.is_none() { fit_width(&record) } else { None };
+            let width = width.filter(|width| width.deviation < WORTH_SETTING * width.value);
+            if let Some(width) = width {
+                record.comb.angular_width = width.value;
+                let variance = width.deviation * width.deviation;
+                record.comb_covariance = Covariance::from_lower(Mat([[0.0, 0.0], [0.0, variance]]));
+                fitted = fit(&record)?;
+            }
+            words::steady_state(&mut found, &material, &record, &fitted);
+            words::steady_state_width(&mut found, &material, width);
+            figures::steady_state(&mut found, &material, &record, &fitted);
+            apply_steady_state(experiment, &mut device, &mut entries, (&fitted, used, width))?;
             found.materials.push(material);
         }
         other => words::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
@@ -127,6 +143,33 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     found.experiment.set_device(device);
     entries.write(&mut found.experiment);
     Ok(found)
+}
+
+/// The channels of a ring-down: the transimpedance stage's output, and the voltage on the electrodes where that was recorded.
+const CURRENT: &str = "current_signal";
+const RECORDED_BIAS: &str = "bias";
+
+/// The mean of the bias voltage, where the ring-down has a channel of it.
+fn recorded_bias(experiment: &Experiment, progress: &dyn Progress) -> Result<Option<f64>, IdentifyError> {
+    let mut of_role = experiment.recordings.iter().filter(|recording| recording.role == Role::RingDown);
+    if of_role.next().is_none_or(|recording| recording.channels.column(RECORDED_BIAS).is_none()) {
+        return Ok(None);
+    }
+    let known = ReferenceChannels::one_angle(Instruments::default());
+    let column = (RECORDED_BIAS, &kind::VOLTAGE);
+    let Some(material) = Material::of_role(experiment, Role::RingDown, column, &[CURRENT], &known, progress)?
+    else {
+        return Ok(None);
+    };
+    let finite = || material.signal.iter().filter(|volts| volts.is_finite());
+    let mean = finite().sum::<f64>() / finite().count().max(1) as f64;
+    if mean == 0.0 || !mean.is_finite() {
+        return Err(material.unfit(
+            "its channel `bias` shows no voltage; name the column of the voltage on the electrodes"
+                .to_owned(),
+        ));
+    }
+    Ok(Some(mean))
 }
 
 fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {

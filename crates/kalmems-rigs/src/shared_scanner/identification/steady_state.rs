@@ -5,7 +5,7 @@ use crate::fit::{
 };
 use crate::identify::{AffineFit, Whiteness, fit_affine};
 use crate::signal::{GAP, cubic_between, usual_interval};
-use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4};
+use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4, Scalar};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::readout::{LowPassOutput, LowPassPair};
 use std::borrow::Cow;
@@ -160,6 +160,55 @@ pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, F
     }))
 }
 
+/// Factors of the width that is believed, beyond which it is not sought, and how many of them are tried first.
+const WIDEST: f64 = 1.6;
+const WIDTHS: u32 = 12;
+
+/// θ₀ by the motion itself: the width with which the line through signal and capacitance leaves least, the line being the best for each
+/// width. Its error is that of a fit of width, swing and level together, 2·s²/S″ of the sum of squares S. `None` where there is no least
+/// one within a factor of 1.6 of the width that is believed.
+pub fn fit_width(record: &SteadyState) -> Option<Derived> {
+    let believed = record.comb.angular_width;
+    let left = |logarithm: f64| -> Option<(f64, f64)> {
+        let comb = GaussianComb { angular_width: believed * Scalar::exp(logarithm), ..record.comb };
+        let line = fit_affine(&record.capacitance(&comb), record.signal)?;
+        let freedom = line.whiteness.samples as f64 - 2.0;
+        Some((line.residual_deviation.powi(2) * freedom, freedom - 1.0))
+    };
+    let step = 2.0 * Scalar::ln(WIDEST) / f64::from(WIDTHS);
+    let tried: Option<Vec<(f64, f64)>> = (0..=WIDTHS)
+        .map(|k| {
+            let logarithm = step * (f64::from(k) - 0.5 * f64::from(WIDTHS));
+            Some((logarithm, left(logarithm)?.0))
+        })
+        .collect();
+    let tried = tried?;
+    let least = (1..tried.len() - 1).min_by(|a, b| tried[*a].1.total_cmp(&tried[*b].1))?;
+    if tried[least].1 > tried[0].1.min(tried[tried.len() - 1].1) {
+        return None;
+    }
+    // Between its neighbours by parabolas through three points, of ever smaller width.
+    let (mut at, mut reach) = (tried[least].0, step);
+    for _ in 0..STEPS {
+        let [below, here, above] = [at - reach, at, at + reach].map(|l| left(l).map(|(sum, _)| sum));
+        let (below, here, above) = (below?, here?, above?);
+        let bend = below - 2.0 * here + above;
+        let by = if bend > 0.0 { 0.5 * reach * (below - above) / bend } else { 0.0 };
+        at += by.clamp(-reach, reach);
+        reach = (0.5 * reach).max(2.0 * by.abs().min(reach)).max(SMALLEST);
+    }
+    let (sum, freedom) = left(at)?;
+    let beside = [-BEND, BEND].map(|by| left(at + by).map(|(sum, _)| sum));
+    let bend = (beside[0]? - 2.0 * sum + beside[1]?) / (BEND * BEND);
+    let value = believed * Scalar::exp(at);
+    (bend > 0.0).then(|| Derived { value, deviation: value * (2.0 * sum / freedom / bend).sqrt() })
+}
+
+/// Rounds of that, the smallest distance of the points, and that over which the curvature is taken, of the logarithm.
+const STEPS: usize = 12;
+const SMALLEST: f64 = 1e-4;
+const BEND: f64 = 5e-3;
+
 /// a, b, a·C₀ and a·C_b + b.
 fn numbers(line: &AffineFit, comb: &GaussianComb<f64>) -> [f64; 4] {
     [line.slope, line.intercept, line.slope * comb.nominal, line.slope * comb.bias + line.intercept]
@@ -255,6 +304,34 @@ impl SteadyState<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Told 10 % too wide, and 3 % too narrow: found to what noise allows, with the error of the fit of three parameters.
+    #[test]
+    fn a_motion_with_a_reference_tells_the_width_of_the_comb() {
+        let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
+        let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-6).collect();
+        let angle: Vec<f64> = time.iter().map(|t| 0.12 * (TAU * 15_675.0 * t).sin()).collect();
+        let mut noise = crate::simulate::WhiteNoise::new(4, 0);
+        let signal: Vec<f64> = angle
+            .iter()
+            .map(|a| 6.3945 - 0.3574e12 * comb.capacitance(*a) + 1.4e-2 * noise.sample())
+            .collect();
+        for factor in [1.1, 0.97] {
+            let told = GaussianComb { angular_width: 0.2 * factor, ..comb };
+            let (interval_s, comb_covariance) = (1e-6, Covariance::zero());
+            let record = SteadyState {
+                time_s: &time,
+                interval_s,
+                signal: &signal,
+                angle: &angle,
+                comb: told,
+                comb_covariance,
+            };
+            let found = fit_width(&record).unwrap();
+            assert!((found.value - 0.2).abs() < 4.0 * found.deviation, "{found:?}");
+            assert!((1e-5..2e-3).contains(&found.deviation), "{found:?}");
+        }
+    }
 
     /// A signal that is late shows the angle that was; taken for that of its time it gives another gain.
     #[test]

@@ -272,6 +272,33 @@ pub fn steady_state(
     });
 }
 
+/// The comb's width by the steady state, where no ring-down tells it.
+pub fn steady_state_width(found: &mut Identification, material: &Material, width: Option<Derived>) {
+    if let Some(width) = width {
+        let name = "angular width theta0 by the steady state";
+        found.parameters.push(Identified::gaussian(name, width, "rad", &material.name));
+    }
+}
+
+/// A bias voltage that differs by more than this from what is stated is told.
+const SAME_BIAS: f64 = 2e-3;
+
+/// The bias voltage that was recorded, beside that which the file states.
+pub fn recorded_bias(found: &mut Identification, material: &Material, (stated, recorded): (f64, f64)) {
+    let place = &material.name;
+    if (stated / recorded - 1.0).abs() > SAME_BIAS {
+        found.warnings.push(format!(
+            "{place}: `identify.ring_down.bias` says {stated} V, and the recording's channel `bias` shows {recorded:.4} V in the mean, \
+             {:+.2} % from it: the recorded one is used, as C0 and theta0 hang on it; correct the file, or leave the channel out",
+            100.0 * (recorded / stated - 1.0)
+        ));
+    } else {
+        found.notes.push(format!(
+            "{place}: the bias is that of the recording's channel `bias`, {recorded:.4} V in the mean"
+        ));
+    }
+}
+
 /// There is no steady state, or none with a reference.
 pub fn no_reference(found: &mut Identification, material: Option<&Material>, width: f64) {
     let lacks = material.map_or_else(

@@ -84,10 +84,19 @@ impl Regulation {
         if filter.basics.method != Method::Ekf
             || filter.demodulator_sd.is_some()
             || filter.basics.tracked.len() > MOST
+            || !filter.basics.readout.is_empty()
         {
             let why = format!(
                 "`{}` cannot observe in the loop; expected the method `ekf` without `demodulator` and with at most {MOST} \
                  parameters in `states`",
+                regulated.filter
+            );
+            return wrong(at("filter"), why);
+        }
+        if filter.by_batch {
+            let why = format!(
+                "`{}` finds its start from recorded samples, and in the loop there are none; state `start_sd`, such as \
+                 `{{ angle = \"0.05 rad\", rate = \"1000 rad/s\" }}`",
                 regulated.filter
             );
             return wrong(at("filter"), why);

@@ -10,7 +10,7 @@ use crate::estimate::{Around, Axis, EstimateError, Parameter, Part, Past, Segmen
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::{Layout, Recording};
+use crate::recording::{Finding, Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
@@ -173,6 +173,7 @@ impl Estimator for TwoAxesEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        segment.require_sound(&[signal_column])?;
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let drive = first_tones(settings, data, past, &segment.place)?;
         let [x, y] = drive.motions();
@@ -187,5 +188,9 @@ impl Estimator for TwoAxesEstimator<'_> {
             remarks,
             ..segment.estimated_under(drive_column, axes, trajectories)
         })
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }

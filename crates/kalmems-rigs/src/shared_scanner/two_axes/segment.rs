@@ -153,7 +153,14 @@ impl Task<'_> {
     fn follower(&self) -> Follower<'_> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
-        Follower { filter, data: self.data, noise_variance, said: Said::default(), progress: self.progress }
+        Follower {
+            filter,
+            data: self.data,
+            noise_variance,
+            said: Said::default(),
+            progress: self.progress,
+            starts: Vec::new(),
+        }
     }
 
     /// What is known at the first sample.

@@ -1,12 +1,11 @@
 //! Spring, damping, mass and noise of the accelerometer, with dithers of three and of sixteen tones and without any.
 
 use super::chance::Chance;
+use super::harm::{assert_no_harm, error};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::workflow;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
@@ -157,12 +156,6 @@ impl Recording {
     }
 }
 
-/// The error of the acceleration, root mean square in m/s².
-fn error(experiment: &Experiment) -> f64 {
-    let outcome = workflow::estimate(published(), experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
-    Metrics::of(&outcome).estimators().next().unwrap().values["acceleration"].rmse
-}
-
 /// So many tones from 200 Hz to 40 kHz, evenly by their logarithms.
 fn tones(count: u32) -> Vec<f64> {
     (0..count).map(|i| 200.0 * 200_f64.powf(f64::from(i) / f64::from(count - 1))).collect()
@@ -176,7 +169,7 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
         let mut chance = Chance::new(!seed);
         let factors = [0; 3].map(|_| chance.between(-0.3, 0.3_f64).exp());
         let told = recording(seed, &tones, 40_000).told(folder.path(), factors);
-        let before = error(&told);
+        let before = error(&told, "acceleration");
         let found = published()
             .rig(&told)
             .unwrap()
@@ -185,20 +178,9 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
         for (place, (name, truth)) in NAMES.into_iter().zip(TRUTH).enumerate() {
             rows.push(&format!("{count} tones, {name}"), truth, &found.parameters[place]);
         }
-        error(&found.experiment) / before
+        error(&found.experiment, "acceleration") / before
     };
     (seed..seed + runs).map(run).collect()
-}
-
-/// In all but one of the recordings the error grows by no more than a tenth.
-fn assert_no_harm(words: &str, mut ratios: Vec<f64>) {
-    ratios.sort_by(f64::total_cmp);
-    println!(
-        "{words}: error after over before: median {:.3}, largest {:.4?}",
-        ratios[ratios.len() / 2],
-        &ratios[ratios.len().saturating_sub(3)..]
-    );
-    assert!(ratios.iter().filter(|ratio| **ratio > 1.1).count() <= 1, "{words}: {ratios:?}");
 }
 
 #[test]

@@ -1,0 +1,451 @@
+//! What a calibration certificate states (ISO/IEC 17025, 7.8), as data and as a page.
+//!
+//! What the operator did not state is listed as not stated: nothing on a certificate is made up.
+
+use super::comparison::ReferenceComparison;
+use super::outcome::{Calibrated, Calibration, CrossCheck, Estimate};
+use super::results::{at_rest, budget, comparisons, matrix};
+use super::tone::AXES;
+use crate::metrology::Input;
+use crate::recording::Source;
+use kalmems_figures::{Column, Figure, Page, Section, Severity, Table};
+use serde::Serialize;
+
+/// The version of the JSON.
+const SCHEMA_VERSION: u32 = 1;
+
+/// A certificate.
+#[derive(Clone, Debug, Serialize)]
+pub struct Certificate<'a> {
+    /// Of its keys and their meaning.
+    pub schema_version: u32,
+    /// The calibration's name.
+    pub name: &'a str,
+    /// What the operator states, key by key; `null` where that is not stated.
+    pub stated: Vec<(&'static str, Option<&'a str>)>,
+    /// How it was calibrated.
+    pub method: String,
+    /// The results.
+    pub results: Vec<CertifiedResult<'a>>,
+    /// The bias at rest of each axis, in rad/s.
+    pub bias: Vec<CertifiedBias>,
+    /// Whether the references agree.
+    pub comparisons: &'a [ReferenceComparison],
+    /// Whether the model holds for the records, check by check.
+    pub validity: Vec<Check>,
+    /// Whether all checks pass. A certificate with one that does not is none to be issued.
+    pub valid: bool,
+    /// What is not stated and belongs on a certificate.
+    pub not_stated: Vec<String>,
+    /// The files with their SHA-256.
+    pub files: &'a [Source],
+    /// What computed it.
+    pub software: String,
+}
+
+/// A scale factor with its expanded uncertainty, and what belongs to it.
+#[derive(Clone, Debug, Serialize)]
+pub struct CertifiedResult<'a> {
+    /// The condition.
+    pub condition: &'a str,
+    /// Its temperature in K.
+    pub temperature_k: Option<f64>,
+    /// Against what.
+    pub reference: &'a str,
+    /// What that is, as the operator states it.
+    pub instrument: Option<&'a str>,
+    /// Its traceability, as the operator states it.
+    pub traceability: Option<&'a str>,
+    /// The axis.
+    pub axis: &'static str,
+    /// The scale factor.
+    pub scale_factor: CertifiedValue,
+    /// Entries of K beside it, by name; of one beside the diagonal only where the alignment of the reference's axes is stated.
+    pub entries: Vec<(String, CertifiedValue)>,
+    /// Entries of K that have no expanded uncertainty, as the alignment is not stated.
+    pub not_certified: Vec<String>,
+    /// The frequencies of the records in Hz, lowest and highest.
+    pub frequency_hz: [f64; 2],
+    /// The amplitudes of the rate in rad/s, lowest and highest.
+    pub rate_rad_per_s: [f64; 2],
+    /// The inputs.
+    pub budget: Vec<&'a Input>,
+    /// What nobody stated, by name: in no uncertainty.
+    pub not_in_budget: Vec<&'a str>,
+    /// The same by trials, where these were asked for.
+    pub cross_check: Option<&'a CrossCheck>,
+}
+
+/// A number as a certificate has it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CertifiedValue {
+    /// The number.
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub standard_uncertainty: f64,
+    /// Its effective degrees of freedom; `null` where infinite.
+    pub degrees_of_freedom: Option<f64>,
+    /// k.
+    pub coverage_factor: f64,
+    /// U.
+    pub expanded_uncertainty: f64,
+    /// With which the interval holds the value.
+    pub coverage_probability: f64,
+}
+
+/// The bias at rest.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CertifiedBias {
+    /// The axis.
+    pub axis: &'static str,
+    /// In rad/s.
+    #[serde(flatten)]
+    pub bias: CertifiedValue,
+}
+
+/// A check of the model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Check {
+    /// What is looked at.
+    pub what: String,
+    /// Whether it passes.
+    pub passes: bool,
+    /// What was found.
+    pub found: String,
+}
+
+impl CertifiedValue {
+    fn of(found: &Estimate) -> Self {
+        Self {
+            value: found.value,
+            standard_uncertainty: found.uncertainty,
+            degrees_of_freedom: found.degrees_of_freedom.is_finite().then_some(found.degrees_of_freedom),
+            coverage_factor: found.coverage_factor,
+            expanded_uncertainty: found.expanded(),
+            coverage_probability: super::inputs::PROBABILITY,
+        }
+    }
+}
+
+impl<'a> Certificate<'a> {
+    /// From a calibration.
+    pub fn of(found: &'a Calibration) -> Self {
+        let details = &found.file.certificate;
+        let stated = details.entries().to_vec();
+        let mut not_stated: Vec<String> = stated
+            .iter()
+            .filter(|(_, text)| text.is_none())
+            .map(|(key, _)| format!("certificate.{key}"))
+            .collect();
+        let results: Vec<CertifiedResult> =
+            found.results.iter().map(|result| certified(found, result)).collect();
+        for result in &results {
+            let place = |what: &str| {
+                format!("{what} of reference `{}` in condition `{}`", result.reference, result.condition)
+            };
+            if result.instrument.is_none() {
+                not_stated.push(place("instrument"));
+            }
+            if result.traceability.is_none() {
+                not_stated.push(place("traceability"));
+            }
+            if !result.not_in_budget.is_empty() {
+                not_stated.push(place(&format!("uncertainty by {}", result.not_in_budget.join(", "))));
+            }
+            if !result.not_certified.is_empty() {
+                not_stated.push(place("uncertainty.alignment"));
+            }
+        }
+        let bias = found
+            .rest
+            .iter()
+            .map(|rest| CertifiedBias { axis: rest.axis, bias: CertifiedValue::of(&rest.bias_estimate()) });
+        let validity = validity(found);
+        Self {
+            schema_version: SCHEMA_VERSION,
+            name: found.file.name.as_str(),
+            stated,
+            method: method(found),
+            results,
+            bias: bias.collect(),
+            comparisons: &found.comparisons,
+            valid: validity.iter().all(|check| check.passes),
+            validity,
+            not_stated,
+            files: &found.sources,
+            software: format!("kalmems {}", env!("CARGO_PKG_VERSION")),
+        }
+    }
+}
+
+fn certified<'a>(found: &'a Calibration, result: &'a Calibrated) -> CertifiedResult<'a> {
+    let conditions =
+        found.file.conditions.iter().filter(|condition| condition.name.as_str() == result.condition);
+    let mut references = conditions.flat_map(|condition| &condition.references);
+    let reference = references.find(|reference| reference.name.as_str() == result.reference);
+    let has_alignment = reference.is_some_and(|reference| reference.uncertainty.alignment.is_some());
+    let name = |i: usize, j: usize| format!("k_{}{}", AXES[i], AXES[j]);
+    let (mut entries, mut not_certified) = (Vec::new(), Vec::new());
+    for (i, row) in result.matrix.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            let Some(entry) = entry else { continue };
+            if i != j && !has_alignment {
+                not_certified.push(name(i, j));
+            } else if (i, j) != (result.main, result.main) {
+                entries.push((name(i, j), CertifiedValue::of(entry)));
+            }
+        }
+    }
+    let ends = |of: &dyn Fn(&super::outcome::RecordFigures) -> f64| {
+        let values = result.records.iter().map(of);
+        values
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+    };
+    CertifiedResult {
+        condition: &result.condition,
+        temperature_k: result.temperature_k,
+        reference: &result.reference,
+        instrument: reference.and_then(|reference| reference.instrument.as_deref()),
+        traceability: reference.and_then(|reference| reference.traceability.as_deref()),
+        axis: AXES[result.main],
+        scale_factor: CertifiedValue::of(&result.scale_factor),
+        entries,
+        not_certified,
+        frequency_hz: ends(&|record| record.frequency_hz),
+        rate_rad_per_s: ends(&|record| record.reference),
+        budget: result.budget.iter().filter_map(|part| part.input.as_ref()).collect(),
+        not_in_budget: result.budget.iter().filter(|p| p.ppm.is_none()).map(|p| p.source.as_str()).collect(),
+        cross_check: result.cross_check.as_ref(),
+    }
+}
+
+fn method(found: &Calibration) -> String {
+    let mut method = String::new();
+    if !found.results.is_empty() {
+        method += "Gyroscope and reference move together in a sinusoidal vibration. Both records are fitted by sines of free frequency (IEEE \
+                   Std 1057), each on its own clock; K of G = exp(jφ)·K·Ω is fitted to the phasors of all records by weighted least squares, \
+                   with a free phase φ for each. Uncertainties are combined as in JCGM 100:2008, with effective degrees of freedom by Welch \
+                   and Satterthwaite.";
+    }
+    if found.results.iter().any(|result| result.cross_check.is_some()) {
+        method += " They are checked by propagation of distributions as in JCGM 101:2008.";
+    }
+    if !found.rest.is_empty() {
+        method += " The bias is the mean of a record at rest; its uncertainty is that of the means of eight pieces, which is right for noise that is white beyond an eighth of the record.";
+    }
+    method.trim_start().to_owned()
+}
+
+/// Whether what was assumed holds.
+fn validity(found: &Calibration) -> Vec<Check> {
+    let mut checks = Vec::new();
+    for result in &found.results {
+        let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
+        let scatters =
+            result.budget.iter().any(|p| p.source == super::inputs::OF_SCATTER && p.ppm > Some(0.0));
+        checks.push(Check {
+            what: format!("{place}: the interval has what the records scatter"),
+            passes: true,
+            found: format!(
+                "χ² {:.1} at {} degrees of freedom{}",
+                result.chi_square,
+                result.freedom,
+                if scatters {
+                    ", more than noise explains: it is in the budget, and the interval is wider"
+                } else {
+                    ""
+                }
+            ),
+        });
+        let worst = result.records.iter().flat_map(|record| record.distortion).fold(0.0, f64::max);
+        checks.push(Check {
+            what: format!("{place}: the motion is a sine"),
+            passes: worst < LARGEST_DISTORTION,
+            found: format!("harmonics of at most {worst:.1e} of the amplitude"),
+        });
+        if let Some(check) = &result.cross_check {
+            let found = if check.disagreements.is_empty() {
+                format!("{} trials agree", check.scale_factor.propagated.trials)
+            } else {
+                check.disagreements.join("; ")
+            };
+            checks.push(Check {
+                what: format!(
+                    "{place}: the expanded uncertainty agrees with the propagation of distributions"
+                ),
+                passes: check.disagreements.is_empty(),
+                found,
+            });
+        }
+    }
+    checks.extend(found.comparisons.iter().map(|comparison| Check {
+        what: format!(
+            "condition `{}`: {} and {} agree",
+            comparison.condition, comparison.references[0], comparison.references[1]
+        ),
+        passes: !comparison.contradict,
+        found: format!(
+            "{:+.1} ppm with a standard uncertainty of {:.1} ppm, normalised error {:+.2}",
+            comparison.difference_ppm, comparison.uncertainty_ppm, comparison.normalised_error
+        ),
+    }));
+    checks
+}
+
+/// Harmonics beyond this part of the amplitude are no sine's.
+const LARGEST_DISTORTION: f64 = 0.01;
+
+/// A number with an uncertainty: as many digits as two of the uncertainty.
+fn with_uncertainty(found: &CertifiedValue) -> [String; 2] {
+    let digits = (1.0 - found.expanded_uncertainty.abs().log10().floor()).clamp(0.0, 12.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
+    let digits = if digits.is_finite() { digits as usize } else { 6 };
+    [format!("{:.digits$}", found.value), format!("{:.digits$}", found.expanded_uncertainty)]
+}
+
+/// The page of a certificate.
+pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures: &[Figure]) -> Page {
+    let title = match certificate.stated.iter().find(|(key, _)| *key == "number") {
+        Some((_, Some(number))) => format!("Calibration certificate {number}"),
+        _ => "Calibration certificate".to_owned(),
+    };
+    let mut page = Page::new(title, found.file.description.clone().unwrap_or_default());
+    let entries = certificate.stated.iter().filter(|(key, _)| *key != "number");
+    let entries = entries.map(|(key, text)| ((*key).to_owned(), text.unwrap_or("not stated").to_owned()));
+    let mut what = Section::new("What was calibrated").key_values(entries);
+    if !certificate.valid {
+        let failed = certificate.validity.iter().filter(|check| !check.passes);
+        for check in failed {
+            what = what.notice(
+                Severity::Failure,
+                format!("Not to be issued. Not so: {}: {}", check.what, check.found),
+            );
+        }
+    }
+    page = page.with(what);
+    if !certificate.results.is_empty() {
+        page = page.with(Section::new("Result").table(result_table(certificate)).paragraph(format!(
+            "The expanded uncertainty U is the standard uncertainty times the coverage factor k of the t distribution with the effective degrees \
+             of freedom, for a coverage probability of {:.0} %.",
+            100.0 * super::inputs::PROBABILITY
+        )));
+        page = page.with(Section::new("Against what").table(references_table(certificate)));
+    }
+    if !found.rest.is_empty() {
+        let rests: Vec<_> = found.rest.iter().collect();
+        page = page.with(Section::new("At rest").table(at_rest(&rests)));
+    }
+    page = page.with(Section::new("Method").paragraph(certificate.method.clone()));
+    for result in &found.results {
+        let mut section =
+            Section::new(format!("Budget: condition {}, reference {}", result.condition, result.reference))
+                .table(budget(result));
+        let id = format!("budget-{}-{}", result.condition, result.reference);
+        for figure in figures.iter().filter(|figure| figure.id == id) {
+            section = section.figure(figure.clone());
+        }
+        if let Some(table) = matrix(result) {
+            section = section.table(table);
+        }
+        page = page.with(section);
+    }
+    let mut valid = Section::new("Validity of the model");
+    if !certificate.comparisons.is_empty() {
+        valid = valid.table(comparisons(certificate.comparisons));
+    }
+    for check in &certificate.validity {
+        let (severity, word) =
+            if check.passes { (Severity::Ok, "") } else { (Severity::Failure, "not so: ") };
+        valid = valid.notice(severity, format!("{word}{}: {}", check.what, check.found));
+    }
+    for result in &found.results {
+        for line in &result.not_observed {
+            valid = valid.notice(Severity::Note, format!("Not observed: {line}"));
+        }
+    }
+    for finding in &found.findings {
+        valid = valid.notice(Severity::Note, finding.clone());
+    }
+    page = page.with(valid);
+    if !certificate.not_stated.is_empty() {
+        let mut section = Section::new("Not stated");
+        for line in &certificate.not_stated {
+            section = section.notice(Severity::Note, line.clone());
+        }
+        page = page.with(section);
+    }
+    page.with(Section::new("Records").table(files_table(certificate)).paragraph(format!(
+        "Computed by {}. The same files give the same certificate to the last byte; the uncertainty holds for the conditions, frequencies and \
+         rates that are stated here, at the time of calibration.",
+        certificate.software
+    )))
+}
+
+fn result_table(certificate: &Certificate) -> Table {
+    let columns = [
+        Column::text("condition"),
+        Column::text("reference"),
+        Column::text("quantity"),
+        Column::number("value", ""),
+        Column::number("expanded uncertainty", ""),
+        Column::number("coverage factor", ""),
+        Column::text("degrees of freedom"),
+        Column::text("frequency"),
+        Column::text("rate"),
+    ];
+    let mut table = Table::new("Scale factor and cross-axis terms, dimensionless", columns);
+    for result in &certificate.results {
+        let own = (format!("scale factor {}", result.axis), &result.scale_factor);
+        let others = result.entries.iter().map(|(name, value)| (name.clone(), value));
+        let [low, high] = result.frequency_hz;
+        let [slow, fast] = result.rate_rad_per_s;
+        for (name, value) in std::iter::once(own).chain(others) {
+            let [number, expanded] = with_uncertainty(value);
+            table.push([
+                result.condition.to_owned(),
+                result.reference.to_owned(),
+                name,
+                number,
+                expanded,
+                format!("{:.2}", value.coverage_factor),
+                value
+                    .degrees_of_freedom
+                    .filter(|nu| *nu < 1e6)
+                    .map_or_else(|| "∞".to_owned(), |nu| format!("{nu:.0}")),
+                format!("{low:.1} to {high:.1} Hz"),
+                format!("{slow:.2} to {fast:.2} rad/s"),
+            ]);
+        }
+    }
+    table
+}
+
+fn references_table(certificate: &Certificate) -> Table {
+    let columns = [
+        Column::text("condition"),
+        Column::text("temperature"),
+        Column::text("reference"),
+        Column::text("instrument"),
+        Column::text("traceability, as the operator states it"),
+    ];
+    let mut table = Table::new("References", columns);
+    for result in &certificate.results {
+        let or = |text: Option<&str>| text.unwrap_or("not stated").to_owned();
+        table.push([
+            result.condition.to_owned(),
+            result.temperature_k.map_or_else(|| "not stated".to_owned(), |k| format!("{k:.2} K")),
+            result.reference.to_owned(),
+            or(result.instrument),
+            or(result.traceability),
+        ]);
+    }
+    table
+}
+
+fn files_table(certificate: &Certificate) -> Table {
+    let mut table = Table::new("Files", [Column::text("file"), Column::text("SHA-256")]);
+    for source in certificate.files {
+        table.push([source.file.clone(), source.sha256.clone()]);
+    }
+    table
+}

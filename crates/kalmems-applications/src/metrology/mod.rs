@@ -1,0 +1,20 @@
+//! Measurement uncertainty as the Joint Committee for Guides in Metrology has it: JCGM 100:2008 (GUM) and its supplement
+//! JCGM 101:2008 on the propagation of distributions.
+//!
+//! A result is a function of inputs. Each [`Input`] has a value, a distribution, a standard uncertainty, degrees of freedom, a
+//! source, and the sensitivity of the result to it. A [`Budget`] combines them with their correlations to a combined standard
+//! uncertainty, effective degrees of freedom, a coverage factor and an expanded uncertainty; [`propagated`] draws the inputs
+//! instead and needs no linear model.
+//! Nothing here knows what is calibrated.
+
+mod budget;
+mod chance;
+mod input;
+mod stated;
+mod trials;
+
+pub use budget::{Budget, Combined, coverage_factor};
+pub use chance::{chi_by_freedom, drawn, shared_error};
+pub use input::{Distribution, Evaluation, Input};
+pub use stated::{Stated, StatedCorrelations};
+pub use trials::{Comparison, Propagated, compared, propagated};

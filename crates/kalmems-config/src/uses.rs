@@ -1,0 +1,131 @@
+//! What of an experiment file a device has a use for.
+
+use super::{ConfigError, Experiment, Fault, Filter, Key, Method};
+use crate::units::kind;
+
+/// What of an experiment file a device has a use for, beyond what every device has; the rest is refused where it is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)] // each is for keys of its own
+pub struct Uses {
+    /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
+    /// `threshold` of a filter.
+    pub crossings: bool,
+    /// The tables `events` of the estimate and of a filter: the device has events.
+    pub events: bool,
+    /// A filter's `channels`: the device has several signals.
+    pub several_signals: bool,
+    /// The methods of filters that it has no use for, and why, as physics has it.
+    pub no_methods: &'static [(Method, &'static str)],
+    /// Whether a filter's `readout` is of a capacitance, and not of a voltage.
+    pub reads_capacitance: bool,
+    /// Whether there is no `readout` of a filter: the device's equations say all of it.
+    pub states_readout: bool,
+    /// A filter's `noise_memory` and `known_acceleration`: it measures an acceleration.
+    pub acceleration: bool,
+    /// The dither of a simulation, which is added to a feedback.
+    pub feedback: bool,
+    /// The `channels` of a simulation: its measurements have names of their own.
+    pub simulated_channels: bool,
+}
+
+impl Uses {
+    /// Refuses what is given and of no use: the first of it.
+    pub fn check(self, experiment: &Experiment) -> Result<(), ConfigError> {
+        let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+        if let Some(key) = self.crossing_key(experiment) {
+            return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
+        }
+        if let Some(key) = self.event_key(experiment) {
+            return refuse(
+                key,
+                "it is for a device that states events in `[device.equations.events]`; leave it out",
+            );
+        }
+        let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+        for (index, filter) in filters.enumerate() {
+            let key = |name: &str| Key::from("estimate").child("filter").index(index).child(name);
+            if !(self.several_signals || filter.channels.is_empty()) {
+                return refuse(key("channels"), "this device has one signal; leave it out");
+            }
+            let refused = self.no_methods.iter().find(|(method, _)| *method == filter.method);
+            if let Some((method, why)) = refused {
+                let why = format!("the method `{}` is not for this device: {why}", method.word());
+                return refuse(key("method"), &why);
+            }
+            if let Some(readout) = &filter.readout {
+                if self.states_readout {
+                    let why = "of a device of equations the readout is in `measure`: write the offset or the line there as parameters, which \
+                               `states` can name; leave it out";
+                    return refuse(key("readout"), why);
+                }
+                let sizes = readout.offset.iter().map(|offset| &offset.start_sd);
+                let mut sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let (kind, name) = if self.reads_capacitance {
+                    (&kind::CAPACITANCE, "a capacitance, such as `1 aF`")
+                } else {
+                    (&kind::VOLTAGE, "a voltage, such as `10 mV`")
+                };
+                if sizes.any(|size| !kind.accepts(size.value().unit().dimension())) {
+                    let why = format!(
+                        "its signal is recorded as {name}; expected an offset and lines of that kind"
+                    );
+                    return refuse(key("readout"), &why);
+                }
+            }
+            if self.acceleration {
+                continue;
+            }
+            if filter.noise_memory.is_some() {
+                let why = "no filter of this device estimates the variance of a sample; leave it out";
+                return refuse(key("noise_memory"), why);
+            }
+            if filter.known_acceleration {
+                let why = "this device has no acceleration that could be known; leave it out";
+                return refuse(key("known_acceleration"), why);
+            }
+        }
+        let dithered = experiment.simulate.as_ref().is_some_and(|simulate| simulate.dither.is_some());
+        if dithered && !self.feedback {
+            let why = "a dither is added to the feedback of a device, and there is none; leave it out, or describe a feedback \
+                       in the device's table";
+            return refuse(Key::from("simulate.dither"), why);
+        }
+        let named = experiment.simulate.as_ref().is_some_and(|simulate| !simulate.channels.is_empty());
+        if named && !self.simulated_channels {
+            let why = "it is for a device that equations describe; leave it out, or write the device as equations \
+                       (`kalmems expand`)";
+            return refuse(Key::from("simulate.channels"), why);
+        }
+        Ok(())
+    }
+
+    /// A key about crossings that is given and of no use.
+    fn crossing_key(self, experiment: &Experiment) -> Option<Key> {
+        let estimate = experiment.estimate.as_ref().filter(|_| !self.crossings)?;
+        let at = Key::from("estimate");
+        let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
+        let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
+        let of_filter = |(index, filter): (usize, &Filter)| {
+            let given = [
+                ("variant", filter.variant.is_some()),
+                ("signal_variance", filter.signal_variance.is_some()),
+                ("threshold", filter.threshold.is_some()),
+            ];
+            let at = at.clone().child("filter").index(index);
+            given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
+        };
+        of_all.or_else(|| estimate.filters.iter().enumerate().find_map(of_filter))
+    }
+
+    /// A key about events that is given and of no use.
+    fn event_key(self, experiment: &Experiment) -> Option<Key> {
+        let estimate = experiment.estimate.as_ref().filter(|_| !self.events)?;
+        let at = Key::from("estimate");
+        let mut filters = estimate.filters.iter().enumerate();
+        let of_filter = |(index, filter): (usize, &Filter)| {
+            (!filter.events.is_empty()).then(|| at.clone().child("filter").index(index).child("events"))
+        };
+        let of_all = (!estimate.events.is_empty()).then(|| at.clone().child("events"));
+        of_all.or_else(|| filters.find_map(of_filter))
+    }
+}

@@ -1,0 +1,238 @@
+//! A filter that takes its start from the first samples of its way.
+
+use super::engine::{Course, Derived, Filtering};
+use super::{
+    Around, BatchStart, Counts, EstimateError, FilterBasics, Known, NoBatchStart, Prior, ReadoutState,
+    Samples, StartSearch, StateName, TakenOverTo, Trajectory, WithReadout, batch_start,
+};
+use kalmems_core::{FilterError, Innovation};
+
+/// Cycles of the slowest motion that the start is first sought in.
+const CYCLES: f64 = 3.0;
+/// The first rows are doubled so often where they do not tell the start.
+const DOUBLINGS: u32 = 2;
+/// Samples for each state, at least.
+const SAMPLES_PER_STATE: usize = 20;
+
+/// The rows that a start is first sought in, of a motion with this cycle in s and so many states.
+fn first_rows((cycle_s, interval_s): (f64, f64), states: usize) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, saturating
+    let rows = (CYCLES * cycle_s / interval_s).ceil() as usize;
+    rows.clamp(SAMPLES_PER_STATE * states.max(1), Around::LONGEST_HEAD >> (DOUBLINGS + 1))
+}
+
+/// The rows that [`start_from_signal`] looks at, at most, and one behind them: what an estimator's first part has to have.
+pub fn rows_for_start(motion: (f64, f64), states: usize) -> usize {
+    (first_rows(motion, states) << DOUBLINGS) + 1
+}
+
+/// Of which filter a start is sought, and what is said where there is none.
+#[derive(Clone, Copy, Debug)]
+pub struct StartOf<'a> {
+    /// The recording and its segment.
+    pub place: &'a str,
+    /// The filter.
+    pub basics: &'a FilterBasics,
+    /// Its states, and how many of them are the motion's own.
+    pub states: (&'a [StateName], usize),
+    /// The unit of each state in SI, where they are not in SI.
+    pub sizes: &'a [f64],
+    /// One cycle of the slowest motion in s.
+    pub cycle_s: f64,
+}
+
+/// The start of a filter by the first rows of a course that the first fresh ones of a segment are: see [`batch_start`].
+///
+/// Three cycles are looked at, and twice and four times as many where they do not tell it.
+pub fn start_from_signal(
+    course: &mut dyn Course,
+    samples: &Samples,
+    search: &StartSearch,
+    of: StartOf,
+) -> Result<BatchStart, EstimateError> {
+    if of.basics.readout.is_empty() {
+        return sought(course, samples, search, of);
+    }
+    sought(&mut WithReadout::new(course, &of.basics.readout), samples, search, of)
+}
+
+fn sought(
+    course: &mut dyn Course,
+    samples: &Samples,
+    search: &StartSearch,
+    of: StartOf,
+) -> Result<BatchStart, EstimateError> {
+    let Samples { ref fresh, interval_s, .. } = *samples;
+    let first = first_rows((of.cycle_s, interval_s), of.states.1);
+    let mut why = NoBatchStart::NotFitted;
+    let mut until = fresh.start;
+    for doubling in 0..=DOUBLINGS {
+        let end = (fresh.start + (first << doubling)).min(fresh.end);
+        if end == until {
+            break;
+        }
+        until = end;
+        match batch_start(course, fresh.start..end, search) {
+            Ok(start) => return Ok(start),
+            Err(found) => why = found,
+        }
+    }
+    let time_s = course.time_s();
+    let at = |row: usize| time_s.get(row).copied().unwrap_or(f64::NAN);
+    let lasting_s = at(until.saturating_sub(1)) - at(fresh.start);
+    Err(EstimateError::NoStart {
+        place: of.place.to_owned(),
+        filter: of.basics.name.clone(),
+        why: why.told(of, lasting_s),
+    })
+}
+
+impl NoBatchStart {
+    /// In words, after this time in s.
+    fn told(&self, of: StartOf, lasting_s: f64) -> String {
+        let (states, own) = of.states;
+        let behind = of.basics.readout.iter().map(ReadoutState::name);
+        let states: Vec<StateName> = states.iter().copied().chain(behind).collect();
+        let size = |place: usize| of.sizes.get(place).copied().unwrap_or(1.0);
+        let name = |place: &usize| states.get(*place).map_or("?", |(name, ..)| name);
+        let lasting = kalmems_figures::number(lasting_s);
+        match self {
+            Self::NotFitted => format!(
+                "no motion of the device was found that its first {lasting} s follow from; the inputs, the noise or the device are not \
+                 as described"
+            ),
+            Self::Undetermined(lost) => {
+                let names: Vec<String> = lost.iter().map(|place| format!("`{}`", name(place))).collect();
+                format!(
+                    "its first {lasting} s do not tell {}; say in `start_sd` how far from rest that may be, or state the start",
+                    names.join(" and ")
+                )
+            }
+            Self::Ambiguous(both) => {
+                let text = |start: &Vec<f64>| {
+                    let each: Vec<String> = (start.iter().zip(&states).take(own).enumerate())
+                        .map(|(place, (value, (name, _, kind)))| {
+                            format!("{name} = \"{:.4e} {}\"", value * size(place), kind.dimension)
+                        })
+                        .collect();
+                    format!("`{{ {} }}`", each.join(", "))
+                };
+                let [one, other] = both.each_ref().map(text);
+                format!(
+                    "its first {lasting} s follow equally well from {one} and from {other}, which is for you to decide"
+                )
+            }
+        }
+    }
+}
+
+impl StartSearch {
+    /// What is known of a motion of one displacement or angle and its rate, the first two states, at this rate in rad/s, with other states
+    /// and parameters behind them.
+    pub fn of_oscillation(prior: Vec<Prior>, rate: f64) -> Self {
+        let states = prior.len();
+        let only = |place: usize, value: f64| {
+            (0..states).map(|i| if i == place { value } else { 0.0 }).collect::<Vec<f64>>()
+        };
+        let shapes = if states > 1 { vec![[only(0, 1.0), only(1, rate)]] } else { Vec::new() };
+        let mirrored = if states > 1 { vec![vec![0, 1]] } else { Vec::new() };
+        Self { prior, shapes, mirrored, ..Self::default() }
+    }
+}
+
+impl FilterBasics {
+    /// What is known before the first sample of its states behind those of the motion: of parameters, and of the readout.
+    pub fn priors(&self) -> impl Iterator<Item = Prior> + '_ {
+        let parameters = self.parameters().iter().map(|tracked| Prior { mean: 0.0, sd: Some(tracked.sd) });
+        parameters.chain(self.readout.iter().map(ReadoutState::prior))
+    }
+}
+
+/// Goes on from a start, where one was found and no other part has been before.
+pub fn begun(left: Option<Known>, start: Option<&BatchStart>) -> Option<Known> {
+    left.or_else(|| start.map(|start| start.first.clone()))
+}
+
+/// A course whose first samples have told the start of the filter: they do not correct it a second time, and behind them it is at what they
+/// say, noise of the motion included.
+pub struct Started<C> {
+    course: C,
+    /// The row from which on samples correct the filter, and what is known there, where that is not what a prediction says.
+    started: Option<(usize, Option<TakenOverTo>)>,
+    /// What stands for the innovations of further signals before.
+    none: Vec<[f64; 2]>,
+    /// Whether the sample before was not used.
+    is_silent: bool,
+}
+
+impl<C: Course> Started<C> {
+    /// Of this course; nothing of it is changed where there is no start.
+    pub fn new(course: C, start: Option<&BatchStart>) -> Self {
+        let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
+        let none =
+            if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
+        Self { course, started, none, is_silent: false }
+    }
+
+    /// The course itself.
+    pub fn into_inner(self) -> C {
+        self.course
+    }
+}
+
+impl<C: Course> Course for Started<C> {
+    fn time_s(&self) -> &[f64] {
+        self.course.time_s()
+    }
+
+    fn signal(&self) -> &[f64] {
+        self.course.signal()
+    }
+
+    fn further_signals(&self) -> Vec<String> {
+        self.course.further_signals()
+    }
+
+    fn further_innovations(&self) -> &[[f64; 2]] {
+        if self.is_silent { &self.none } else { self.course.further_innovations() }
+    }
+
+    fn derived(&self) -> Option<Derived> {
+        self.course.derived()
+    }
+
+    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
+        self.course.foretell(filter, k);
+    }
+
+    fn conclude(&self, trajectory: &mut Trajectory) {
+        self.course.conclude(trajectory);
+    }
+
+    fn advance(
+        &mut self,
+        filter: &mut dyn Filtering,
+        to: usize,
+        counts: &mut Counts,
+    ) -> Result<(), FilterError> {
+        self.course.advance(filter, to, counts)?;
+        match &self.started {
+            Some((row, Some(known))) if *row == to => filter.take_over(known),
+            _ => Ok(()),
+        }
+    }
+
+    fn correct(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        counts: &mut Counts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        self.is_silent = self.started.as_ref().is_some_and(|(row, _)| k < *row);
+        if self.is_silent {
+            counts.for_start += 1;
+            return Ok(None);
+        }
+        self.course.correct(filter, k, counts)
+    }
+}

@@ -1,0 +1,356 @@
+//! The filter run over its vectors as the source runs, in numbers of 32 and of 64 bits: how many digits it needs.
+
+use super::filter::Program;
+use super::interface::Interface;
+use super::names::Names;
+use super::request::{EmitDigits, EmitRequest, TestSample};
+use super::routine::{Array, Routine};
+use super::tape::{Called, Id, Op};
+use crate::device::Device;
+use crate::laws::{LawId, MOST_ARGUMENTS, partial};
+use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
+use std::collections::HashMap;
+
+/// The functions of the source in Rust; those in C differ by units of the last digit.
+#[allow(clippy::all, clippy::pedantic)] // written for any compiler
+mod functions {
+    include!("rust/functions.rs");
+}
+
+/// What is asked for, relative to the largest value of each state: 10⁻⁵, less what compilers and their functions differ by.
+const ENOUGH: f64 = 6e-6;
+
+/// The digits in the order of what they cost.
+const LADDER: [EmitDigits; 3] = [EmitDigits::Single, EmitDigits::DoubleMean, EmitDigits::Double];
+
+/// Puts the digits that a request asks for into the program, and says which they are.
+pub(super) fn choose(device: &Device, request: &EmitRequest, program: &mut Program) -> EmitDigits {
+    let digits = match &request.digits {
+        EmitDigits::AsNeeded(samples) => {
+            let mut best = (EmitDigits::Single, f64::INFINITY);
+            for digits in LADDER {
+                program.widen(&digits);
+                let found = Rehearsal::of(device, request, program).farthest(samples);
+                program.rehearsed.push(found);
+                if found < best.1 {
+                    best = (digits, found);
+                }
+                if found <= ENOUGH {
+                    break;
+                }
+            }
+            best.0
+        }
+        digits => digits.clone(),
+    };
+    program.widen(&digits);
+    digits
+}
+
+/// A number of 32 bits.
+#[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+fn narrow(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
+fn rounded(value: f64, wide: bool) -> f64 {
+    if wide { value } else { narrow(value) }
+}
+
+/// Mean and covariance as the source keeps them.
+#[derive(Clone)]
+struct State {
+    mean: Vec<f64>,
+    covariance: Vec<f64>,
+}
+
+struct Rehearsal<'a> {
+    device: &'a Device,
+    request: &'a EmitRequest,
+    program: &'a Program,
+    constants: Vec<f64>,
+    periods: Vec<(usize, f64)>,
+}
+
+impl<'a> Rehearsal<'a> {
+    fn of(device: &'a Device, request: &'a EmitRequest, program: &'a Program) -> Self {
+        let mut rehearsal = Self { device, request, program, constants: Vec::new(), periods: Vec::new() };
+        rehearsal.periods = device.periods(&request.parameters).unwrap_or_default();
+        if let Some(configure) = &program.configure {
+            let given = Interface::parameters(device, request, program);
+            let given: HashMap<String, f64> =
+                given.into_iter().map(|(name, _, value)| (name, value)).collect();
+            rehearsal.constants =
+                rehearsal.outputs(configure, &given).into_iter().map(|(_, _, c)| c).collect();
+        }
+        rehearsal
+    }
+
+    /// The largest difference from what is expected, relative to the largest value of each state.
+    fn farthest(&self, samples: &[TestSample]) -> f64 {
+        let (mean, covariance) = self.program.start.clone();
+        let widths = self.program.widths;
+        let mut state = State {
+            mean: mean.into_iter().map(|value| rounded(value, widths.mean)).collect(),
+            covariance: covariance.into_iter().map(|value| rounded(value, widths.covariance)).collect(),
+        };
+        let size = self.request.size();
+        let (mut apart, mut largest) = (vec![0.0_f64; size], vec![0.0_f64; size]);
+        for sample in samples {
+            self.step(&mut state, sample);
+            for (k, expected) in sample.expected.iter().enumerate() {
+                let units = &self.program.units;
+                // The source returns numbers of 32 bits.
+                let value =
+                    narrow(units.origin(k) + units.scale(k) * state.mean.get(k).copied().unwrap_or(0.0));
+                let mut difference = value - expected;
+                if let Some((_, period)) = self.periods.iter().find(|(place, _)| *place == k) {
+                    difference -= period * (difference / period).round();
+                }
+                if let Some((apart, largest)) = apart.get_mut(k).zip(largest.get_mut(k)) {
+                    *apart = if difference.is_nan() { f64::INFINITY } else { apart.max(difference.abs()) };
+                    *largest = largest.max(expected.abs());
+                }
+            }
+        }
+        let relative = apart.iter().zip(&largest).map(|(apart, largest)| match largest {
+            0.0 => *apart,
+            _ => apart / largest,
+        });
+        relative.fold(0.0, f64::max)
+    }
+
+    /// A prediction, the corrections by events and those by measurements; what is not finite is not taken.
+    fn step(&self, state: &mut State, sample: &TestSample) {
+        let measures = self.request.measures.len();
+        self.take(state, &self.program.predict, sample, None);
+        let events = self.program.updates.iter().skip(measures).zip(&sample.events);
+        for (event, ago_s) in events {
+            if let Some(ago_s) = ago_s {
+                self.take(state, event, sample, Some(*ago_s));
+            }
+        }
+        for (update, seen) in self.program.updates.iter().zip(&sample.measured) {
+            self.take(state, update, sample, Some(*seen));
+        }
+    }
+
+    fn take(&self, state: &mut State, routine: &Routine, sample: &TestSample, seen: Option<f64>) {
+        let mut names: HashMap<String, f64> = HashMap::new();
+        let program = self.program;
+        for (k, mean) in state.mean.iter().enumerate() {
+            names.insert(program.names.state(k), *mean);
+        }
+        for i in 0..state.mean.len() {
+            for j in 0..=i {
+                if let Some(entry) = state.covariance.get(i * (i + 1) / 2 + j) {
+                    names.insert(Names::covariance(i, j), *entry);
+                }
+            }
+        }
+        for (point, inputs) in ["start", "middle", "end"].into_iter().zip(&sample.inputs) {
+            for (k, input) in inputs.iter().enumerate().take(self.device.inputs().len()) {
+                names.insert(program.names.input(k, point), narrow(*input));
+            }
+        }
+        for (k, constant) in self.constants.iter().enumerate() {
+            names.insert(format!("c{k}"), *constant);
+        }
+        if let Some(seen) = seen {
+            names.insert("seen".to_owned(), narrow(seen));
+        }
+        let mut next = state.clone();
+        for (array, place, value) in self.outputs(routine, &names) {
+            let slot = match array {
+                Array::Mean => next.mean.get_mut(place),
+                Array::Covariance => next.covariance.get_mut(place),
+                Array::Constants | Array::Stage => None,
+            };
+            if let Some(slot) = slot {
+                *slot = value;
+            }
+        }
+        if next.mean.iter().chain(&next.covariance).all(|value| value.is_finite()) {
+            *state = next;
+        }
+    }
+
+    /// What a routine computes from named numbers.
+    fn outputs(&self, routine: &Routine, given: &HashMap<String, f64>) -> Vec<(Array, usize, f64)> {
+        let mut run = Run {
+            rehearsal: self,
+            routine,
+            given,
+            stages: HashMap::new(),
+            values: vec![None; routine.tape.len()],
+        };
+        for call in &routine.calls {
+            run.below(&call.arguments);
+            let Some(stage) = &self.program.stage else { continue };
+            let arguments = call.arguments.iter().map(|id| run.operand(*id, routine.widths.stage));
+            let handed = stage.parameters.iter().cloned().zip(arguments).collect();
+            for (_, place, value) in self.outputs(stage, &handed) {
+                run.stages.insert(format!("{}[{place}]", call.output), value);
+            }
+        }
+        let ids: Vec<Id> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
+        run.below(&ids);
+        let of = |(array, place, id): &(Array, usize, Id)| {
+            (*array, *place, run.operand(*id, routine.widths.of(*array)))
+        };
+        routine.outputs.iter().map(of).collect()
+    }
+}
+
+/// A routine on its way.
+struct Run<'a> {
+    rehearsal: &'a Rehearsal<'a>,
+    routine: &'a Routine,
+    given: &'a HashMap<String, f64>,
+    stages: HashMap<String, f64>,
+    values: Vec<Option<f64>>,
+}
+
+impl Run<'_> {
+    /// Computes what these need and is not there yet.
+    fn below(&mut self, wanted: &[Id]) {
+        for id in self.routine.tape.below(wanted) {
+            if self.values.get(id.index()).is_some_and(Option::is_none) {
+                let value = self.value(id);
+                if let Some(slot) = self.values.get_mut(id.index()) {
+                    *slot = Some(value);
+                }
+            }
+        }
+    }
+
+    /// A value as an operation of this width takes it.
+    fn operand(&self, id: Id, wide: bool) -> f64 {
+        rounded(self.values.get(id.index()).copied().flatten().unwrap_or(f64::NAN), wide)
+    }
+
+    fn value(&self, id: Id) -> f64 {
+        let wide = self.routine.is_wide(id);
+        let at = |id: Id| self.operand(id, wide);
+        let tape = &self.routine.tape;
+        // A sum, a product or a quotient of numbers of 32 bits, rounded from 64, is the one of 32.
+        let value = match tape.op(id) {
+            Op::Literal(bits) => return f64::from_bits(bits),
+            Op::Name(name) => {
+                let name = tape.name_of(name);
+                return self.given.get(name).or_else(|| self.stages.get(name)).copied().unwrap_or(f64::NAN);
+            }
+            Op::Add(a, b) => at(a) + at(b),
+            Op::Subtract(a, b) => at(a) - at(b),
+            Op::Multiply(a, b) => at(a) * at(b),
+            Op::Divide(a, b) => at(a) / at(b),
+            Op::Negative(a) => -at(a),
+            // Functions of the source have 32 bits.
+            Op::Call(called, a) => self.rehearsal.called(called, at(a)),
+            Op::Choice([a, b, c, d]) => {
+                if at(a) < at(b) {
+                    at(c)
+                } else {
+                    at(d)
+                }
+            }
+        };
+        rounded(value, wide)
+    }
+}
+
+impl Rehearsal<'_> {
+    /// A function of the source; those through tables rounded once.
+    fn called(&self, called: Called, x: f64) -> f64 {
+        #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+        let x = x as f32;
+        let value: f64 = match called {
+            Called::FallingExp => functions::falling_exp(x).into(),
+            Called::Exp => functions::exp(x).into(),
+            Called::Ln => functions::ln(x).into(),
+            Called::Sin => functions::sin(x).into(),
+            Called::Cos => functions::cos(x).into(),
+            Called::Tanh => functions::tanh(x).into(),
+            Called::Atanh => functions::atanh(x).into(),
+            Called::Sqrt => functions::sqrt(x).into(),
+            Called::Atanhc(order) => functions::atanhc(x, order.into()).into(),
+            Called::LnCosh => functions::ln_cosh(x).into(),
+            // Of one number: C/(ε₀·a) over the distance in radii.
+            Called::Disks(order) => {
+                let mut arguments = [0.0; MOST_ARGUMENTS];
+                (arguments[0], arguments[1]) = (x.into(), 1.0);
+                partial(LawId::Disks, &vec![0; usize::from(order)], &arguments) / VACUUM_PERMITTIVITY
+            }
+            Called::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
+                let (middle, half, size) = curve.extent();
+                let values = curve.at(middle + half * f64::from(x));
+                values.get(usize::from(order)).copied().unwrap_or(f64::NAN) * half.powi(order.into()) / size
+            }),
+        };
+        narrow(value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::functions;
+
+    /// The largest error in units of the last digit of a number of 32 bits, or of what is there near 0.
+    fn worst(
+        ours: impl Fn(f32) -> f32,
+        exact: impl Fn(f64) -> f64,
+        [low, high]: [f64; 2],
+        floor: f64,
+    ) -> f64 {
+        let mut worst = 0.0_f64;
+        for k in 0..=20_000 {
+            #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+            let x = (low + (high - low) * f64::from(k) / 20_000.0) as f32;
+            let expected = exact(f64::from(x));
+            let error = (f64::from(ours(x)) - expected).abs() / expected.abs().max(floor);
+            worst = worst.max(error / f64::from(f32::EPSILON));
+        }
+        worst
+    }
+
+    #[test]
+    fn functions_of_the_source_have_the_digits_of_f32() {
+        let close = |what: &str, found: f64| {
+            println!("{what}: {found:.2} units of the last digit");
+            assert!(found < 2.5, "{what}: {found}");
+        };
+        close("exp", worst(functions::exp, f64::exp, [-85.0, 88.0], 0.0));
+        close("falling exp", worst(functions::falling_exp, f64::exp, [-60.0, 0.0], 0.0));
+        close("ln", worst(functions::ln, f64::ln, [1e-3, 20.0], 1.0));
+        close("sin", worst(functions::sin, f64::sin, [-50.0, 50.0], 0.1));
+        close("cos", worst(functions::cos, f64::cos, [-50.0, 50.0], 0.1));
+        close("tanh", worst(functions::tanh, f64::tanh, [-9.0, 9.0], 0.0));
+        close("atanh", worst(functions::atanh, f64::atanh, [-0.99, 0.99], 0.0));
+        close("sqrt", worst(functions::sqrt, f64::sqrt, [0.0, 1e4], 0.0));
+        let ln_cosh = |x: f64| x.cosh().ln();
+        close("ln cosh near 0", worst(functions::ln_cosh, ln_cosh, [-0.499, 0.499], 1e-4));
+        // Elsewhere it is a difference of numbers up to ln 2.
+        close("ln cosh", worst(functions::ln_cosh, ln_cosh, [-20.0, 20.0], 0.5));
+        let ratio = |z: f64| if z.abs() < 1e-4 { 1.0 + z * z / 3.0 } else { z.atanh() / z };
+        close("atanh(z)/z", worst(|z| functions::atanhc(z, 0), ratio, [-0.98, 0.98], 0.0));
+        let slope =
+            |z: f64| if z.abs() < 1e-3 { 2.0 * z / 3.0 } else { (1.0 / (1.0 - z * z) - ratio(z)) / z };
+        let bend = |z: f64| match z.abs() {
+            0.0..0.03 => 2.0 / 3.0 + 12.0 * z * z / 5.0 + 30.0 * z.powi(4) / 7.0,
+            _ => 2.0 * ((1.0 - z * z).powi(-2) - slope(z) / z),
+        };
+        for (what, order, exact) in [("slope", 1, &slope as &dyn Fn(f64) -> f64), ("bend", 2, &bend)] {
+            let found = worst(|z| functions::atanhc(z, order), exact, [-0.95, 0.95], 0.1);
+            println!("{what} of atanh(z)/z: {found:.2} units of the last digit");
+            // Differences of numbers that are larger, from |z| = 1/2 on.
+            assert!(found < 40.0, "{what}: {found}");
+        }
+        assert_eq!((functions::exp(f32::NEG_INFINITY), functions::exp(100.0)), (0.0, f32::INFINITY));
+        assert_eq!((functions::ln(0.0), functions::sqrt(0.0)), (f32::NEG_INFINITY, 0.0));
+        assert!(
+            functions::ln(-1.0).is_nan()
+                && functions::sqrt(-1.0).is_nan()
+                && functions::exp(f32::NAN).is_nan()
+        );
+    }
+}

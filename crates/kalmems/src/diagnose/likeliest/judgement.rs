@@ -1,0 +1,190 @@
+//! Which of the likeliest numbers are put into the experiment.
+
+use super::sought::{DETERMINED, Sought};
+use crate::diagnose::answer::AnswerChange;
+use crate::diagnose::search::MostLikelySizes;
+use crate::diagnose::suspect::Suspect;
+use crate::diagnose::trial::Blocks;
+use crate::identify::{CONNECTED, Likeliest, Standing, TWO_SIDED, standings_beside};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// With this probability a recording of the device as it is stated does not speak against it.
+const SPEAKS: f64 = 0.99;
+
+/// How much of the filter's claimed error what is not known of the numbers may add, where the recordings do not speak against what is
+/// stated: with 0.3 of it the error grows by 5 %.
+const ADDS: f64 = 0.3;
+
+/// What becomes of each number, and why.
+///
+/// The numbers whose errors hang together by more than 0.3 are one group. A group is written where all of it is determined to 30 %, by
+/// [`standings_beside`], and where writing it cannot make the estimate worse than it was:
+///
+/// - with the numbers of one half of the recordings the innovations of the other half are not less likely than chance allows
+///   (cross-validation), and
+/// - the recordings speak against what is stated (likelihood ratio, one in a hundred), or what remains unknown of the numbers moves the answer
+///   by less than 0.3 of the error that the filter claims.
+///
+/// Else the experiment keeps what it says. A filter that is told the truth is not made worse by a recording that hardly tells it.
+pub(super) struct Judgement {
+    /// Of each number.
+    pub(super) verdicts: Vec<Verdict>,
+    /// By how much the answer moves from the stated numbers to those that are found.
+    pub(super) moves: Option<AnswerChange>,
+    /// By how much one standard deviation of what remains unknown of all numbers that are written moves it, root mean square in SI.
+    pub(super) remains: Option<f64>,
+}
+
+/// What becomes of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// It is written.
+    Written,
+    /// The recordings do not tell it.
+    Untold,
+    /// It hangs on another, at this place, that is not told.
+    HangsOn(usize),
+    /// The recordings agree with what is stated, and tell it too badly to improve the answer.
+    Agrees,
+    /// With the numbers of one half of the recordings the other half is less likely than before.
+    NotConfirmed,
+}
+
+impl Judgement {
+    /// `None` where the filter cannot be run with what was found.
+    pub(super) fn of(
+        sought: &Sought,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        ends: &[[f64; 2]],
+    ) -> Option<Self> {
+        let spread = |i: usize| 0.5 * (ends[i][0] + ends[i][1]) / TWO_SIDED;
+        let correlation = |i: usize, j: usize| found.correlation[i][j];
+        let likeliest = Likeliest {
+            at: &found.at,
+            spread: &spread,
+            is_told: &|i| spread(i) < DETERMINED,
+            correlation: &correlation,
+        };
+        let standings = standings_beside(&likeliest, &mut |kept| {
+            let start: Vec<f64> =
+                (0..suspects.len()).map(|i| if kept[i] { 0.0 } else { found.at[i] }).collect();
+            let free: Vec<bool> = kept.iter().map(|kept| !kept).collect();
+            sought.beside(suspects, &start, &free, Blocks::All).map(|there| there.at).ok_or(())
+        });
+        let mut verdicts: Vec<Verdict> = match standings {
+            Ok(standings) => standings.into_iter().map(Verdict::from).collect(),
+            // Beside what is kept there is no filter: nothing is known of the others without it.
+            Err(()) => vec![Verdict::Untold; suspects.len()],
+        };
+        for group in groups(&verdicts, &correlation) {
+            if let Some(verdict) = refused(sought, suspects, found, &group) {
+                group.iter().for_each(|place| verdicts[*place] = verdict);
+            }
+        }
+        let written: Vec<usize> = written(&verdicts);
+        let moved = with(suspects.len(), found, &written);
+        let after = sought.run(suspects, &moved)?;
+        let moves = AnswerChange::between(sought.base, &after).filter(|_| !written.is_empty());
+        let remains = unknown(sought, suspects, found, (&written, &moved)).filter(|_| !written.is_empty());
+        Some(Self { verdicts, moves, remains })
+    }
+}
+
+impl From<Standing> for Verdict {
+    fn from(standing: Standing) -> Self {
+        match standing {
+            Standing::Told => Self::Written,
+            Standing::Untold => Self::Untold,
+            Standing::HangsOn(other) => Self::HangsOn(other),
+        }
+    }
+}
+
+fn written(verdicts: &[Verdict]) -> Vec<usize> {
+    (0..verdicts.len()).filter(|place| verdicts[*place] == Verdict::Written).collect()
+}
+
+/// The sizes of these places, and 0 elsewhere.
+fn with(count: usize, found: &MostLikelySizes, places: &[usize]) -> Vec<f64> {
+    (0..count).map(|place| if places.contains(&place) { found.at[place] } else { 0.0 }).collect()
+}
+
+/// Those that are to be written, by groups whose errors hang together.
+fn groups(verdicts: &[Verdict], correlation: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
+    let mut left = written(verdicts);
+    let mut groups = Vec::new();
+    while let Some(first) = left.pop() {
+        let mut group = vec![first];
+        let mut next = 0;
+        while let Some(from) = group.get(next).copied() {
+            let hangs = |to: &usize| correlation(from, *to).abs() > CONNECTED;
+            group.extend(left.iter().copied().filter(hangs));
+            left.retain(|to| !group.contains(to));
+            next += 1;
+        }
+        group.sort_unstable();
+        groups.push(group);
+    }
+    groups
+}
+
+/// Why a group is not to be written.
+fn refused(
+    sought: &Sought,
+    suspects: &[Suspect],
+    found: &MostLikelySizes,
+    group: &[usize],
+) -> Option<Verdict> {
+    let free: Vec<bool> = (0..suspects.len()).map(|place| group.contains(&place)).collect();
+    let count = group.len() as f64;
+    let stated = vec![0.0; suspects.len()];
+    let likelihood =
+        |sizes: &[f64], blocks| sought.run(suspects, sizes).map(|trial| trial.log_likelihood(blocks));
+    // By every second block, judged on the others.
+    if let Some(half) = sought.beside(suspects, &with(suspects.len(), found, group), &free, Blocks::Fitted) {
+        let before = sought.base.log_likelihood(Blocks::HeldOut);
+        let after = likelihood(&half.at, Blocks::HeldOut).unwrap_or(f64::NEG_INFINITY);
+        // Of numbers that are as stated ln p falls by half of a number on the average, and by more than this once in a few hundred times.
+        if after < before - count - 3.0 * count.sqrt() {
+            return Some(Verdict::NotConfirmed);
+        }
+    }
+    let moved = with(suspects.len(), found, group);
+    let gain = likelihood(&moved, Blocks::All)? - likelihood(&stated, Blocks::All)?;
+    let limit = ChiSquared::new(count).map_or(f64::INFINITY, |law| 0.5 * law.inverse_cdf(SPEAKS));
+    // Where the filter does not follow the motion with what is stated, anything that follows it is better.
+    if gain > limit || !sought.base.follows() {
+        return None;
+    }
+    let claimed = AnswerChange::between(sought.base, sought.base)?.claimed;
+    let unknown = unknown(sought, suspects, found, (group, &moved)).unwrap_or(f64::INFINITY);
+    (unknown > ADDS * claimed).then_some(Verdict::Agrees)
+}
+
+/// By how much what is not known of these numbers moves the answer, root mean square in SI: along the independent directions of their errors.
+fn unknown(
+    sought: &Sought,
+    suspects: &[Suspect],
+    found: &MostLikelySizes,
+    (places, at): (&[usize], &[f64]),
+) -> Option<f64> {
+    let own = sought.run(suspects, at)?;
+    let correlation: Vec<Vec<f64>> = places
+        .iter()
+        .map(|i| places.iter().map(|j| if i == j { 1.0 } else { found.correlation[*i][*j] }).collect())
+        .collect();
+    let root = crate::config::cholesky(&correlation)?;
+    let mut square = 0.0;
+    for direction in 0..places.len() {
+        let mut there = at.to_vec();
+        for (row, place) in root.iter().zip(places) {
+            there[*place] += row[direction] * found.sd[*place];
+        }
+        let beside = sought.run(suspects, &there)?;
+        let difference = beside.answer.iter().zip(&own.answer).map(|(b, a)| b - a).filter(|d| d.is_finite());
+        let (count, sum) = difference.fold((0.0, 0.0), |(count, sum), d| (count + 1.0, sum + d * d));
+        square += sum / f64::max(count, 1.0);
+    }
+    Some(square.sqrt())
+}

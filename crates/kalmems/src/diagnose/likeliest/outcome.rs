@@ -1,0 +1,232 @@
+//! What is said of the likeliest numbers, and the experiment with them.
+
+use super::informative::informative;
+use super::judgement::{Judgement, Verdict};
+use super::sought::{DETERMINED, Sought};
+use crate::config::{Experiment, Step};
+use crate::diagnose::paste::changed;
+use crate::diagnose::report::{Edit, digits, rounded};
+use crate::diagnose::search::MostLikelySizes;
+use crate::diagnose::suspect::{Suspect, What};
+use crate::diagnose::trial::{Blocks, Trial};
+use crate::identify::{Correlated, Identification, Identified, IdentifyError, TWO_SIDED, Undetermined};
+use crate::progress::Progress;
+use crate::rigs::Workbench;
+use crate::units;
+use kalmems_core::Scalar;
+use toml::Value;
+
+/// What is to stand in the file for a number with this relative standard error.
+fn with_uncertainty(value: Value, sd: f64) -> Value {
+    let text = match value {
+        Value::String(text) => text,
+        other => other.to_string(),
+    };
+    let of_value = units::Value::parse(&text).ok().filter(|value| value.parts().1 == "%");
+    let per_cent = 100.0 * sd * of_value.map_or(1.0, |value| value.si().abs());
+    Value::String(format!("{text} ± {} %", digits(per_cent, 2)))
+}
+
+/// What was found.
+pub(super) struct Outcome<'a> {
+    pub(super) sought: &'a Sought<'a>,
+    pub(super) suspects: &'a [Suspect],
+    pub(super) found: MostLikelySizes,
+    /// How far each size may be from its likeliest value to either side.
+    pub(super) ends: Vec<[f64; 2]>,
+    pub(super) judgement: Judgement,
+}
+
+impl Outcome<'_> {
+    /// The standard error of which the interval is one of 95 %.
+    fn spread(&self, place: usize) -> f64 {
+        0.5 * (self.ends[place][0] + self.ends[place][1]) / TWO_SIDED
+    }
+
+    fn name(&self, place: usize) -> String {
+        self.suspects[place].name()
+    }
+
+    /// Why a number keeps what the experiment says; none of one that is written.
+    fn why_not(&self, place: usize) -> Option<String> {
+        Some(match self.judgement.verdicts[place] {
+            Verdict::Written => return None,
+            Verdict::Untold if self.spread(place).is_finite() => format!(
+                "the recordings tell it to {} % only, and {} % is the worst that is put into an experiment",
+                digits(100.0 * self.spread(place), 2),
+                digits(100.0 * DETERMINED, 2)
+            ),
+            Verdict::Untold => "the recordings do not tell it: its likelihood has no end on one side".to_owned(),
+            Verdict::HangsOn(other) => format!(
+                "what the recordings tell of it hangs on `{}`, which they do not determine: beside what the experiment says of that it would be \
+                 another",
+                self.name(other)
+            ),
+            Verdict::Agrees => format!(
+                "the recordings agree with what the experiment says, and know it themselves to {} % only: the answer would not become better",
+                digits(100.0 * self.spread(place), 2)
+            ),
+            Verdict::NotConfirmed => {
+                "with what one half of the recordings says of it the other half is less likely than before: the device has more to it than its \
+                 numbers, and `kalmems diagnose` looks for what"
+                    .to_owned()
+            }
+        })
+    }
+
+    pub(super) fn told(
+        &self,
+        workbench: &Workbench,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        let materials = self.sought.bench.materials();
+        let place = match materials.as_slice() {
+            [one] => one.name.clone(),
+            all => format!("{} recordings", all.len()),
+        };
+        let mut found = Identification {
+            rig: workbench.rig(experiment)?.name(),
+            parameters: Vec::new(),
+            undetermined: Vec::new(),
+            worst_pairs: self.worst_pair(&place).into_iter().collect(),
+            warnings: Vec::new(),
+            notes: Vec::new(),
+            figures: Vec::new(),
+            experiment: experiment.clone(),
+            materials,
+        };
+        let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
+        for (index, suspect) in self.suspects.iter().enumerate() {
+            let What::Factor(numbers) = &suspect.what else { continue };
+            let (Some(number), Some(size)) = (numbers.first(), self.found.at.get(index)) else { continue };
+            let (sd, [below, above]) = (self.spread(index), self.ends[index]);
+            let unit = units::Unit::parse(if number.unit.is_empty() { "1" } else { &number.unit });
+            let unit = unit.unwrap_or(units::Unit::ONE);
+            let value = number.written * unit.factor() * Scalar::exp(*size);
+            let mut interval = [-below, above].map(|by| value * Scalar::exp(by));
+            interval.sort_by(f64::total_cmp);
+            let dimension = unit.dimension().to_string();
+            found.parameters.push(Identified {
+                name: suspect.name(),
+                value,
+                standard_error: (value * sd).abs(),
+                interval,
+                unit: if dimension == "1" { "" } else { units::name(&dimension) },
+                recording: place.clone(),
+            });
+            if let Some(why) = self.why_not(index) {
+                let why = format!("{why}; the experiment keeps what it says");
+                found.undetermined.push(Undetermined { what: suspect.name(), why });
+                continue;
+            }
+            let value = rounded(&number.times(Scalar::exp(*size)), Some(sd));
+            let is_noise = number
+                .key
+                .steps()
+                .iter()
+                .any(|step| matches!(step, Step::Name(name) if name.starts_with("noise") || name == "process_noise"));
+            let to = if is_noise { value } else { with_uncertainty(value, sd) }.to_string();
+            if !is_noise {
+                written.push(index);
+            }
+            let edit = Edit { key: number.key.to_string(), from: None, to, sd: None };
+            text = changed(&text, &edit).unwrap_or(text);
+        }
+        self.say(&mut found, &place);
+        self.propose(&mut found, experiment, progress);
+        found.experiment = workbench.parse(&text, experiment.path())?;
+        let names: Vec<String> = written.iter().map(|index| self.suspects[*index].name()).collect();
+        let between = |i: usize, j: usize| {
+            let own = f64::from(u8::from(i == j));
+            self.found.correlation.get(i).and_then(|row| row.get(j)).copied().unwrap_or(own)
+        };
+        let correlation: Vec<Vec<f64>> =
+            written.iter().map(|i| written.iter().map(|j| between(*i, *j)).collect()).collect();
+        found.experiment.set_correlations(&names, &correlation);
+        Ok(found)
+    }
+
+    fn worst_pair(&self, place: &str) -> Option<Correlated> {
+        let pairs = (0..self.suspects.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let of = |(i, j): (usize, usize)| self.found.correlation.get(i).and_then(|row| row.get(j)).copied();
+        let worst =
+            pairs.filter_map(|pair| Some((pair, of(pair)?))).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        worst.filter(|(_, correlation)| *correlation != 0.0).map(|((i, j), correlation)| Correlated {
+            names: [self.suspects[i].name(), self.suspects[j].name()],
+            correlation,
+            recording: place.to_owned(),
+        })
+    }
+
+    fn say(&self, found: &mut Identification, place: &str) {
+        let (rows, long_s) = self.sought.bench.extent();
+        let gained = self.found.log_likelihood - self.sought.base.log_likelihood(Blocks::All);
+        found.notes.push(format!(
+            "{place}: ln p of the innovations of `{}` rose by {gained:.1} over {rows} rows, {long_s:.4} s",
+            self.sought.bench.filter_name
+        ));
+        for (place, suspect) in self.suspects.iter().enumerate() {
+            if let Some(sd) = self.sought.prior.deviation(place) {
+                found.notes.push(format!(
+                    "`{}`: the experiment states it to {} %, which enters as its prior distribution",
+                    suspect.name(),
+                    digits(100.0 * sd, 2)
+                ));
+            }
+        }
+        if let (Some(moves), Some(remains)) = (&self.judgement.moves, self.judgement.remains) {
+            let base = self.sought.base;
+            found.notes.push(format!(
+                "{place}: with the numbers that are written the {} moves by {} {} rms; what remains unknown of them moves it by {}, and the \
+                 filter claims {}",
+                base.answer_name,
+                digits(moves.rms, 2),
+                units::name(base.answer_unit),
+                digits(remains, 2),
+                digits(moves.claimed, 2)
+            ));
+        }
+        let trial = self.trial();
+        let failing: Vec<String> =
+            trial.iter().flat_map(Trial::failing).map(crate::evaluate::TestResult::in_short).collect();
+        if !failing.is_empty() {
+            found.warnings.push(format!(
+                "{place}: with these numbers the innovations still show what a filter that is right does not ({}): the device has more to \
+                 it, and the standard errors are too small; `kalmems diagnose` looks for what is wrong",
+                failing.join(", ")
+            ));
+        } else if trial.as_ref().is_none_or(|trial| !trial.passes()) {
+            found.warnings.push(format!(
+                "{place}: with these numbers the filter does not hold the motion; nothing here can be trusted"
+            ));
+        }
+    }
+
+    /// The run with all that was found, be it written or not.
+    fn trial(&self) -> Option<Trial> {
+        self.sought.run(self.suspects, &self.found.at)
+    }
+
+    /// Adds the recording that would tell what these do not.
+    fn propose(&self, found: &mut Identification, experiment: &Experiment, progress: &dyn Progress) {
+        let verdicts = self.judgement.verdicts.iter().enumerate();
+        let untold = verdicts.filter(|(_, verdict)| matches!(verdict, Verdict::Untold | Verdict::Agrees));
+        let untold: Vec<usize> = untold.map(|(place, _)| place).collect();
+        if untold.is_empty() {
+            return;
+        }
+        let numbers = (self.suspects, &self.found);
+        if let Some(there) = informative(self.sought, experiment, numbers, &untold, progress) {
+            let each = untold
+                .iter()
+                .map(|place| format!("`{}` to {} %", self.name(*place), digits(100.0 * there.sd[*place], 2)));
+            found.notes.push(format!(
+                "another recording would tell {} ({}); as a table, to be tried with `kalmems simulate`:\n\n{}",
+                each.collect::<Vec<_>>().join(", "),
+                there.what,
+                there.simulate.trim_end()
+            ));
+        }
+    }
+}

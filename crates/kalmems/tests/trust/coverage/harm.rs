@@ -1,0 +1,43 @@
+//! Whether an experiment is better with what was found than it was before.
+
+use kalmems::config::Experiment;
+use kalmems::identify::{Identification, Identified};
+use kalmems::progress::Silent;
+use kalmems::results::Metrics;
+use kalmems::rigs::published;
+use kalmems::workflow;
+
+/// The error of a quantity by the experiment's first filter, root mean square in SI, or that of its angle in degrees; infinite where the filter
+/// stops.
+pub fn error(experiment: &Experiment, quantity: &str) -> f64 {
+    let outcome = workflow::estimate(published(), experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let metrics = Metrics::of(&outcome);
+    let first = metrics.estimators().next().unwrap();
+    if let Some(values) = first.values.get(quantity) {
+        return values.rmse;
+    }
+    let errors = first.errors.as_ref();
+    errors.map_or(f64::INFINITY, |errors| errors.angle.rmse_deg)
+}
+
+/// The parameter with a name that begins so.
+pub fn named<'a>(found: &'a Identification, name: &str) -> &'a Identified {
+    let own = found.parameters.iter().find(|parameter| parameter.name.starts_with(name));
+    own.unwrap_or_else(|| {
+        panic!("{name}: {:?}", found.parameters.iter().map(|p| &p.name).collect::<Vec<_>>())
+    })
+}
+
+/// In all but one of the recordings the error grows by no more than a tenth.
+pub fn assert_no_harm(words: &str, mut ratios: Vec<f64>) {
+    ratios.sort_by(f64::total_cmp);
+    let harmed = ratios.iter().filter(|ratio| **ratio > 1.1).count();
+    let unchanged = ratios.iter().filter(|ratio| (**ratio - 1.0).abs() < 1e-9).count();
+    println!(
+        "{words}: error after over before, {} recordings: median {:.3}, largest {:.4?}; unchanged {unchanged}, above 1.1 {harmed}",
+        ratios.len(),
+        ratios[ratios.len() / 2],
+        &ratios[ratios.len().saturating_sub(3)..]
+    );
+    assert!(harmed <= 1, "{words}: {ratios:?}");
+}

@@ -1,0 +1,175 @@
+//! Resonance, damping and comb of the threshold-sensing scanner from free decays with a reference.
+
+use super::chance::Chance;
+use super::harm::{assert_no_harm, error, named};
+use super::rows::Rows;
+use kalmems::config::Experiment;
+use kalmems::diagnose::likeliest;
+use kalmems::progress::Silent;
+use kalmems::rigs::published;
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+/// f_n, ζ, N_g, N_θ, θ_th: the device of Chen et al. 2019.
+const TRUTH: [f64; 5] = [624.6, 0.0066, 2.82e-3, 76.0, 3.7e-3];
+const NAMES: [&str; 5] =
+    ["natural frequency", "damping ratio", "comb gain", "comb steepness", "threshold angle"];
+const NOISE_V: f64 = 0.0435;
+const RATE_HZ: f64 = 250e3;
+
+/// Where it starts, nearly, of a decay in closed form: θ(t) = e^{−ζωt}·(c·cos ω_d·t + s·sin ω_d·t), read by comb and detector.
+fn decay(chance: &mut Chance, (amplitude, samples, noise): (f64, usize, f64), folder: &Path) -> [f64; 2] {
+    let [hz, ratio, gain, steepness, threshold] = TRUTH;
+    let natural = TAU * hz;
+    let damped = natural * (1.0 - ratio * ratio).sqrt();
+    let phase = TAU * chance.uniform();
+    let motion = |time: f64| {
+        let shrunk = amplitude * (-ratio * natural * time).exp();
+        let (sine, cosine) = (damped * time + phase).sin_cos();
+        [shrunk * sine, shrunk * (damped * cosine - ratio * natural * sine)]
+    };
+    let offset = chance.between(-5e-3, 5e-3);
+    let mut rows = "time_s,drive_V,cap_V,psd_V\n".to_owned();
+    for k in 0..samples {
+        let time = k as f64 / RATE_HZ;
+        let [angle, rate] = motion(time);
+        let curve = 1.0 / (1.0 + (-steepness * (angle - threshold)).exp()) - 0.5;
+        let signal = gain * curve * rate + offset + noise * chance.normal();
+        let position = 0.0327 / 0.5e-3 * motion(time - 0.114e-3)[0].tan() + 5e-3 * chance.normal();
+        writeln!(rows, "{time:.7},0,{signal:e},{position:e}").unwrap();
+    }
+    fs::write(folder.join("decay.csv"), rows).unwrap();
+    // As well as a laboratory knows the start.
+    let [angle, rate] = motion(0.0);
+    [angle + 5e-3 * chance.normal(), rate + 20.0 * chance.normal()]
+}
+
+fn told(
+    folder: &Path,
+    factors: [f64; 5],
+    [angle, rate]: [f64; 2],
+    reference: bool,
+    more: &str,
+) -> Experiment {
+    let [hz, ratio, gain, steepness, threshold] = std::array::from_fn(|i| TRUTH[i] * factors[i]);
+    let reference = if reference {
+        "[recording.reference]\nchannels = { position = \"psd_V\" }\ndelay = \"0.114 ms\"\n"
+    } else {
+        ""
+    };
+    let text = format!(
+        r#"
+name = "threshold"
+[device.threshold_scanner.resonator]
+natural_frequency = "{hz} Hz"
+damping_ratio = {ratio}
+[device.threshold_scanner.comb]
+threshold_angle = "{threshold:e} rad"
+gain = "{gain:e} V s/rad"
+steepness = "{steepness} 1/rad"
+[device.threshold_scanner.readout]
+feedback_resistance = "10 Mohm"
+bias = "10 V"
+offset = "0 V"
+feedthrough_capacitance = "0 F"
+noise_variance = "1.89225e-3 V^2"
+[device.threshold_scanner.position_detector]
+gain = "0.5 mm/V"
+distance = "32.7 mm"
+noise_variance = "2.5e-5 V^2"
+[identify]
+{more}
+[[recording]]
+role = "ring_down"
+file = "decay.csv"
+clock = {{ column = "time_s" }}
+channels = {{ drive = "drive_V", signal = "cap_V" }}
+{reference}
+[estimate]
+skip = "3 ms"
+[estimate.process_noise]
+angular_acceleration = "1 rad^2/s^3"
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+start = {{ angle = "{angle:e} rad", rate = "{rate} rad/s" }}
+start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
+"#
+    );
+    published().parse(&text, &folder.join("experiment.toml")).unwrap()
+}
+
+/// Error of the angle after over that before.
+fn identified(
+    words: &str,
+    runs: u64,
+    record: (f64, usize, f64),
+    most_wrong: f64,
+    rows: &mut Rows,
+) -> Vec<f64> {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |seed: u64| {
+        let mut chance = Chance::new(11_000 + seed);
+        let start = decay(&mut chance, record, folder.path());
+        let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong];
+        let factors = limits.map(|limit| chance.between(-limit, limit).exp());
+        let told = told(folder.path(), factors, start, true, "");
+        let before = error(&told, "angle");
+        let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
+            Ok(found) => found,
+            Err(refused) => {
+                println!("{words}, seed {seed}: refused: {refused}");
+                return 1.0;
+            }
+        };
+        for (name, truth) in NAMES.into_iter().zip(TRUTH) {
+            rows.push(&format!("{words}, {name}"), truth, named(&found, name));
+        }
+        error(&found.experiment, "angle") / before
+    };
+    (0..runs).map(run).collect()
+}
+
+/// Without a reference: resonance and damping by the likelihood, of a comb that is told right. The scale of the angle is the file's.
+fn without_reference(runs: u64, rows: &mut Rows) {
+    let folder = tempfile::tempdir().unwrap();
+    for seed in 0..runs {
+        let mut chance = Chance::new(12_000 + seed);
+        let start = decay(&mut chance, (0.15, 4000, NOISE_V), folder.path());
+        let factors = [chance.between(-5e-3, 5e-3).exp(), chance.between(-0.3, 0.3).exp(), 1.0, 1.0, 1.0];
+        let parameters = "parameters = [\"resonator.natural_frequency\", \"resonator.damping_ratio\"]";
+        let told = told(folder.path(), factors, start, false, parameters);
+        let found = likeliest(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
+        for (found, (name, truth)) in found.parameters.iter().zip(NAMES.into_iter().zip(TRUTH)) {
+            rows.push(&format!("threshold without a reference, {name}"), truth, found);
+        }
+    }
+}
+
+const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);
+/// A small motion behind much noise.
+const POOR: (f64, usize, f64) = (0.04, 2500, 4.0 * NOISE_V);
+
+#[test]
+fn a_few_threshold_scanners() {
+    let mut rows = Rows::default();
+    let ratios = identified("threshold", 2, LONG, 0.3, &mut rows);
+    assert_no_harm("threshold", ratios);
+    without_reference(1, &mut rows);
+    rows.judge();
+}
+
+#[test]
+#[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
+fn slow_threshold_scanners() {
+    let mut rows = Rows::default();
+    let ratios = identified("threshold", 100, LONG, 0.3, &mut rows);
+    assert_no_harm("threshold", ratios);
+    without_reference(100, &mut rows);
+    let mut unjudged = Rows::default();
+    assert_no_harm("threshold, little told, right", identified("poor", 60, POOR, 0.0, &mut unjudged));
+    assert_no_harm("threshold, little told, wrong", identified("poor", 60, POOR, 0.3, &mut unjudged));
+    rows.judge();
+}

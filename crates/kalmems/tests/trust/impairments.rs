@@ -1,0 +1,312 @@
+//! Signals as a laboratory has them: what each impairment costs an estimate, and whether the answer is refused, doubted or passed then.
+
+use crate::devices::put;
+use crate::outliers::signals::{DEVICES, Of, Outcome, noise, signals};
+use kalmems::config::Experiment;
+use kalmems::estimate::EstimateError;
+use kalmems::progress::Silent;
+use kalmems::rigs::published;
+use kalmems::simulate::Unwritten;
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// What is wrong with the first signal, or with what the filter is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Impairment {
+    /// So many samples in a row are missing.
+    Missing(usize),
+    /// So large a part of its range, from below, is what the converter has.
+    Clipped(f64),
+    /// It is so many standard deviations of its noise higher.
+    Offset(f64),
+    /// The variance of its noise is told so many times as large as it is.
+    NoiseTold(f64),
+    /// A line of this frequency in Hz, as strong as so many times the noise within a band of 1 Hz.
+    Hum(f64, f64),
+    /// A part of its square, as large at its peaks as so large a part of them.
+    SecondHarmonic(f64),
+    /// The start is off by so many of the standard deviations that it is told with.
+    Start(f64),
+}
+
+use Impairment::{Clipped, Hum, Missing, NoiseTold, Offset, SecondHarmonic, Start};
+
+const IMPAIRMENTS: [Impairment; 15] = [
+    Missing(10),
+    Missing(100),
+    Clipped(0.9),
+    Offset(1.0),
+    Offset(10.0),
+    Offset(100.0),
+    NoiseTold(0.01),
+    NoiseTold(100.0),
+    Hum(50.0, 1.0),
+    Hum(50.0, 10.0),
+    Hum(50.0, 100.0),
+    Hum(150.0, 10.0),
+    Hum(150.0, 100.0),
+    SecondHarmonic(0.01),
+    Start(10.0),
+];
+
+impl Impairment {
+    fn words(self) -> String {
+        match self {
+            Missing(count) => format!("{count} samples missing"),
+            Clipped(share) => format!("clipped at {} % of its range", 100.0 * share),
+            Offset(sds) => format!("an offset of {sds} σ"),
+            NoiseTold(factor) => format!("noise told {factor} times as strong"),
+            Hum(hz, factor) => format!("hum at {hz} Hz, {factor} times the noise in 1 Hz"),
+            SecondHarmonic(share) => format!("a second harmonic of {} %", 100.0 * share),
+            Start(sds) => format!("the start {sds} deviations off"),
+        }
+    }
+
+    /// By how much the error may be larger: a gap is an event within which nothing is measured.
+    fn allowed(self) -> f64 {
+        if matches!(self, Missing(_) | Start(_)) { 2.0 } else { 1.3 }
+    }
+
+    /// Changes the samples after the settling time; a converter clips all of them.
+    fn spoil(self, values: &mut [f64], times: &[f64], skip_s: f64) {
+        let from = times.partition_point(|time| *time < times[0] + skip_s);
+        let sd = noise(values);
+        let (low, high) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(*y), h.max(*y)));
+        let interval_s = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+        if let Clipped(share) = self {
+            let top = low + share * (high - low);
+            values.iter_mut().for_each(|y| *y = y.min(top));
+        }
+        let fresh = &mut values[from..];
+        match self {
+            Missing(count) => {
+                let place = fresh.len() / 3;
+                fresh[place..place + count].fill(f64::NAN);
+            }
+            Offset(sds) => fresh.iter_mut().for_each(|y| *y += sds * sd),
+            Hum(hz, factor) => {
+                let amplitude = factor * sd * 2.0 * interval_s.sqrt();
+                for (y, time) in fresh.iter_mut().zip(&times[from..]) {
+                    *y += amplitude * (TAU * hz * time + 0.4).sin();
+                }
+            }
+            SecondHarmonic(share) => {
+                let (middle, peak) = (f64::midpoint(low, high), 0.5 * (high - low));
+                fresh.iter_mut().for_each(|y| *y += share * (*y - middle).powi(2) / peak);
+            }
+            Clipped(_) | NoiseTold(_) | Start(_) => {}
+        }
+    }
+
+    /// What of the experiment it changes: keys, their value and its unit.
+    fn told(self, of: Of) -> Vec<(String, String)> {
+        let to = |key: &str, text: String| vec![(key.to_owned(), text)];
+        match (self, of) {
+            (NoiseTold(factor), Of::Equations(_)) => {
+                to("device.equations.noise.signal", format!("\"{:e}[V^2]\"", 1e-6 * factor))
+            }
+            (NoiseTold(factor), Of::Published(name)) => {
+                let variance = |device: &str, value: f64| {
+                    to(&format!("device.{device}.noise_variance"), format!("\"{:e} V^2\"", value * factor))
+                };
+                match name {
+                    "shared scanner" => variance("shared_scanner.readout", 1.92e-4),
+                    "threshold scanner" => variance("threshold_scanner.readout", 1.89225e-3),
+                    "accelerometer" => variance("accelerometer.readout", 4.88e-9),
+                    "piston mirror" => to(
+                        "device.piston_mirror.readout.noise_density",
+                        format!("\"{:e} aF/sqrt(Hz)\"", 0.151 * factor.sqrt()),
+                    ),
+                    _ => ["1A", "1B", "2A", "2B"]
+                        .iter()
+                        .flat_map(|name| variance(&format!("micro_stage.electrodes.{name}"), 1.6e-11))
+                        .collect(),
+                }
+            }
+            (Start(sds), of) => {
+                let start = "estimate.filter.0.start";
+                match of {
+                    Of::Equations(_) => {
+                        to(start, format!("{{ x = \"{:e} m\", v = \"0 m/s\" }}", 0.5e-6 * sds))
+                    }
+                    Of::Published("threshold scanner") => {
+                        let angle = 0.09 + 0.02 * sds;
+                        to(start, format!("{{ angle = \"{angle} rad\", rate = \"490 rad/s\" }}"))
+                    }
+                    Of::Published("accelerometer") => {
+                        let x = 1e-8 * sds;
+                        let text = format!(
+                            "{{ displacement = \"{x:e} m\", velocity = \"0 m/s\", acceleration = \"0 m/s^2\", jerk = \"0 m/s^3\" }}"
+                        );
+                        to(start, text)
+                    }
+                    Of::Published(_) => Vec::new(),
+                }
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether there is such a thing of a device: a start from the signal is not stated.
+    fn applies(self, of: Of) -> bool {
+        !matches!(self, Start(_)) || !self.told(of).is_empty()
+    }
+
+    /// What comes of a recording with it.
+    fn outcome(self, of: Of, (experiment, simulated): &(Experiment, Unwritten)) -> Outcome {
+        let skip_s = experiment.estimate.as_ref().unwrap().skip.si();
+        let mut simulated = simulated.clone();
+        let signal = &signals(experiment)[0];
+        assert!(simulated.change_recorded(signal, |values, times| self.spoil(values, times, skip_s)));
+        let told = self.told(of);
+        if told.is_empty() {
+            return Outcome::of(experiment, &simulated);
+        }
+        let mut document: toml::Value = experiment.to_toml().unwrap().parse::<toml::Table>().unwrap().into();
+        for (key, value) in &told {
+            put(&mut document, key, Some(value));
+        }
+        let text = toml::to_string(&document).unwrap();
+        let experiment =
+            published().parse(&text, experiment.path()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        Outcome::of(&experiment, &simulated)
+    }
+}
+
+/// What came of a cell, over its seeds.
+#[derive(Default)]
+struct Cell {
+    ratios: Vec<f64>,
+    within: usize,
+    /// Larger errors whose answer is doubted.
+    doubted: usize,
+    refused: Vec<String>,
+    /// Larger errors whose answer passes.
+    passed: usize,
+}
+
+impl Cell {
+    fn add(&mut self, impairment: Impairment, clean: &Outcome, spoilt: &Outcome) {
+        if !spoilt.refused.is_empty() {
+            self.refused.push(spoilt.refused.clone());
+            return;
+        }
+        let ratio = spoilt.error() / clean.error();
+        self.ratios.push(ratio);
+        if ratio <= impairment.allowed() {
+            self.within += 1;
+        } else if spoilt.passes() {
+            self.passed += 1;
+        } else {
+            self.doubted += 1;
+        }
+    }
+
+    fn row(&self, of: Of, impairment: Impairment) -> String {
+        let mut ratios = self.ratios.clone();
+        ratios.sort_by(f64::total_cmp);
+        let ratio = |ratio: Option<&f64>| match ratio {
+            Some(ratio) if ratio.is_finite() => format!("{ratio:.2}"),
+            _ => "–".to_owned(),
+        };
+        format!(
+            "| {} | {} | {} | {} | {} | {} | {} | {} |",
+            of.name(),
+            impairment.words(),
+            ratio(ratios.get(ratios.len() / 2)),
+            ratio(ratios.last()),
+            self.within,
+            self.doubted,
+            self.refused.len(),
+            self.passed
+        )
+    }
+}
+
+/// All cells of a device.
+fn of_device(of: Of, seeds: RangeInclusive<u64>) -> Vec<(Impairment, Cell)> {
+    let mut cells: Vec<(Impairment, Cell)> =
+        IMPAIRMENTS.into_iter().filter(|i| i.applies(of)).map(|i| (i, Cell::default())).collect();
+    for seed in seeds {
+        let recorded = of.recorded(&[], seed);
+        let clean = Outcome::of(&recorded.0, &recorded.1);
+        assert!(clean.passes(), "{} {seed}: {}", of.name(), clean.refused);
+        for (impairment, cell) in &mut cells {
+            cell.add(*impairment, &clean, &impairment.outcome(of, &recorded));
+        }
+    }
+    cells
+}
+
+/// Every device and impairment, twenty seeds each. An answer that passes is as good as without the impairment.
+#[test]
+#[ignore = "slow: an hour on two processors"]
+fn slow_impairments_of_every_device() {
+    let seeds = match std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok()) {
+        Some(count) => 601..=600 + count,
+        None => 601..=620,
+    };
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut own = Vec::new();
+        while let Some(of) = DEVICES.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let cells = of_device(*of, seeds.clone());
+            cells.iter().for_each(|(impairment, cell)| println!("{}", cell.row(*of, *impairment)));
+            own.extend(cells.into_iter().map(|(impairment, cell)| (*of, impairment, cell)));
+        }
+        own
+    };
+    let cells: Vec<_> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..2).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    println!("| device | signal | error, median | largest | within | doubted | refused | passed |");
+    println!("|---|---|---|---|---|---|---|---|");
+    for of in DEVICES {
+        for (_, impairment, cell) in cells.iter().filter(|(own, ..)| *own == of) {
+            println!("{}", cell.row(of, *impairment));
+            if let Some(why) = cell.refused.first() {
+                println!("    {why}");
+            }
+        }
+    }
+    let passed: Vec<String> =
+        cells.iter().filter(|(.., cell)| cell.passed > 0).map(|(of, i, cell)| cell.row(*of, *i)).collect();
+    assert!(passed.is_empty(), "{passed:#?}");
+}
+
+/// A clipped signal would be taken for the motion, and so would the drive in its place: neither is estimated with any device.
+#[test]
+fn a_signal_that_is_clipped_or_another_channel_is_refused_by_name() {
+    for of in DEVICES.iter().filter(|of| matches!(of, Of::Published(_))) {
+        let (experiment, simulated) = of.recorded(&[], 640);
+        // Of a peak that lasts for eight samples: the shared scanner's signal has 32 in a cycle.
+        let share = if of.name() == "shared scanner" { 0.5 } else { 0.9 };
+        let clipped = Clipped(share).outcome(*of, &(experiment.clone(), simulated.clone()));
+        assert!(clipped.refused.contains("is clipped in "), "{}: {}", of.name(), clipped.refused);
+        let mut twice = simulated.clone();
+        let mut first = Vec::new();
+        let signal = &signals(&experiment)[0];
+        assert!(twice.change_recorded(signal, |values, _| first = values.to_vec()));
+        let others = ["drive", "feedback", "signal_1B"];
+        let other = others.into_iter().find(|other| {
+            experiment.recordings[0].channels.column(other).is_some()
+                && twice.change_recorded(other, |values, _| {
+                    values.iter_mut().zip(&first).for_each(|(to, from)| *to = -from);
+                })
+        });
+        // The piston mirror has one channel.
+        let Some(other) = other else {
+            assert_eq!(of.name(), "piston mirror");
+            continue;
+        };
+        let rig = published().rig(&experiment).unwrap();
+        let recording = twice.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
+        let why = rig.estimate(&experiment, 0, &recording, &Silent).unwrap_err();
+        let EstimateError::Repeated { found, .. } = &why else { panic!("{} {other}: {why}", of.name()) };
+        assert!(found.contains("with the other sign in every row"), "{found}");
+    }
+}

@@ -1,0 +1,123 @@
+//! An offset, a scale and a line between the sensor and the recording as states of a filter.
+
+use crate::devices::{Device, Setting};
+use crate::outliers::signals::{Of, Outcome, noise, signals};
+use kalmems::config::Experiment;
+use kalmems::estimate::Trajectory;
+use kalmems::progress::Silent;
+use kalmems::rigs::published;
+use kalmems::simulate::Unwritten;
+use std::f64::consts::TAU;
+
+/// A device, its filter's further settings, and the unit of its signal.
+const DEVICES: [(&str, &[(&str, &str)], &str); 5] = [
+    ("shared scanner", &[], "V"),
+    ("threshold scanner", &[], "V"),
+    ("accelerometer", &[], "V"),
+    ("micro-stage", &[("estimate.filter.0.channels", "[\"1A\"]")], "V"),
+    ("piston mirror", &[], "F"),
+];
+
+/// Its frequency in Hz, and amplitude, phase and the offset beside it in standard deviations of the noise.
+const LINE: [f64; 4] = [700.0, 30.0, 0.4, 10.0];
+
+/// The recording with a line and an offset, and their sizes in the signal's unit.
+fn spoilt(experiment: &Experiment, simulated: &Unwritten) -> (Unwritten, f64) {
+    let (mut spoilt, mut sd) = (simulated.clone(), 0.0);
+    let [hz, amplitude, phase, offset] = LINE;
+    assert!(spoilt.change_recorded(&signals(experiment)[0], |values, times| {
+        sd = noise(values);
+        for (y, time) in values.iter_mut().zip(times) {
+            *y += sd * (amplitude * (TAU * hz * time + phase).cos() + offset);
+        }
+    }));
+    (spoilt, sd)
+}
+
+fn first_trajectory(experiment: &Experiment, simulated: &Unwritten) -> Trajectory {
+    let rig = published().rig(experiment).unwrap();
+    let recording = simulated.recorded(&rig.layout(experiment, 0).unwrap()).unwrap();
+    rig.estimate(experiment, 0, &recording, &Silent).unwrap().swap_remove(0).trajectories.swap_remove(0)
+}
+
+/// With a line and an offset as states every device's filter says what it says of the recording without them, and what they are.
+#[test]
+fn a_line_and_an_offset_are_found_as_states_of_every_device() {
+    for (name, settings, unit) in DEVICES {
+        // Crossings are sought in the signal as it is recorded.
+        let recorded = |settings: &[Setting]| {
+            Device::named(name).recorded_without(settings, &["estimate.filter.0.threshold"], 660)
+        };
+        let settings: Vec<Setting> =
+            settings.iter().map(|(key, value)| (*key, (*value).to_owned())).collect();
+        let (experiment, simulated) = recorded(&settings);
+        let clean = Outcome::of(&experiment, &simulated);
+        let (spoilt, sd) = spoilt(&experiment, &simulated);
+        let without = Outcome::of(&experiment, &spoilt);
+        let readout = format!(
+            "{{ offset = {{ start_sd = \"{:e} {unit}\" }}, lines = [{{ frequency = \"{} Hz\", start_sd = \"{:e} {unit}\" }}] }}",
+            30.0 * sd,
+            LINE[0],
+            50.0 * sd
+        );
+        let mut told = settings.clone();
+        told.push(("estimate.filter.0.readout", readout));
+        let (experiment, _) = recorded(&told);
+        let with = Outcome::of(&experiment, &spoilt);
+        println!(
+            "{name}: {:.3e} clean, {:.3e} without, {:.3e} with, {}",
+            clean.error(),
+            without.error(),
+            with.error(),
+            with.refused
+        );
+        let found = first_trajectory(&experiment, &spoilt);
+        let [_, amplitude, phase, offset] = LINE;
+        let truth = [
+            ("line_cosine", amplitude * phase.cos()),
+            ("line_sine", -amplitude * phase.sin()),
+            ("readout_offset", offset),
+        ];
+        for (state, truth) in truth {
+            let state = found.state(state).unwrap();
+            let (mean, of_mean) = (state.mean.last().unwrap() / sd, state.sd.last().unwrap() / sd);
+            println!("    {}: {mean:.3} ± {of_mean:.3} of {truth:.3}", state.name);
+            assert!(
+                (mean - truth).abs() < 4.0 * of_mean,
+                "{name}, {}: {mean} ± {of_mean} of {truth}",
+                state.name
+            );
+        }
+        assert!(with.passes(), "{name}: {:?}", with.first().map(|first| first.grade));
+        assert!(!without.passes(), "{name} passes with a line");
+    }
+}
+
+/// A scale is a gain where the gain scales all of the signal. With parameters as states the motion is stepped by Runge and Kutta's method and without
+/// exactly, so that the two are alike and not the same.
+#[test]
+fn a_scale_of_the_readout_is_the_deviation_of_the_gain() {
+    let of = Of::Published("micro-stage");
+    let one = ("estimate.filter.0.channels", "[\"1A\"]".to_owned());
+    let scale = ("estimate.filter.0.readout", "{ scale = { start_sd = \"1 %\" } }".to_owned());
+    let gain = ("estimate.filter.0.states", "{ gain = { start_sd = \"1 %\" } }".to_owned());
+    let found = [scale, gain].map(|setting| {
+        let (experiment, simulated) = of.recorded(&[one.clone(), setting], 661);
+        first_trajectory(&experiment, &simulated)
+    });
+    let [scale, gain] = &found;
+    for (a, b) in [("angle", "angle"), ("rate", "rate"), ("readout_scale", "gain")] {
+        let (a, b) = (scale.state(a).unwrap(), gain.state(b).unwrap());
+        let last = |values: &[f64]| *values.last().unwrap();
+        println!(
+            "{}: {:e} and {:e}, {:e} and {:e}",
+            a.name,
+            last(&a.mean),
+            last(&b.mean),
+            last(&a.sd),
+            last(&b.sd)
+        );
+        assert!((last(&a.sd) / last(&b.sd) - 1.0).abs() < 1e-3, "{}", a.name);
+        assert!((last(&a.mean) - last(&b.mean)).abs() < 0.02 * last(&b.sd), "{}", a.name);
+    }
+}
