@@ -80,7 +80,7 @@ impl Live {
                     },
                     series: series
                         .into_iter()
-                        .map(|(series, colour)| drawn_as(series, hex(colour)))
+                        .map(|(series, colour)| drawn_as(series, &hex(colour)))
                         .collect(),
                 })
             })
@@ -159,7 +159,7 @@ fn axis(axis: &Axis, range: Range) -> Value {
     })
 }
 
-fn drawn_as(series: &Series, colour: String) -> Drawn {
+fn drawn_as(series: &Series, colour: &str) -> Drawn {
     let stroke = style::stroke(series.role(), crate::scene::Colour(0, 0, 0));
     let (kind, level) = match series.shape() {
         Shape::Line(_) => ("line", None),

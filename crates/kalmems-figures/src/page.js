@@ -512,7 +512,9 @@
     /** Puts the plot and its legend on the page. */
     place(into, say) {
       this.position = element("output", { class: "position" });
-      const buttons = this.series.filter((s) => s.label || s.kind !== "level").map((series) => {
+      // A band without a name belongs to the line of its colour.
+      const isNamed = (series) => series.label || this.series.length === 1;
+      const buttons = this.series.filter(isNamed).map((series) => {
         series.output = element("output");
         const swatch = element("i", { class: series.kind, style: `background:${colourOf(series)}` });
         series.swatch = swatch;
@@ -522,6 +524,7 @@
           onclick: (event) => {
             series.hidden = !series.hidden;
             event.currentTarget.setAttribute("aria-pressed", String(!series.hidden));
+            for (const other of this.series) if (!isNamed(other) && other.kind === "band" && other.colour === series.colour) other.hidden = series.hidden;
             const { min, max } = this.plot.scales.x;
             this.show(min, max);
             this.plot.redraw();

@@ -184,13 +184,13 @@ fn verdicts(runs: &[Run]) -> (Table, Vec<Severity>) {
                         found.map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
                     };
                     let grade = text(&filter, "grade");
-                    severities.push(match grade.as_str() {
+                    let verdict = if grade.is_empty() { text(&filter, "verdict") } else { grade };
+                    severities.push(match verdict.as_str() {
                         "passes" => Severity::Ok,
                         "doubtful" => Severity::Warning,
-                        "failed" | "no_estimate" => Severity::Failure,
+                        "failed" | "no_estimate" | "astray" => Severity::Failure,
                         _ => Severity::Note,
                     });
-                    let verdict = if grade.is_empty() { text(&filter, "verdict") } else { grade };
                     table.push([
                         run.name.clone(),
                         place.trim().to_owned(),
