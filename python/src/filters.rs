@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use std::cell::RefCell;
 
 /// States and measurements for which filters are compiled, at most.
-const MOST: (usize, usize) = (6, 3);
+const MOST: (usize, usize) = (6, 2);
 
 /// A function of a state and the inputs of a sample, by its numbers.
 trait Function {
@@ -317,26 +317,7 @@ fn sized(job: &Job, n: usize, m: usize) -> Option<Run> {
             }
         };
     }
-    sizes!(
-        (1, 1),
-        (1, 2),
-        (1, 3),
-        (2, 1),
-        (2, 2),
-        (2, 3),
-        (3, 1),
-        (3, 2),
-        (3, 3),
-        (4, 1),
-        (4, 2),
-        (4, 3),
-        (5, 1),
-        (5, 2),
-        (5, 3),
-        (6, 1),
-        (6, 2),
-        (6, 3)
-    )
+    sizes!((1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2), (4, 1), (4, 2), (5, 1), (5, 2), (6, 1), (6, 2))
 }
 
 /// Arrays of numbers, by their names, with the shapes that they must have.

@@ -3,7 +3,7 @@
 use crate::errors::failed;
 use kalmems::given::{GivenClock, GivenRecording};
 use kalmems::recording::{Array, ArrayType, Arrays};
-use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
+use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -74,9 +74,4 @@ impl Columns {
     fn sha256(&self) -> String {
         self.given.arrays.digest().sha256.clone()
     }
-}
-
-/// Numbers of an array of any shape, row after row.
-pub fn numbers(array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Vec<f64>> {
-    Ok(array.as_slice()?.to_vec())
 }

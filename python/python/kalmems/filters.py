@@ -1,7 +1,7 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
-and then updated with. A sample with a value that is not a number is predicted only. Filters are compiled for up to six states and three
+and then updated with. A sample with a value that is not a number is predicted only. Filters are compiled for up to six states and two
 measurements.
 """
 

@@ -269,7 +269,8 @@ fn the_schemas_have_every_key_that_the_documentation_shows() {
         }
     }
     let mut wrong = Vec::new();
-    for page in pages() {
+    // What is written like a key there is Python, which the tests of the package run.
+    for page in pages().into_iter().filter(|page| page != "book/src/python.md") {
         let (whole, mut own) = (text(&page), false);
         for (line, fenced) in lines(&whole) {
             let Some(code) = (if fenced { Some(line) } else { line.strip_prefix("    ") }) else {

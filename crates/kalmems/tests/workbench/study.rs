@@ -7,6 +7,7 @@ use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs::published;
 use kalmems::simulate::Unwritten;
 use kalmems::study::{Options, Plan, Shard, StudyError, Summary};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZero;
@@ -132,6 +133,18 @@ impl Progress for After {
     }
 }
 
+/// A journal whose last run says something else in its last digit, with a checksum that is right.
+fn with_another_figure(journal: &str) -> String {
+    let (before, last) = journal.trim_end().rsplit_once('\n').unwrap();
+    let (body, _) = last.rsplit_once(",\"checksum\":\"").unwrap();
+    let place = body.rfind(|c: char| c.is_ascii_digit()).unwrap();
+    let digit = if &body[place..=place] == "1" { "2" } else { "1" };
+    let body = format!("{}{digit}{}", &body[..place], &body[place + 1..]);
+    let digest = Sha256::digest(&body);
+    let checksum: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    format!("{before}\n{body},\"checksum\":\"{checksum}\"}}\n")
+}
+
 #[test]
 fn threads_interruptions_and_shards_change_no_byte() {
     let folder = Folder::with(STUDY);
@@ -158,7 +171,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     assert!(fs::read_to_string(&path).unwrap().starts_with(&journal));
     assert_eq!(folder.written("stopped", &[path]), one);
 
-    // In shards, named in any order; what is not whole, twice there or of another study is refused.
+    // In shards, named in any order, and one of them twice; what is not whole, with other figures or of another study is refused.
     let shards = ["3/4", "1/4", "4/4", "2/4"].map(|shard| folder.run("parts", shard, 2, &Silent).unwrap());
     assert_eq!(folder.written("parts", &shards), one);
     let join = |journals: &[PathBuf]| {
@@ -169,7 +182,10 @@ fn threads_interruptions_and_shards_change_no_byte() {
     assert!(matches!(gap, StudyError::Gap { missing: 2, total: 6, first: 1, .. }), "{gap}");
     assert!(gap.to_string().contains("name the journal of shard 2/4"), "{gap}");
     let twice = [&shards[..], &shards[..1]].concat();
-    assert!(matches!(join(&twice), StudyError::Overlap { index: 2, .. }));
+    assert_eq!(folder.written("parts", &twice), one);
+    let altered = folder.path("altered.journal");
+    fs::write(&altered, with_another_figure(&fs::read_to_string(&shards[0]).unwrap())).unwrap();
+    assert!(matches!(join(&[&shards[..], &[altered]].concat()), StudyError::Overlap { index: 2, .. }));
     let other = Folder::with(&STUDY.replace("seed = 4", "seed = 5"));
     let foreign = other.run("parts", "2/4", 1, &Silent).unwrap();
     assert!(matches!(join(&[shards[0].clone(), foreign]), StudyError::Different { .. }));
