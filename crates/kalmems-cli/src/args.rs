@@ -1,44 +1,57 @@
 //! What can be asked for.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use kalmems::study::Shard;
 use std::num::NonZero;
 use std::path::PathBuf;
 
 /// What stands below the help.
-const EXIT_CODES: &str = "Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an \
-    estimate; 2 usage; 3 under --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over \
-    broke; 130 interrupted.";
+const BELOW: &str = "To begin: `kalmems new --list`, then `kalmems help start`. Topics such as `verdict` or `recordings`: \
+    `kalmems help topics`.\n\n\
+    Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under \
+    --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over broke; 130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
-#[command(name = "kalmems", version, about, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "kalmems", version, about, after_help = BELOW, max_term_width = 100, disable_help_subcommand = true)]
 pub struct Arguments {
+    /// Print the result and errors only: no progress, no notes, no hint at the next command.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
     #[command(subcommand)]
     pub command: Command,
 }
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Calibrate an instrument by a motion that is known.
+    /// Calibrate an instrument by a known motion.
     Calibrate(CalibrateArguments),
-    /// Find what of an experiment is wrong, by the innovations of a filter, and say what to write instead.
+    /// Lay results of `kalmems estimate` over one another in one page.
+    Compare(CompareArguments),
+    /// Print a script that completes the command's words in a shell.
+    Completions(CompletionsArguments),
+    /// Find the cause of a bad verdict by the innovations of a filter, with the lines to write instead.
     Diagnose(DiagnoseArguments),
     /// Estimate a device's motion from its recordings, and compare it with the reference.
     Estimate(EstimateArguments),
-    /// Write an experiment with its device as differential equations, to be changed.
+    /// Write an experiment with its device as differential equations, which can then be changed.
     Expand(ExpandArguments),
     /// Write a filter of an experiment as source code for a microcontroller.
     Export(ExportArguments),
-    /// Identify a device's parameters from its recordings, and say what they do not tell.
+    /// Explain a command, a topic such as `verdict`, or the names that an experiment with a device may use.
+    Help(HelpArguments),
+    /// Identify a device's parameters from its recordings, with standard errors, and list those that they do not determine.
     Identify(IdentifyArguments),
-    /// Put an image together from intensities and the trajectories along which they were taken.
+    /// Reconstruct an image from intensities and the trajectories along which they were recorded.
     Image(ImageArguments),
-    /// Say what a recording holds, or, of an experiment file, what its device will do under its drive.
+    /// Describe a recording, or predict what the device of an experiment file will do under its drive.
     Inspect(InspectArguments),
+    /// Print the manual page of the command, or of one of its commands.
+    Man(ManArguments),
     /// Write an experiment file to begin with, from a recording or for a device.
     New(NewArguments),
-    /// Compute the tables and figures of a rig's papers and set them beside the papers' own.
+    /// Compute the tables and figures of a published device and compare them with those of its papers.
     #[cfg(feature = "papers")]
     Reproduce(ReproduceArguments),
     /// Compute a recording from the `[simulate]` table of an experiment file.
@@ -51,7 +64,7 @@ pub enum Command {
     Spectrum(SpectrumArguments),
     /// Estimate samples while they arrive, as the table `[stream]` of an experiment file says.
     Stream(StreamArguments),
-    /// Run an experiment again and again, over a grid or by chance, and compare its estimators, or calibrate their claims.
+    /// Simulate and estimate an experiment many times, over a grid or with random parameters, and compare the filters or test their claims.
     Study(StudyArguments),
 }
 
@@ -60,6 +73,36 @@ pub struct SchemaArguments {
     /// What the files describe.
     #[arg(value_enum, default_value_t = Described::Experiment)]
     pub of: Described,
+    /// Write the schema to this file and not to the console.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the schema is to be written.
+    #[arg(long, requires = "write")]
+    pub force: bool,
+}
+
+#[derive(Args)]
+pub struct CompletionsArguments {
+    /// The shell.
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+#[derive(Args)]
+pub struct ManArguments {
+    /// The command, such as `estimate` or `calibrate gyro`; `kalmems` itself if left out.
+    pub command: Vec<String>,
+}
+
+#[derive(Args)]
+pub struct HelpArguments {
+    /// A command, such as `estimate`; a topic, such as `verdict`; `topics` for a list of them; `device NAME` for the channels, states,
+    /// parameters and methods of a device.
+    #[arg(value_name = "TOPIC")]
+    pub topic: Vec<String>,
+    /// Print the names of a device as JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What a file can describe.
@@ -122,7 +165,7 @@ pub struct EstimateArguments {
     /// End with exit code 3 if the answer of a filter is doubtful or worse.
     #[arg(long)]
     pub strict: bool,
-    /// Do not write the trajectories, which take several times the room of a long recording.
+    /// Do not write the trajectories, which are several times as large as a long recording.
     #[arg(long)]
     pub no_trajectories: bool,
 }
@@ -152,6 +195,9 @@ pub struct NewArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long, requires = "write")]
     pub force: bool,
+    /// Print the experiment, or the list, as JSON with what was found in the recording.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Two texts about the first `=`.
@@ -170,6 +216,22 @@ pub struct ExpandArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long)]
     pub force: bool,
+    /// Print the experiment and the notes on it as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args)]
+pub struct CompareArguments {
+    /// The folders of the results, such as `out/shared_scanner`.
+    #[arg(value_name = "RUN", required = true, num_args = 2..)]
+    pub runs: Vec<PathBuf>,
+    /// The page to write.
+    #[arg(long, value_name = "FILE", default_value = "out/compare.html")]
+    pub report: PathBuf,
+    /// Put a file aside, as FILE.previous, that stands where the page is to be written.
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Args)]
@@ -179,13 +241,16 @@ pub struct DiagnoseArguments {
     /// The filter whose innovations are looked at, by its name [default: the first that is a Kalman filter].
     #[arg(long, value_name = "NAME")]
     pub filter: Option<String>,
-    /// Write the experiment with what the first cause says to this file, in the same folder.
+    /// Write a copy of the experiment file with the first cause corrected to this file, in the same folder.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
-    /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
+    /// Write the report, a page to look into, to this HTML file as well.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Put a file aside, as FILE.previous, that stands where the experiment or the report is to be written.
     #[arg(long)]
     pub force: bool,
-    /// Print what was found as JSON instead of text.
+    /// Print the result as JSON instead of text.
     #[arg(long)]
     pub json: bool,
 }
@@ -202,7 +267,11 @@ pub struct StreamArguments {
     /// The rate of a serial device in bits per second; the device is then opened as one.
     #[arg(long, value_name = "BITS_PER_S")]
     pub baud: Option<u32>,
-    /// Write estimates and events as lines to this file; `-` for standard output, which is the default without `--frames`.
+    /// Write the report, a page to look into, to this HTML file at the end.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Write estimates and events as lines to this file; `-` for standard output. Without this and `--frames` they go to standard
+    /// output, or, where that is a terminal, to the file `out/streams/<name of the experiment>.jsonl`.
     #[arg(long, value_name = "FILE")]
     pub lines: Option<PathBuf>,
     /// Write estimates as frames in binary to this file; `-` for standard output.
@@ -233,10 +302,10 @@ pub struct ExportArguments {
     /// The sampling rate, such as `500 kHz` [default: that of the first recording].
     #[arg(long, value_name = "RATE")]
     pub rate: Option<String>,
-    /// Correct the filter by one sample in so many; the others are predicted through.
+    /// Correct the filter by every N-th sample only, and predict between them.
     #[arg(long, value_name = "N", default_value = "1")]
     pub update_every: NonZero<u32>,
-    /// Write so many samples of the first recording as tables as well, to try the filter with.
+    /// Also write N samples of the first recording as tables, for a test of the filter.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub samples: usize,
     /// A parameter that the program may change while it runs, of a device that is described by equations; may be given several times.
@@ -248,6 +317,9 @@ pub struct ExportArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
+    /// Print the names of the files as JSON instead of a list.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// The languages of an export.
@@ -284,13 +356,13 @@ pub struct ImageArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
-    /// How far x is ahead of its trajectory, such as `0.7deg`, instead of what the file says.
+    /// The phase by which x is ahead of its trajectory, such as `0.7deg`, instead of the value in the file.
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub phase_x: Option<String>,
-    /// How far y is ahead of its trajectory.
+    /// The phase by which y is ahead of its trajectory.
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub phase_y: Option<String>,
-    /// A grey PNG of what the image should be, to be compared with.
+    /// A grey PNG with which the image is compared.
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
     /// Print the figures as JSON instead of text.
@@ -306,7 +378,10 @@ pub struct InspectArguments {
     /// Draw it to this PNG file as well.
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
-    /// Of an experiment file: write text, data and all pictures to this folder as well.
+    /// Of a recording: write the report, a page to look into, to this HTML file as well.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Of an experiment file: write report, text, data and all pictures to this folder as well.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Put aside what the results would replace: the result of another experiment, files that were changed since, a
@@ -356,7 +431,7 @@ pub struct SimulateArguments {
     /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
     #[arg(long)]
     pub force: bool,
-    /// Which noise, instead of the one that the file says.
+    /// The seed of the noise, instead of the one in the file.
     #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
     /// Print the figures as JSON instead of text.
@@ -366,7 +441,9 @@ pub struct SimulateArguments {
 
 #[derive(Args)]
 pub struct SpectrumArguments {
-    /// The spectrum file, such as `examples/piston_mirror/spectrum.toml`.
+    /// The spectrum file, such as `examples/piston_mirror/two_lines_spectrum.toml`. That one needs the results of two commands
+    /// before it: `kalmems simulate examples/piston_mirror/two_lines.toml` and
+    /// `kalmems estimate out/simulated/two-lines/experiment.toml`.
     pub spectrum: PathBuf,
     /// The folder for the results [default: out/spectrum/<name of the spectrum>].
     #[arg(long, value_name = "DIR")]
@@ -390,14 +467,14 @@ pub struct StudyArguments {
     /// Replace the results, and the finished runs, of another study.
     #[arg(long)]
     pub force: bool,
-    /// How many runs at once; no byte of the results depends on it [default: as many as the machine can].
+    /// How many runs at once; the results do not depend on it [default: as many as the machine can].
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZero<usize>>,
     /// Run one part of several, such as `2/3`, for `kalmems merge` to join.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
-    /// Ask whether the verdict and what the filters claim hold: draw the truth of each run from what its filters hold as uncertain, every
-    /// parameter that is a state from its `start_sd`, beside what the study draws, and count false alarms, coverage and ranks.
+    /// Test verdicts and claimed uncertainties: each run draws the true value of every parameter that a filter has as a state from its
+    /// `start_sd`, beside what the study draws, and the results are false alarms, coverage and ranks.
     /// STUDY may then be an experiment file with a table `[simulate]` as well.
     #[arg(long)]
     pub calibration: bool,

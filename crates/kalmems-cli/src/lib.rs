@@ -24,8 +24,8 @@ use args::{Arguments, Command};
 use clap::Parser;
 use kalmems::recording::panic_is_caught;
 use kalmems::rigs::Workbench;
+use std::ffi::OsString;
 use std::process::ExitCode;
-use tell::tell;
 
 /// How a command ended, other than well.
 enum Ending {
@@ -42,21 +42,36 @@ enum Ending {
 }
 
 /// Does what the arguments of the program say with the devices of this workbench, and gives the program's exit code.
-///
-/// A usage error and a call for help end the program here.
 pub fn run(workbench: &Workbench) -> ExitCode {
+    ExitCode::from(run_with(workbench, std::env::args_os()))
+}
+
+/// The same with these arguments, of which the first is the name of the program, in a program that is no other's; the exit code.
+pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     tell_of_unexpected_panics_alone();
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(told) => {
+            // Of a usage error, or help that was asked for. Where nobody reads it, it is lost.
+            let _ = told.print();
+            return u8::try_from(told.exit_code()).unwrap_or(2);
+        }
+    };
+    tell::set_quiet(arguments.quiet);
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
+        Command::Compare(arguments) => commands::compare::run(arguments),
+        Command::Completions(arguments) => commands::completions::run(arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(workbench, arguments),
         Command::Expand(arguments) => commands::expand::run(workbench, arguments),
         Command::Estimate(arguments) => commands::estimate::run(workbench, arguments),
         Command::Export(arguments) => commands::export::run(workbench, arguments),
+        Command::Help(arguments) => commands::help::run(workbench, arguments),
         Command::Image(arguments) => commands::image::run(arguments),
         Command::Identify(arguments) => commands::identify::run(workbench, arguments),
         Command::Inspect(arguments) => commands::inspect::run(workbench, arguments),
+        Command::Man(arguments) => commands::man::run(arguments),
         Command::New(arguments) => commands::new::run(workbench, arguments),
         #[cfg(feature = "papers")]
         Command::Reproduce(arguments) => commands::reproduce::run(arguments),
@@ -68,25 +83,31 @@ pub fn run(workbench: &Workbench) -> ExitCode {
         Command::Study(arguments) => commands::study::run(workbench, arguments),
     };
     let (message, code) = match ending {
-        Ok(()) => return ExitCode::SUCCESS,
-        Err(Ending::Told(code)) => return ExitCode::from(code),
+        Ok(()) => return 0,
+        Err(Ending::Told(code)) => return code,
         Err(Ending::Wrong(message)) => (message, 1),
         Err(Ending::NotConsistent(message)) => (message, 3),
         Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
         Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
     };
-    tell!("error: {message}");
-    ExitCode::from(code)
+    tell::line(format_args!("error: {message}"));
+    code
 }
 
-/// A panic that a damaged file causes in a reader's library is told as the error that it becomes.
-fn tell_of_unexpected_panics_alone() {
+/// From now on a panic that a damaged file causes in a reader's library is told as the error that it becomes, and not twice.
+pub fn tell_of_unexpected_panics_alone() {
     let tell = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         if !panic_is_caught() {
             tell(panic);
         }
     }));
+}
+
+/// Prints a result as JSON, with a line break at its end.
+fn print_json(result: &impl serde::Serialize) -> Result<(), Ending> {
+    let json = serde_json::to_string_pretty(result).map_err(|e| Ending::Wrong(e.to_string()))?;
+    print(&(json + "\n"))
 }
 
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.

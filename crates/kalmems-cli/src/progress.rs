@@ -1,6 +1,7 @@
 //! A bar on a terminal, for work that takes long.
 
 use crate::interrupt;
+use crate::tell::is_quiet;
 use indicatif::{ProgressBar, ProgressStyle};
 use kalmems::progress::Progress;
 use std::cell::RefCell;
@@ -35,7 +36,7 @@ impl Progress for Bar {
         if let Some(old) = bar.take() {
             old.finish_and_clear();
         }
-        if total >= self.shortest && std::io::stderr().is_terminal() {
+        if total >= self.shortest && !is_quiet() && std::io::stderr().is_terminal() {
             let new = ProgressBar::new(total).with_message(what.to_owned());
             if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
                 new.set_style(style);

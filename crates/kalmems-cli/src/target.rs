@@ -24,6 +24,11 @@ pub fn finish(output: Output) -> Result<PathBuf, Ending> {
     Ok(out)
 }
 
+/// Writes a page that is a result of its own.
+pub fn write_page(path: &Path, html: &str, force: bool) -> Result<(), Ending> {
+    kalmems::results::write_page(path, html, force).map_err(|e| Ending::Wrong(e.to_string()))
+}
+
 /// A file in the folder of an experiment, from which the experiment's paths count.
 pub struct BesideExperiment<'a> {
     path: &'a Path,
@@ -39,13 +44,7 @@ impl<'a> BesideExperiment<'a> {
                 .to_owned();
             return Err(Ending::Wrong(why));
         }
-        if path.exists() && !force {
-            let why = format!(
-                "`{}` is there already; give another path, or --force to keep it beside",
-                path.display()
-            );
-            return Err(Ending::Wrong(why));
-        }
+        refuse_existing(path, force)?;
         Ok(Some(Self { path, force }))
     }
 
@@ -56,9 +55,30 @@ impl<'a> BesideExperiment<'a> {
 
     /// Writes it whole.
     pub fn write(&self, text: &str) -> Result<(), Ending> {
-        let mut file =
-            create_file(self.path, |_| false, self.force).map_err(|e| Ending::Wrong(e.to_string()))?;
-        let failed = |e: std::io::Error| Ending::Wrong(format!("cannot write {}: {e}", self.path.display()));
-        file.write_all(text.as_bytes()).map_err(failed)
+        put(self.path, text, self.force)
     }
+}
+
+/// Writes a file whole. One that stands there is refused, or put aside as `FILE.previous` where that is wanted.
+pub fn write_file(path: &Path, text: &str, force: bool) -> Result<(), Ending> {
+    refuse_existing(path, force)?;
+    put(path, text, force)
+}
+
+fn refuse_existing(path: &Path, force: bool) -> Result<(), Ending> {
+    if path.exists() && !force {
+        let why = format!(
+            "`{}` exists already; give another path, or `--force`, which keeps the present file as `{}.previous`",
+            path.display(),
+            path.display()
+        );
+        return Err(Ending::Wrong(why));
+    }
+    Ok(())
+}
+
+fn put(path: &Path, text: &str, force: bool) -> Result<(), Ending> {
+    let mut file = create_file(path, |_| false, force).map_err(|e| Ending::Wrong(e.to_string()))?;
+    let failed = |e: std::io::Error| Ending::Wrong(format!("cannot write {}: {e}", path.display()));
+    file.write_all(text.as_bytes()).map_err(failed)
 }

@@ -3,6 +3,20 @@
 
 use std::fmt::Arguments;
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether the user wants results and errors only.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Says whether progress, notes and hints are shown from here on.
+pub fn set_quiet(quiet: bool) {
+    QUIET.store(quiet, Ordering::Relaxed);
+}
+
+/// Whether the user wants results and errors only.
+pub fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
 
 /// Standard error as a place to write to that never fails.
 pub struct StandardError;
@@ -24,10 +38,17 @@ pub fn line(text: Arguments) {
     let _ = io::stderr().write_all(format!("{text}\n").as_bytes());
 }
 
-/// A line on standard error. `eprintln!` would panic where that is closed.
+/// A note or a hint, which `--quiet` leaves out.
+pub fn note(text: Arguments) {
+    if !is_quiet() {
+        line(text);
+    }
+}
+
+/// A note or a hint on standard error. `eprintln!` would panic where that is closed.
 macro_rules! tell {
     ($($arguments:tt)*) => {
-        $crate::tell::line(format_args!($($arguments)*))
+        $crate::tell::note(format_args!($($arguments)*))
     };
 }
 

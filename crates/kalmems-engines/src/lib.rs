@@ -4,7 +4,6 @@
 //! there are; a device brings a [`rig::Rig`]. Users take all of it from the crate `kalmems`.
 
 pub mod circuit;
-pub mod config;
 pub mod estimate;
 pub mod evaluate;
 pub mod export;
@@ -18,4 +17,5 @@ pub mod rig;
 pub mod signal;
 pub mod simulate;
 
+pub use kalmems_config as config;
 pub use kalmems_units as units;

@@ -45,8 +45,11 @@ where
     P: IntoIterator<Item = (f64, f64)>,
     P::IntoIter: Clone,
 {
-    let samples = points.into_iter().map(|(x, y)| Sample { x, low: y, high: y });
-    reduce(samples, columns, 4, |column, run| {
+    let points = points.into_iter();
+    let samples = |each: &mut dyn FnMut(Sample)| {
+        points.clone().for_each(|(x, y)| each(Sample { x, low: y, high: y }));
+    };
+    reduce(&samples, columns, 4, |column, run| {
         let mut kept = [
             (column.first.0, column.first.1.x, column.first.1.low),
             (column.lowest.0, column.lowest.1.x, column.lowest.1.low),
@@ -72,8 +75,11 @@ where
     P: IntoIterator<Item = (f64, f64, f64)>,
     P::IntoIter: Clone,
 {
-    let samples = points.into_iter().map(|(x, low, high)| Sample { x, low, high });
-    reduce(samples, columns, 2, |column, run| {
+    let points = points.into_iter();
+    let samples = |each: &mut dyn FnMut(Sample)| {
+        points.clone().for_each(|(x, low, high)| each(Sample { x, low, high }));
+    };
+    reduce(&samples, columns, 2, |column, run| {
         let (lower, upper) = (column.lowest.1.low, column.highest.1.high);
         run.push([column.first.1.x, lower, upper]);
         if column.last.0 != column.first.0 {
@@ -133,13 +139,13 @@ struct Survey {
 }
 
 impl Survey {
-    fn of(samples: impl Iterator<Item = Sample>) -> Self {
+    fn of(samples: Samples) -> Self {
         let mut survey = Self { samples: 0, missing: 0, not_positive: 0, ordered: true, x: None };
-        for sample in samples {
+        samples(&mut |sample| {
             survey.samples += 1;
             if !sample.is_drawable() {
                 survey.missing += 1;
-                continue;
+                return;
             }
             survey.not_positive += usize::from(sample.low < SMALLEST);
             survey.x = match survey.x {
@@ -149,7 +155,7 @@ impl Survey {
                     Some((start, sample.x))
                 }
             };
-        }
+        });
         survey
     }
 
@@ -173,14 +179,18 @@ impl Survey {
     }
 }
 
+/// Hands over all samples in order, each time that it is called. Behind a pointer, so that the work on them is compiled once and
+/// not for each iterator that anyone draws.
+type Samples<'a> = &'a dyn Fn(&mut dyn FnMut(Sample));
+
 fn reduce<T>(
-    samples: impl Iterator<Item = Sample> + Clone,
+    samples: Samples,
     columns: usize,
     per_column: usize,
-    emit: impl Fn(&Column, &mut Vec<T>),
+    emit: fn(&Column, &mut Vec<T>),
 ) -> Decimated<T> {
     let columns = columns.max(1);
-    let survey = Survey::of(samples.clone());
+    let survey = Survey::of(samples);
     let thinning = survey.thinning(columns, per_column);
     let last_column = if thinning == Thinning::None { usize::MAX } else { columns - 1 };
 
@@ -189,10 +199,13 @@ fn reduce<T>(
     let mut column: Option<Column> = None;
     let mut missing_since = false;
     let mut previous = 0.0;
-    for (index, sample) in samples.enumerate() {
+    let mut next = 0;
+    samples(&mut |sample| {
+        let index = next;
+        next += 1;
         if !sample.is_drawable() {
             missing_since = true;
-            continue;
+            return;
         }
         let position = survey.position(thinning, columns, index, sample.x);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and the sample count
@@ -222,7 +235,7 @@ fn reduce<T>(
                 column = Some(Column { number, first: here, lowest: here, highest: here, last: here });
             }
         }
-    }
+    });
     if let Some(done) = column {
         emit(&done, &mut run);
     }

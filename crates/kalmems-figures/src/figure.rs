@@ -1,6 +1,8 @@
 //! What a figure shows, as plain data: panels, axes and series.
 
 use crate::decimate::{Decimated, Thinning, decimate, decimate_band, is_drawable};
+use crate::record::{Record, Track};
+use std::sync::Arc;
 
 /// Pixel columns of a figure, and so the columns to which a series is reduced.
 const COLUMNS: usize = 800;
@@ -178,6 +180,7 @@ pub struct Series {
     gaps: usize,
     not_positive: usize,
     thinning: Thinning,
+    record: Option<Arc<Record>>,
 }
 
 impl Series {
@@ -187,7 +190,9 @@ impl Series {
         P: IntoIterator<Item = (f64, f64)>,
         P::IntoIter: Clone,
     {
-        Self::reduced(label.into(), role, decimate(points, COLUMNS), Shape::Line)
+        let points = points.into_iter();
+        let record = recorded(points.clone().map(|(x, y)| (x, [y])), [0, 0]);
+        Self::reduced((label.into(), role, record), decimate(points, COLUMNS), Shape::Line)
     }
 
     /// Separate points at `(x, y)`.
@@ -196,7 +201,11 @@ impl Series {
         P: IntoIterator<Item = (f64, f64)>,
         P::IntoIter: Clone,
     {
-        Self::reduced(label.into(), role, decimate(points, COLUMNS), |runs| Shape::Points(runs.concat()))
+        let points = points.into_iter();
+        let record = recorded(points.clone().map(|(x, y)| (x, [y])), [0, 0]);
+        Self::reduced((label.into(), role, record), decimate(points, COLUMNS), |runs| {
+            Shape::Points(runs.concat())
+        })
     }
 
     /// The area between `lower` and `upper` of `(x, lower, upper)`.
@@ -205,13 +214,15 @@ impl Series {
         P: IntoIterator<Item = (f64, f64, f64)>,
         P::IntoIter: Clone,
     {
-        Self::reduced(label.into(), role, decimate_band(points, COLUMNS), Shape::Band)
+        let points = points.into_iter();
+        let record = recorded(points.clone().map(|(x, low, high)| (x, [low, high])), [0, 1]);
+        Self::reduced((label.into(), role, record), decimate_band(points, COLUMNS), Shape::Band)
     }
 
     /// A horizontal line at `y`. One that is not finite is noted and not drawn.
     pub fn level(label: impl Into<String>, role: Role, y: f64) -> Self {
         let single = decimate([(0.0, y)], 1);
-        Self::reduced(label.into(), role, single, |_| Shape::Level(y))
+        Self::reduced((label.into(), role, None), single, |_| Shape::Level(y))
     }
 
     /// Values over a grid, with a colour bar beside the panel; the label is that of the line at the grid's level.
@@ -224,13 +235,34 @@ impl Series {
             gaps: source_samples - grid.finite().count(),
             not_positive: 0,
             thinning: Thinning::None,
+            record: None,
             shape: Shape::Map(grid),
         }
     }
 
+    /// All that has passed through two channels of a track, as [`of_all`](Self::of_all) has it: a line through its samples where they are
+    /// few, else the area between the extremes of groups of them.
+    pub fn of_track(label: impl Into<String>, role: Role, track: &Track, channels: [usize; 2]) -> Self {
+        let groups = track.extremes(channels);
+        let is_line = channels[0] == channels[1] && track.is_whole();
+        let series = if is_line {
+            Self::line(label, role, groups.into_iter().map(|(x, low, _)| (x, low)).collect::<Vec<_>>())
+        } else {
+            Self::band(label, role, groups)
+        };
+        series.of_all(track, channels)
+    }
+
+    /// On a page, all that has passed through two channels of a track stands for this series, of which pictures show a part: a
+    /// line or points through one channel (twice the same), or a band from the lower to the upper one.
+    #[must_use]
+    pub fn of_all(mut self, track: &Track, channels: [usize; 2]) -> Self {
+        self.record = track.record(channels).map(Arc::new);
+        self
+    }
+
     fn reduced<T>(
-        label: String,
-        role: Role,
+        (label, role, record): (String, Role, Option<Arc<Record>>),
         data: Decimated<T>,
         shape: impl FnOnce(Vec<Vec<T>>) -> Shape,
     ) -> Self {
@@ -241,6 +273,7 @@ impl Series {
             gaps: data.missing,
             not_positive: data.not_positive,
             thinning: data.thinning,
+            record,
             shape: shape(data.runs),
         }
     }
@@ -278,4 +311,21 @@ impl Series {
     pub(crate) fn thinning(&self) -> Thinning {
         self.thinning
     }
+
+    /// What a page has of it to look into.
+    pub(crate) fn record(&self) -> Option<&Arc<Record>> {
+        self.record.as_ref()
+    }
+}
+
+/// What is kept of samples.
+fn recorded<const N: usize>(
+    samples: impl Iterator<Item = (f64, [f64; N])>,
+    channels: [usize; 2],
+) -> Option<Arc<Record>> {
+    let mut track = Track::new(N);
+    for (x, values) in samples {
+        track.push(x, &values);
+    }
+    track.record(channels).map(Arc::new)
 }

@@ -110,7 +110,7 @@ fn from_to(unit: &str, low: f64, high: f64) -> String {
 }
 
 /// A value with four digits and its unit.
-fn quantity(value: f64, unit: &str) -> String {
+pub(crate) fn quantity(value: f64, unit: &str) -> String {
     let mut prefix = prefixed(unit, value);
     if prefix.is_power {
         prefix = Prefixed::power(unit, value);

@@ -1,11 +1,28 @@
 //! The report page: one HTML file that needs nothing else.
 
 use crate::error::ReportError;
-use crate::figure::Figure;
-use crate::table::Table;
+use crate::figure::{Figure, Series};
+use crate::layout::extent;
+use crate::live::Live;
+use crate::notes::quantity;
+use crate::table::{Column, Table};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use minijinja::{Environment, Value, context};
 
 const TEMPLATE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+/// The library that draws axes and follows the mouse, and what of a page it needs.
+const PLOTS: [&str; 3] = [
+    include_str!("../assets/uplot.min.js"),
+    include_str!("../assets/uplot.min.css"),
+    include_str!("../assets/uplot-LICENSE.txt"),
+];
+const SCRIPT: &str = include_str!("page.js");
+/// A cell of so many letters is not broken.
+const SHORT: usize = 24;
+/// A table of so many columns becomes cards where the page is narrow.
+const CARDS: usize = 4;
 
 /// A report.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,26 +35,59 @@ pub struct Page {
     pub sections: Vec<Section>,
 }
 
+/// What a section is for. Every page has its parts in this order, whatever the order in which they were added.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// Whether the result is to be trusted, and why.
+    Verdict,
+    /// What was asked for.
+    #[default]
+    Answer,
+    /// What the verdict rests on.
+    Evidence,
+    /// What was found of the device's parameters.
+    Parameters,
+    /// What the uncertainty is due to.
+    Budget,
+    /// Settings, inputs, and how to do it again.
+    Made,
+}
+
 /// A part of a page with a heading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
     /// The heading; empty for none.
     pub title: String,
+    /// What it is for.
+    pub part: Part,
+    /// Figures over time are looked into together where this is the same.
+    pub time_base: String,
     /// From top to bottom.
     pub blocks: Vec<Block>,
 }
 
 /// How serious a notice is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// A check passed.
     Ok,
     /// The reader should know.
     Note,
-    /// The result is in doubt. Warnings are repeated at the top of the page.
+    /// The result is in doubt. A warning that does not belong to the verdict is named at the top of the page as well.
     Warning,
-    /// The result is wrong, or there is none. Repeated likewise.
+    /// The result is wrong, or there is none. A failure is named at the top of the page as a warning is.
     Failure,
+}
+
+impl Severity {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Note => "note",
+            Self::Warning => "warning",
+            Self::Failure => "failure",
+        }
+    }
 }
 
 /// A piece of a section. All text is plain text.
@@ -52,12 +102,23 @@ pub enum Block {
         /// What it says.
         text: String,
     },
+    /// What a reader may want to know, folded away where it is more than a few.
+    Notes(Vec<String>),
     /// Names and values.
     KeyValues(Vec<(String, String)>),
     /// A table.
     Table(Table),
     /// A numbered figure with its caption.
     Figure(Figure),
+    /// A picture of pixels.
+    Raster {
+        /// A PNG file.
+        png: Vec<u8>,
+        /// What it shows, for those who do not see it.
+        alt: String,
+        /// The line below it.
+        caption: String,
+    },
     /// Text to be shown as it is, folded away until it is asked for.
     Preformatted {
         /// What the reader sees before it is unfolded.
@@ -80,25 +141,34 @@ impl Page {
         self
     }
 
-    /// The page as HTML. The same page gives the same bytes.
+    /// The page as HTML, its sections in the order of [`Part`]. The same page gives the same bytes.
+    ///
+    /// Figures are still pictures, which a script replaces by plots that can be looked into: all samples where they are few, else
+    /// the extremes of groups of them.
     pub fn to_html(&self) -> Result<String, ReportError> {
         let mut environment = Environment::new();
         // The ending tells that values are escaped.
         environment.add_template("page.html", TEMPLATE)?;
+        let mut order: Vec<&Section> = self.sections.iter().collect();
+        order.sort_by_key(|section| section.part);
         let mut numbers = Numbers::default();
-        let sections: Vec<Value> = self
-            .sections
-            .iter()
-            .map(|section| {
-                let blocks: Vec<Value> = section.blocks.iter().map(|b| numbers.block(b)).collect();
-                context! { title => section.title.as_str(), blocks => blocks }
+        let sections: Vec<Value> = (order.iter().enumerate())
+            .map(|(index, section)| {
+                let blocks: Vec<Value> =
+                    section.blocks.iter().map(|block| numbers.block(section, block)).collect();
+                context! { title => section.title.as_str(), anchor => format!("section-{}", index + 1), blocks => blocks }
             })
             .collect();
+        let data = numbers.live.into_json();
         let page = context! {
             title => self.title.as_str(),
-            subtitle => self.subtitle.as_str(),
+            subtitle => with_code(&self.subtitle),
             warnings => numbers.warnings,
             sections => sections,
+            style => Value::from_safe_string(STYLE.to_owned()),
+            plots => PLOTS.map(|text| Value::from_safe_string(text.to_owned())).to_vec(),
+            script => Value::from_safe_string(SCRIPT.to_owned()),
+            data => data.map(Value::from_safe_string),
         };
         Ok(environment.get_template("page.html")?.render(page)?)
     }
@@ -107,7 +177,28 @@ impl Page {
 impl Section {
     /// A section without content yet.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), blocks: Vec::new() }
+        Self { title: title.into(), part: Part::default(), time_base: String::new(), blocks: Vec::new() }
+    }
+
+    /// How a page was made: by which command, by which version, and the files beside it in words.
+    pub fn made(command: &str, version: &str, beside: &str) -> Self {
+        Self::new("How it was made").part(Part::Made).paragraph(format!(
+            "`kalmems {command}`, kalmems {version}. The same input gives the same page to the last byte. {beside}"
+        ))
+    }
+
+    /// Says what it is for.
+    #[must_use]
+    pub fn part(mut self, part: Part) -> Self {
+        self.part = part;
+        self
+    }
+
+    /// Says to which recording its times belong, where a page has several.
+    #[must_use]
+    pub fn of_time(mut self, base: impl Into<String>) -> Self {
+        self.time_base = base.into();
+        self
     }
 
     /// Adds any block.
@@ -129,6 +220,12 @@ impl Section {
         self.with(Block::Notice { severity, text: text.into() })
     }
 
+    /// Adds notes.
+    #[must_use]
+    pub fn notes(self, notes: Vec<String>) -> Self {
+        if notes.is_empty() { self } else { self.with(Block::Notes(notes)) }
+    }
+
     /// Adds names and values.
     #[must_use]
     pub fn key_values<K: Into<String>, V: Into<String>>(
@@ -148,6 +245,12 @@ impl Section {
     #[must_use]
     pub fn figure(self, figure: Figure) -> Self {
         self.with(Block::Figure(figure))
+    }
+
+    /// Adds a picture of pixels, a PNG file.
+    #[must_use]
+    pub fn raster(self, png: Vec<u8>, alt: impl Into<String>, caption: impl Into<String>) -> Self {
+        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into() })
     }
 
     /// Adds text that is folded away.
@@ -187,63 +290,132 @@ fn with_code(text: &str) -> Value {
 #[derive(Default)]
 struct Numbers {
     figures: usize,
+    anchors: usize,
     warnings: Vec<Value>,
+    live: Live,
 }
 
 impl Numbers {
-    fn block(&mut self, block: &Block) -> Value {
+    fn block(&mut self, section: &Section, block: &Block) -> Value {
         match block {
             Block::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
-            Block::Notice { severity, text } => self.notice(*severity, text),
-            Block::KeyValues(pairs) => context! { kind => "key-values", pairs },
+            Block::Notice { severity, text } => self.notice(section.part, *severity, text),
+            Block::Notes(notes) => {
+                let notes: Vec<Value> = notes.iter().map(|note| with_code(note)).collect();
+                context! { kind => "notes", notes }
+            }
+            Block::KeyValues(pairs) => {
+                let pairs: Vec<[Value; 2]> =
+                    pairs.iter().map(|(name, value)| [with_code(name), with_code(value)]).collect();
+                context! { kind => "key-values", pairs }
+            }
             Block::Table(table) => table_value(table),
             Block::Figure(figure) => {
                 self.figures += 1;
+                let is_live = self.live.take(self.figures, &section.time_base, figure);
                 context! {
                     kind => "figure",
                     number => self.figures,
-                    caption => figure.caption.as_str(),
+                    title => figure.title.as_str(),
+                    caption => with_code(&figure.caption),
                     svg => Value::from_safe_string(figure.to_svg()),
+                    numbers => is_live.then(|| table_value(&numbers_of(figure))),
                 }
             }
+            Block::Raster { png, alt, caption } => context! {
+                kind => "raster",
+                // Letters, digits, `+`, `/` and `=`.
+                data => Value::from_safe_string(STANDARD.encode(png)),
+                alt,
+                caption => with_code(caption),
+            },
             Block::Preformatted { summary, text } => context! { kind => "preformatted", summary, text },
         }
     }
 
-    fn notice(&mut self, severity: Severity, text: &str) -> Value {
-        let (severity, word) = match severity {
-            Severity::Ok => ("ok", "OK"),
-            Severity::Note => ("note", "Note"),
-            Severity::Warning => ("warning", "Warning"),
-            Severity::Failure => ("failure", "Failure"),
+    fn notice(&mut self, part: Part, severity: Severity, text: &str) -> Value {
+        let word = match severity {
+            Severity::Ok => "OK",
+            Severity::Note => "Note",
+            Severity::Warning => "Warning",
+            Severity::Failure => "Failure",
         };
         let mut anchor = None;
-        if matches!(severity, "warning" | "failure") {
-            let name = format!("warning-{}", self.warnings.len() + 1);
+        // The verdict stands at the top itself.
+        if severity >= Severity::Warning && part != Part::Verdict {
+            self.anchors += 1;
+            let name = format!("warning-{}", self.anchors);
+            let severity = severity.class();
             self.warnings
                 .push(context! { anchor => name.as_str(), text => with_code(brief(text)), severity });
             anchor = Some(name);
         }
-        context! { kind => "notice", severity, word, text => with_code(text), anchor }
+        context! { kind => "notice", severity => severity.class(), word, text => with_code(text), anchor }
     }
+}
+
+/// What the series of a figure come to, in words and numbers.
+fn numbers_of(figure: &Figure) -> Table {
+    let columns = [
+        Column::text("panel"),
+        Column::text("series"),
+        Column::number("samples", ""),
+        Column::text("from"),
+        Column::text("to"),
+        Column::text("lowest"),
+        Column::text("highest"),
+    ];
+    let mut table = Table::new("What the series of this figure come to", columns);
+    for panel in &figure.panels {
+        for series in panel.series.iter().filter(|series| series.record().is_some()) {
+            table.push(numbers_of_series(
+                panel.x.unit.as_str(),
+                panel.y.label.as_str(),
+                panel.y.unit.as_str(),
+                series,
+            ));
+        }
+    }
+    table
+}
+
+fn numbers_of_series(x_unit: &str, panel: &str, y_unit: &str, series: &Series) -> [String; 7] {
+    let ends = extent(series).fold(None, |ends: Option<[f64; 4]>, [x, low, high]| {
+        let [from, to, lowest, highest] = ends.unwrap_or([x, x, low, high]);
+        Some([from.min(x), to.max(x), lowest.min(low), highest.max(high)])
+    });
+    let text =
+        |place: usize, unit: &str| ends.map_or_else(|| "–".to_owned(), |ends| quantity(ends[place], unit));
+    [
+        panel.to_owned(),
+        series.label().to_owned(),
+        series.source_samples().to_string(),
+        text(0, x_unit),
+        text(1, x_unit),
+        text(2, y_unit),
+        text(3, y_unit),
+    ]
 }
 
 fn table_value(table: &Table) -> Value {
     let class = |column| if table.is_numeric(column) { "number" } else { "text" };
-    let heads: Vec<Value> = (0..table.width())
-        .map(|column| context! { text => table.head(column), class => class(column) })
+    let is_short = |text: &str| text.chars().count() <= SHORT;
+    let order: Vec<usize> = table.order().collect();
+    let heads: Vec<Value> = (order.iter())
+        .map(|column| context! { text => with_code(&table.head(*column)), class => class(*column) })
         .collect();
-    let rows: Vec<Vec<Value>> = table
-        .rows
-        .iter()
-        .map(|row| {
-            (0..table.width())
+    let rows: Vec<Vec<Value>> = (table.rows.iter().enumerate())
+        .map(|(index, row)| {
+            (order.iter())
                 .map(|column| {
-                    let text = row.get(column).map_or("", String::as_str);
-                    context! { text, class => class(column) }
+                    let cell = row.get(*column).map_or("", String::as_str);
+                    let text = with_code(cell);
+                    let grade = table.grade(index, *column).map(Severity::class);
+                    context! { text, class => class(*column), short => is_short(cell), head => table.head(*column), grade }
                 })
                 .collect()
         })
         .collect();
-    context! { kind => "table", caption => table.caption.as_str(), heads, rows }
+    let is_cards = table.width() >= CARDS;
+    context! { kind => "table", caption => with_code(&table.caption), has_caption => !table.caption.is_empty(), heads, rows, is_cards }
 }

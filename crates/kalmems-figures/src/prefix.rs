@@ -39,6 +39,17 @@ impl Prefixed {
 
 /// The unit for values up to `largest`.
 pub(crate) fn prefixed(unit: &str, largest: f64) -> Prefixed {
+    // A unit that has a prefix takes another in its place: µm and not 10³ nm.
+    if let Some((base, exponent)) = without_prefix(unit) {
+        let scale = 10_f64.powi(exponent);
+        let better = prefixed(base, largest * scale);
+        // A plain number of the unit as it is reads as well.
+        let is_fine = (1.0..1000.0).contains(&largest.abs()) || largest == 0.0 || !largest.is_finite();
+        if is_fine || better.is_power {
+            return Prefixed { unit: unit_sign(unit), exponent: 0, is_power: false };
+        }
+        return Prefixed { exponent: better.exponent - exponent, ..better };
+    }
     let sign = unit_sign(unit);
     let plain = Prefixed { unit: sign.clone(), exponent: 0, is_power: false };
     let decade = largest.abs().log10();
@@ -65,6 +76,21 @@ pub(crate) fn prefixed(unit: &str, largest: f64) -> Prefixed {
         return plain;
     }
     Prefixed { unit: times_ten_to(exponent, &sign), exponent, is_power: true }
+}
+
+/// A unit without the prefix that it has, and the prefix's power of ten: nm as m and −9.
+fn without_prefix(unit: &str) -> Option<(&str, i32)> {
+    const WRITTEN: [(char, i32); 9] =
+        [('f', -15), ('p', -12), ('n', -9), ('u', -6), ('µ', -6), ('m', -3), ('k', 3), ('M', 6), ('G', 9)];
+    let unit = unit.trim();
+    // Such as m, Pa and Hz, which begin like a prefix or have none; the kilogram is a unit of its own.
+    if takes_prefix(unit) || unit.starts_with("kg") {
+        return None;
+    }
+    let first = unit.chars().next()?;
+    let (_, exponent) = WRITTEN.iter().find(|(prefix, _)| *prefix == first)?;
+    let base = unit.get(first.len_utf8()..)?;
+    takes_prefix(base).then_some((base, *exponent))
 }
 
 fn times_ten_to(exponent: i32, sign: &str) -> String {
@@ -104,6 +130,12 @@ mod tests {
             ("N m", 1e-4, "µN·m", -6),
             ("1", 1e-9, "10⁻⁹", -9),
             ("V", 1e-30, "10⁻³⁰ V", -30),
+            ("nm", 3e6, "mm", 6),
+            ("nm", 30.0, "nm", 0),
+            ("um/s", 2e-3, "nm/s", -3),
+            ("mg", 5e4, "g", 3),
+            ("fF", 1e-2, "aF", -3),
+            ("mm^2", 1e6, "10⁶ mm²", 6),
             ("V", 0.0, "V", 0),
         ] {
             let got = prefixed(unit, largest);

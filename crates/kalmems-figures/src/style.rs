@@ -108,9 +108,13 @@ pub(crate) fn band_edge(colour: Colour) -> Stroke {
     Stroke { colour: Colour(darker(colour.0), darker(colour.1), darker(colour.2)), width: 0.9, dashed: false }
 }
 
-/// What is drawn first lies below: maps, then bands, then wide lines, then thin ones, then points.
+/// Points that are so few are what a line was fitted to, and would be hidden by it.
+const FEW: usize = 60;
+
+/// What is drawn first lies below: maps, then bands, then clouds of points, then wide lines, then thin ones, then points.
 pub(crate) fn layer(series: &Series) -> u8 {
     match (series.shape(), series.role()) {
+        (Shape::Points(points), _) if points.len() <= FEW => 7,
         (Shape::Map(_), _) => 0,
         (Shape::Band(_), Role::Bound) => 1,
         (Shape::Band(_), _) => 2,

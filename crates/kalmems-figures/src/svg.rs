@@ -135,7 +135,7 @@ fn path(runs: &[Vec<[f64; 2]>], closed: bool) -> String {
     d
 }
 
-fn hex(colour: Colour) -> String {
+pub(crate) fn hex(colour: Colour) -> String {
     format!("#{:02x}{:02x}{:02x}", colour.0, colour.1, colour.2)
 }
 

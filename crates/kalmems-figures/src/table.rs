@@ -1,5 +1,6 @@
 //! Tables, for the page and for the terminal.
 
+use crate::page::Severity;
 use crate::significant::with_short_numbers;
 use crate::text::{printable, with_unit};
 
@@ -40,12 +41,42 @@ pub struct Table {
     pub columns: Vec<Column>,
     /// From top to bottom. A cell that is missing is empty; one beyond the columns stands there all the same.
     pub rows: Vec<Vec<String>>,
+    /// The column of verdicts, and how serious that of each row is.
+    verdicts: Option<(usize, Vec<Severity>)>,
 }
 
 impl Table {
     /// A table without rows yet.
     pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = Column>) -> Self {
-        Self { caption: caption.into(), columns: columns.into_iter().collect(), rows: Vec::new() }
+        Self {
+            caption: caption.into(),
+            columns: columns.into_iter().collect(),
+            rows: Vec::new(),
+            verdicts: None,
+        }
+    }
+
+    /// On a page, the column of this name stands second, where no width hides it, and its cells show how serious each is. Without
+    /// such a column nothing changes.
+    #[must_use]
+    pub fn with_verdicts(mut self, label: &str, severities: impl IntoIterator<Item = Severity>) -> Self {
+        let column = self.columns.iter().position(|column| column.label == label);
+        self.verdicts = column.map(|column| (column, severities.into_iter().collect()));
+        self
+    }
+
+    /// The columns as a page has them.
+    pub(crate) fn order(&self) -> impl Iterator<Item = usize> + '_ {
+        let verdict = self.verdicts.as_ref().map(|(column, _)| *column);
+        let others = (0..self.width()).filter(move |column| Some(*column) != verdict);
+        let first = others.clone().take(1);
+        first.chain(verdict).chain(others.skip(1))
+    }
+
+    /// How serious a cell is, where it is a verdict.
+    pub(crate) fn grade(&self, row: usize, column: usize) -> Option<Severity> {
+        let (verdict, severities) = self.verdicts.as_ref()?;
+        (*verdict == column).then(|| severities.get(row).copied())?
     }
 
     /// Adds a row. Numbers of too many digits to count get an exponent.

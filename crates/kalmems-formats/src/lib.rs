@@ -17,6 +17,7 @@
     allow(dead_code, unused_imports, unused_variables)
 )]
 
+mod arrays;
 mod block;
 mod csv;
 mod decimal;
@@ -49,6 +50,7 @@ mod unit_words;
 #[cfg(feature = "wav")]
 mod wav;
 
+pub use arrays::{Array, ArrayType, Arrays};
 pub use block::{Block, CellFault, Fault, Labels};
 pub use csv::{Cells, CsvHints, open_csv, read_csv};
 pub use decimal::Shift;

@@ -1,7 +1,7 @@
 //! A file of whichever format, recognised by what it begins with.
 
 use crate::source::{ReadSeek, Source};
-use crate::{CsvHints, FormatError, Table, csv, limits};
+use crate::{Arrays, CsvHints, FormatError, Table, csv, limits};
 use std::path::Path;
 
 /// A format that is read.
@@ -77,12 +77,17 @@ pub struct Hints {
     pub columns: Option<Vec<String>>,
     /// How text is written.
     pub csv: CsvHints,
+    /// Arrays in memory that stand in the place of the file: it is not opened, and need not be there.
+    pub arrays: Option<Arrays>,
 }
 
 /// Opens a table.
 ///
 /// A file that is no regular one, such as a pipe, cannot be looked at twice and is read as text.
 pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    if let Some(arrays) = &hints.arrays {
+        return Ok(arrays.table());
+    }
     if !std::fs::metadata(path)?.is_file() {
         return csv::open_csv(path, hints);
     }

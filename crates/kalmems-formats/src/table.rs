@@ -26,6 +26,8 @@ pub struct Description {
 pub enum Evidence {
     /// Its format, which holds tables and nothing else.
     Format,
+    /// It is no file but [arrays](crate::Arrays): rows count from 0, as samples, and have no lines.
+    Arrays,
     /// Rows of a text: among its first lines there are rows of as many cells as there are names, with a number below a name.
     Rows,
     /// Nothing: a text of another kind, or one whose first rows are empty. It may be a file that was not meant, and what it

@@ -19,15 +19,17 @@ pub use kalmems_engines::rig::{
 };
 
 use kalmems_engines::{
-    circuit, config, estimate, evaluate, export, fit, identify, outlook, progress, recording, signal,
-    simulate, units,
+    circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, progress, recording,
+    signal, simulate, units,
 };
 
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 /// The published systems.
 pub fn published() -> &'static Workbench {
-    static PUBLISHED: LazyLock<Workbench> = LazyLock::new(|| {
+    // A `LazyLock` would hold the function that fills it, and with it all rigs would be compiled into every test program.
+    static PUBLISHED: OnceLock<Workbench> = OnceLock::new();
+    PUBLISHED.get_or_init(|| {
         Workbench::new()
             .with(shared_scanner::SharedScannerRig)
             .with(shared_scanner::two_axes::TwoAxesRig)
@@ -36,6 +38,5 @@ pub fn published() -> &'static Workbench {
             .with(accelerometer::AccelerometerRig)
             .with(piston_mirror::PistonMirrorRig)
             .with(equations::EquationsRig)
-    });
-    &PUBLISHED
+    })
 }

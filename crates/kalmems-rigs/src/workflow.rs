@@ -197,6 +197,9 @@ fn evaluate(
 
 /// Refuses a file that is not there, where the experiment names it.
 fn require(experiment: &Experiment, file: &Path, key: Key) -> Result<(), ConfigError> {
+    if experiment.can_be_read(file) {
+        return Ok(());
+    }
     let path = experiment.resolve(file);
     // What is neither file nor folder, such as a pipe, is read as it comes.
     if path.exists() && !path.is_dir() {

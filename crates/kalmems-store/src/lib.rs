@@ -31,7 +31,7 @@ pub use error::OutputError;
 pub use exchange::sync_folder;
 pub use manifest::MANIFEST;
 pub use sealed::ResultFile;
-pub use single::{create_file, keep_aside, write_file};
+pub use single::{create_file, keep_aside, write_file, write_page};
 pub use work::{Subject, Work, way_from};
 
 use manifest::Manifest;

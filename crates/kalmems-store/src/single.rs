@@ -23,21 +23,50 @@ const END: usize = AROUND;
 /// Only a picture that the program made and nobody changed since is replaced; another regular file is put aside as
 /// `PATH.previous` with `force`. Anything else, such as a device, a pipe or a link, is refused.
 pub fn write_file(path: &Path, png: &[u8], force: bool) -> Result<(), OutputError> {
+    let what = "there and is no picture that kalmems made and nobody changed";
+    write_marked(path, &marked(png), is_marked, (".png", what), force)
+}
+
+/// Writes a page as HTML by the rules of [`write_file`]: it ends with a comment that says that the program made it.
+pub fn write_page(path: &Path, html: &str, force: bool) -> Result<(), OutputError> {
+    let what = "there and is no page that kalmems made and nobody changed";
+    let content = [html.as_bytes(), comment(html.as_bytes()).as_bytes()].concat();
+    write_marked(path, &content, ends_with_comment, (".html", what), force)
+}
+
+/// The comment behind a page.
+fn comment(html: &[u8]) -> String {
+    format!("\n<!-- kalmems {} -->\n", checksum_of(html))
+}
+
+/// Whether a page says that the program made it, and is as it was then.
+fn ends_with_comment(page: &[u8]) -> bool {
+    let at = page.len().saturating_sub(comment(&[]).len());
+    page.get(..at).is_some_and(|html| page.get(at..) == Some(comment(html).as_bytes()))
+}
+
+fn write_marked(
+    path: &Path,
+    content: &[u8],
+    is_own: fn(&[u8]) -> bool,
+    (suffix, what): (&str, &'static str),
+    force: bool,
+) -> Result<(), OutputError> {
     let error = |source| OutputError::Io { path: path.to_owned(), source };
     let replaces = match standing(path)? {
-        Some(there) if fs::read(&there).is_ok_and(|png| is_marked(&png)) => true,
-        Some(_) => put_aside(path, force, "there and is no picture that kalmems made and nobody changed")?,
+        Some(there) if fs::read(&there).is_ok_and(|there| is_own(&there)) => true,
+        Some(_) => put_aside(path, force, what)?,
         None => false,
     };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Beside its place first, so that there is never half a picture.
-    let staged = tempfile::Builder::new().prefix(".kalmems-").suffix(".png").tempfile_in(folder);
+    // Beside its place first, so that there is never half of it.
+    let staged = tempfile::Builder::new().prefix(".kalmems-").suffix(suffix).tempfile_in(folder);
     let mut staged = staged.map_err(error)?;
-    staged.write_all(&marked(png)).and_then(|()| staged.as_file().sync_all()).map_err(error)?;
+    staged.write_all(content).and_then(|()| staged.as_file().sync_all()).map_err(error)?;
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // A temporary file is its owner's alone, a picture is not.
+        // A temporary file is its owner's alone, what is written for a reader is not.
         staged.as_file().set_permissions(fs::Permissions::from_mode(0o644)).map_err(error)?;
     }
     let placed = if replaces { staged.persist(path) } else { staged.persist_noclobber(path) };
@@ -127,6 +156,20 @@ mod tests {
         encoder.set_color(png::ColorType::Grayscale);
         encoder.write_header().unwrap().write_image_data(&[shade, 7]).unwrap();
         bytes
+    }
+
+    #[test]
+    fn a_page_that_nobody_changed_is_replaced_and_another_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.html");
+        write_page(&path, "<p>one</p>", false).unwrap();
+        write_page(&path, "<p>two</p>", false).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("<p>two</p>\n<!-- kalmems "));
+        fs::write(&path, text.replace("two", "six")).unwrap();
+        assert!(write_page(&path, "<p>three</p>", false).is_err());
+        write_page(&path, "<p>three</p>", true).unwrap();
+        assert!(fs::read_to_string(folder.path().join("a.html.previous")).unwrap().contains("six"));
     }
 
     #[test]

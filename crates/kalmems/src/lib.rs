@@ -31,6 +31,7 @@
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
+pub mod given;
 pub mod results;
 pub mod stream;
 pub mod study;

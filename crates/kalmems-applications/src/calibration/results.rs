@@ -3,10 +3,9 @@
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
 use crate::WriteError;
-use crate::calibration::file::GyroscopeCalibration;
 use crate::calibration::{AXES, Calibrated, Calibration, Change, Estimate, Rest};
 use crate::recording::Source;
-use kalmems_figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use kalmems_figures::{Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -545,7 +544,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
                 took_s: info.took.as_secs_f64(),
             },
             input: &found.sources,
-            calibration: &found.file,
+            calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -618,7 +617,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
     if !found.results.is_empty() {
-        let mut section = Section::new("Result");
+        let mut section = Section::new("Verdict").part(Part::Verdict);
         for result in &found.results {
             for warning in &result.warnings {
                 let text = format!("{}, {}: {warning}", result.condition, result.reference);
@@ -640,7 +639,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     }
     for result in &found.results {
         let mut section =
-            Section::new(format!("Condition {}, reference {}", result.condition, result.reference));
+            Section::new(format!("Condition {}, reference {}", result.condition, result.reference))
+                .part(Part::Evidence);
         section = section.table(budget(result));
         for table in [matrix(result), trials(result)].into_iter().flatten() {
             section = section.table(table);
@@ -667,17 +667,14 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         page = page.with(section);
     }
     for finding in &found.findings {
-        page = page.with(Section::new("In the files").notice(Severity::Note, finding.clone()));
+        page =
+            page.with(Section::new("In the files").part(Part::Made).notice(Severity::Note, finding.clone()));
     }
-    let file = toml::to_string(&found.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
-    page.with(
-        Section::new("How it was made")
-            .paragraph(format!(
-                "kalmems {}. The same files give the same page to the last byte; dates and durations are in run.toml.",
-                env!("CARGO_PKG_VERSION")
-            ))
-            .preformatted("The calibration file as it was understood", file),
-    )
+    let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
+    let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let beside = "The numbers are in `calibration.json`; dates and durations are in `run.toml`.";
+    let made = Section::made("calibrate gyro", env!("CARGO_PKG_VERSION"), beside);
+    page.with(made.preformatted("The calibration file as it was understood", file))
 }
 
 /// What tells one input from another: the name and the bytes of the files.
@@ -694,7 +691,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: &'a [Source],
-    calibration: &'a GyroscopeCalibration,
+    calibration: toml::Value,
 }
 
 #[derive(Serialize)]

@@ -51,11 +51,43 @@ pub(super) fn write_counts(counts: &[u32], size: [usize; 2], w: &mut dyn Write) 
     encode(size, ColorType::Grayscale, &bytes, w)
 }
 
+/// A picture as a PNG file of 8 bits, to be looked at on a page; what is none is transparent. Nothing where it has no pixels.
+pub fn preview(picture: &Picture) -> Vec<u8> {
+    preview_of(picture.values(), picture.size())
+}
+
+/// Grey values from 0 to 1, row by row, likewise.
+pub(super) fn preview_of(values: &[f64], size: [usize; 2]) -> Vec<u8> {
+    let mut png = Vec::new();
+    // Memory takes all that is written, and a picture of no pixels is none.
+    if write_preview(values, size, &mut png).is_err() {
+        png.clear();
+    }
+    png
+}
+
+fn write_preview(values: &[f64], size: [usize; 2], w: &mut dyn Write) -> io::Result<()> {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 255; NaN becomes 0
+    let grey =
+        |value: &f64| [(value.clamp(0.0, 1.0) * 255.0).round() as u8, if value.is_nan() { 0 } else { 255 }];
+    let bytes: Vec<u8> = values.iter().flat_map(grey).collect();
+    encode_with(size, (ColorType::GrayscaleAlpha, BitDepth::Eight), &bytes, w)
+}
+
 fn encode(size: [usize; 2], colour: ColorType, bytes: &[u8], w: &mut dyn Write) -> io::Result<()> {
+    encode_with(size, (colour, BitDepth::Sixteen), bytes, w)
+}
+
+fn encode_with(
+    size: [usize; 2],
+    (colour, depth): (ColorType, BitDepth),
+    bytes: &[u8],
+    w: &mut dyn Write,
+) -> io::Result<()> {
     let side = |pixels| u32::try_from(pixels).map_err(io::Error::other);
     let mut encoder = Encoder::new(w, side(size[0])?, side(size[1])?);
     encoder.set_color(colour);
-    encoder.set_depth(BitDepth::Sixteen);
+    encoder.set_depth(depth);
     encoder.write_header()?.write_image_data(bytes)?;
     Ok(())
 }

@@ -38,13 +38,13 @@ mod track;
 
 pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
 pub use file::{Fill, Image, ImageAxis, Intensity};
-pub use grey_png::{PictureError, read_grey, write_grey};
+pub use grey_png::{PictureError, preview, read_grey, write_grey};
 pub use lissajous::{Lissajous, Oscillation, Spot};
 pub use merit::{edge_width, psnr_db, structural_similarity};
 pub use picture::Picture;
 pub use raster::{Passes, Raster};
 pub use reconstruct::{AxisOutcome, ImageError, ImageOutcome, reconstruct};
-pub use results::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, write_image};
+pub use results::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, image_page, write_image};
 pub use scan::{Counts, Scan, ScanAxis};
 pub use scene::Scene;
 pub use search::{FoundPhase, SearchError, search_phases};

@@ -1,11 +1,13 @@
 //! The files of an image.
 
 use super::PictureError;
-use super::grey_png::{write_counts, write_grey};
+use super::grey_png::{preview, preview_of, write_counts, write_grey};
+use crate::WriteError;
 use crate::image::file::Fill;
 use crate::image::{Counts, ImageOutcome, PhaseAccuracy, Picture, psnr_db, structural_similarity};
 use crate::recording::Source;
-use kalmems_store::{Output, OutputError, RUN_FILE, RunInfo};
+use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
+use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
@@ -228,15 +230,17 @@ fn for_the_eye(outcome: &ImageOutcome, developed: &Developed) -> Option<(Picture
 ///
 /// `image.png`, `forward.png` and `backward.png`, grey with 16 bits and transparent where there is no sample;
 /// `counts.png`, the number of samples as grey value; `picture.png`, filled, where the image file says how;
-/// `metrics.json` and `run.toml`.
+/// `report.html`, `metrics.json` and `run.toml`.
 pub fn write_image(
     outcome: &ImageOutcome,
     developed: &Developed,
     metrics: &ImageMetrics,
     output: &Output,
     info: RunInfo,
-) -> Result<(), OutputError> {
+) -> Result<(), WriteError> {
     let input_id = input_id(outcome);
+    let html = image_page(outcome, developed, metrics)?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     let pictures = [
         ("image.png", &developed.picture),
         ("forward.png", &developed.forward),
@@ -267,7 +271,112 @@ pub fn write_image(
             image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
-    })
+    })?;
+    Ok(())
+}
+
+/// The report of an image: the page's text, which needs nothing else.
+pub fn image_page(
+    outcome: &ImageOutcome,
+    developed: &Developed,
+    metrics: &ImageMetrics,
+) -> Result<String, ReportError> {
+    let mut verdict = Section::new("Verdict").part(Part::Verdict);
+    let Counts { samples, used, .. } = metrics.samples;
+    let text = format!(
+        "{used} of {samples} samples are in the image; {:.2} % of its {} pixels have samples.",
+        100.0 * metrics.coverage,
+        metrics.filled_pixels + metrics.empty_pixels
+    );
+    // An image of which half is missing is none.
+    verdict = verdict.notice(if metrics.coverage < 0.5 { Severity::Warning } else { Severity::Ok }, text);
+    for axis in &metrics.axes {
+        let (off, pixel) = (axis.phase_sd_deg.unwrap_or(0.0), axis.one_pixel_deg);
+        let known = format!(
+            "{}: the phase {:.4} deg is known to {:.4} deg, and {:.3} deg move a sample by one pixel.",
+            axis.name, axis.phase_deg, off, pixel
+        );
+        if axis.phase_sd_deg.is_some() {
+            verdict = verdict.notice(if off > pixel { Severity::Warning } else { Severity::Ok }, known);
+        }
+    }
+    if metrics.beyond_grey > 0 {
+        let text =
+            format!("{} pixels are darker than black or brighter than white, and cut.", metrics.beyond_grey);
+        verdict = verdict.notice(Severity::Note, text);
+    }
+    let field: Vec<String> = (metrics.axes.iter())
+        .map(|axis| {
+            format!(
+                "{} from −{:.4} to +{:.4} deg over {} pixels",
+                axis.name, axis.half_field_deg, axis.half_field_deg, axis.pixels
+            )
+        })
+        .collect();
+    let caption = format!(
+        "The image, {}. Black is an intensity of {:.4e}, white one of {:.4e}.",
+        field.join(", "),
+        metrics.black,
+        metrics.white
+    );
+    let answer = Section::new("Image").raster(preview(&developed.picture), "The image", caption);
+    let mut evidence = Section::new("What it rests on").part(Part::Evidence);
+    let most = f64::from(outcome.passes.together().counts().iter().copied().max().unwrap_or(1).max(1));
+    let counts: Vec<f64> =
+        outcome.passes.together().counts().iter().map(|count| f64::from(*count) / most).collect();
+    evidence = evidence.raster(
+        preview_of(&counts, outcome.passes.together().size()),
+        "Samples of each pixel",
+        format!("How many samples each pixel has: white is {most:.0}, black none."),
+    );
+    for (name, picture) in [("grows", &developed.forward), ("falls", &developed.backward)] {
+        let caption = format!(
+            "The samples that were taken while x {name}; where the phase of x is wrong both differ by a shift."
+        );
+        evidence = evidence.raster(preview(picture), format!("The image while x {name}"), caption);
+    }
+    let made = Section::made(
+        "image",
+        env!("CARGO_PKG_VERSION"),
+        "`image.png` and its passes have 16 bits; `counts.png` has the counts as they are; the numbers are in `metrics.json`.",
+    );
+    let file = toml::to_string(&outcome.image).unwrap_or_else(|e| format!("cannot be written: {e}"));
+    Page::new(format!("{}: image along a trajectory", metrics.name), "")
+        .with(verdict.notes(metrics.findings.clone()))
+        .with(answer)
+        .with(evidence.table(axes_table(metrics)))
+        .with(
+            made.preformatted("All figures", metrics.to_text())
+                .preformatted("The image file as it was understood", file),
+        )
+        .to_html()
+}
+
+/// What is said of the axes.
+fn axes_table(metrics: &ImageMetrics) -> Table {
+    let columns = [
+        Column::text("axis"),
+        Column::number("frequency", "Hz"),
+        Column::number("amplitude", "deg"),
+        Column::number("phase", "deg"),
+        Column::number("sd of the phase", "deg"),
+        Column::number("passes differ", "grey, rms"),
+        Column::number("interpolation within", "pixels"),
+    ];
+    let mut table = Table::new("The axes", columns);
+    for axis in &metrics.axes {
+        let known = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
+        table.push([
+            axis.name.to_owned(),
+            format!("{:.3}", axis.frequency_hz),
+            format!("{:.4}", axis.amplitude_deg),
+            format!("{:.4}", axis.phase_deg),
+            known(axis.phase_sd_deg),
+            known(axis.passes_differ_rms),
+            format!("{:.4}", axis.interpolation_error_px),
+        ]);
+    }
+    table
 }
 
 /// What tells one input from another: the image's name and the bytes of its files. Phases are none of it, so that an

@@ -44,7 +44,7 @@ pub use register::{shift_to, turn};
 pub use resample::{ResampleError, resample};
 pub use results::{
     ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
-    SpectrumReferenceMetrics, spectrum_figures, write_jcamp, write_spectrum,
+    SpectrumReferenceMetrics, spectrum_figures, spectrum_page, write_jcamp, write_spectrum,
 };
 pub use scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
 pub use track::{Position, PositionTrack, PositionTrackError};

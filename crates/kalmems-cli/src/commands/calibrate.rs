@@ -3,7 +3,7 @@
 use crate::args::{CalibrateArguments, Calibrated};
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
 use kalmems::applications::calibration::{CalibrationSummary, write_calibration};
@@ -26,8 +26,7 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
     let out = target::finish(output)?;
     let summary = CalibrationSummary::of(&found);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         print(&summary.to_text())?;
     }

@@ -3,10 +3,11 @@
 use crate::args::DiagnoseArguments;
 use crate::experiment::load;
 use crate::progress::Bar;
-use crate::target::BesideExperiment;
+use crate::target::{BesideExperiment, write_page};
 use crate::tell::tell;
-use crate::{Ending, print};
+use crate::{Ending, print, print_json};
 use kalmems::diagnose::{diagnose, pasted};
+use kalmems::results::diagnosis_page;
 use kalmems::rigs::Workbench;
 
 pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), Ending> {
@@ -21,15 +22,18 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), E
         .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&found).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&found)?;
     } else {
         print(&found.to_text())?;
+    }
+    if let Some(path) = &arguments.report {
+        write_page(path, &diagnosis_page(&found).map_err(|e| wrong(&e))?, arguments.force)?;
+        tell!("the report: {}", path.display());
     }
     let Some(beside) = beside else { return Ok(()) };
     let text = found.causes.first().filter(|cause| !cause.edits.is_empty());
     let Some(text) = text.and_then(|cause| pasted(&experiment, cause)) else {
-        tell!("nothing is written: no cause was found that the experiment could say");
+        tell!("nothing is written: no cause was found that an experiment file can state");
         return Ok(());
     };
     beside.write(&text)?;

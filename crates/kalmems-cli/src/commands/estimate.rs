@@ -4,12 +4,13 @@ use crate::args::EstimateArguments;
 use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
-use kalmems::config::{Experiment, Recording};
-use kalmems::diagnose::{FoundNoise, ScaleNote, scale_notes};
+use crate::{Ending, print, print_json, target};
+use kalmems::config::Experiment;
+use kalmems::diagnose::FoundNoise;
+use kalmems::evaluate::Grade;
 use kalmems::results::{
-    LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
-    parameters_table, summary_table, write_estimate,
+    Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
+    parameters_table, scale_notes_of, summary_table,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -29,8 +30,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
     let out = target::finish(output)?;
 
     if arguments.json {
-        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&metrics)?;
     } else {
         let mut text = summary_table(&metrics, true).to_text();
         for table in [parameters_table(&metrics), budget_table(&metrics)].into_iter().flatten() {
@@ -42,17 +42,42 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         print(&text)?;
     }
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
+    for line in further_reading(&metrics) {
+        tell!("{line}");
+    }
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
-        let why = "no filter gave an estimate of the motion: each stopped or lost the signal; `metrics.json` and the report say where";
+        let why = "no filter gave an estimate of the motion: each stopped or lost the signal; the report and `metrics.json` state the times";
         return Err(Ending::Wrong(why.to_owned()));
     }
     let failed: Vec<&str> = metrics.estimators().filter(|e| !e.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {
         let failed = failed.join(", ");
-        return Err(Ending::NotConsistent(format!("not every answer can be trusted: {failed}")));
+        return Err(Ending::NotConsistent(format!("the verdict is `doubtful` or worse for: {failed}")));
     }
     Ok(())
+}
+
+/// Where the verdicts and warnings of a result are explained: a line for each kind that it has.
+fn further_reading(metrics: &Metrics) -> Vec<String> {
+    let has = |grade: Grade| metrics.estimators().any(|estimator| estimator.grade == Some(grade));
+    let mut lines = Vec::new();
+    for grade in [Grade::NoEstimate, Grade::Failed, Grade::Doubtful, Grade::PassesWithRemarks] {
+        if has(grade) {
+            let next = if grade == Grade::PassesWithRemarks { "" } else { ", kalmems help overconfident" };
+            lines.push(format!("`{grade}` is explained by: kalmems help verdict{next} (book: verdict.md)"));
+        }
+    }
+    let of_noise = !metrics.noise_from_recording.is_empty();
+    for (is_there, what, page) in [
+        (of_noise, "a noise from the recording", "kalmems help noise (book: signals.md)"),
+        (!metrics.scale_notes.is_empty(), "what the signal cannot tell", "the book's diagnosis.md"),
+    ] {
+        if is_there {
+            lines.push(format!("{what} is explained by: {page}"));
+        }
+    }
+    lines
 }
 
 /// Of recordings that are held in memory.
@@ -63,14 +88,12 @@ fn at_once(
     (started, clock): (SystemTime, Instant),
 ) -> Result<Metrics, Ending> {
     let bar = Bar::default();
-    let outcome = workflow::estimate(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
+    let estimated = Estimated::of(workbench, experiment, noise, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let metrics = Metrics::of(&outcome).with_scale_notes(notes(workbench, experiment)?).with_noise(noise);
     let info = RunInfo { started, took: clock.elapsed() };
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
-    write_estimate(&outcome, &metrics, output, wanted, info, &crate::interrupt::requested)
-        .map_err(of_writing)?;
-    Ok(metrics)
+    estimated.write(output, wanted, info, &crate::interrupt::requested).map_err(of_writing)?;
+    Ok(estimated.metrics)
 }
 
 /// Of recordings of any length.
@@ -89,22 +112,9 @@ fn in_parts(
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),
     })?;
+    let notes = scale_notes_of(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    let notes = notes(workbench, experiment)?;
     results.finish(&whole, (notes, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
-}
-
-/// What the signal cannot tell, where there is a file that can be read again and a filter whose innovations say anything.
-fn notes(workbench: &Workbench, experiment: &Experiment) -> Result<Vec<ScaleNote>, Ending> {
-    let can_be_read = |recording: &Recording| experiment.resolve(&recording.file).is_file();
-    if !experiment.recordings.iter().all(can_be_read) {
-        return Ok(Vec::new());
-    }
-    let bar = Bar::default();
-    match scale_notes(workbench, experiment, None, &bar) {
-        Err(e) if e.is_interruption() => Err(Ending::Interrupted),
-        found => Ok(found.unwrap_or_default()),
-    }
 }
 
 fn of_work(error: &WorkflowError) -> Ending {

@@ -2,11 +2,14 @@
 
 use crate::args::{ExportArguments, Language};
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::export::{Request, Target, write_export};
+use kalmems::inspect::quantity;
 use kalmems::results::Work;
 use kalmems::rigs::Workbench;
 use kalmems::units::{Value, kind};
+use serde_json::json;
+use std::path::PathBuf;
 
 pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
@@ -29,10 +32,18 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
     let output = target::begin(arguments.out.as_ref(), &["exported", &experiment.name.to_string()], &work)?;
     write_export(&exported, &output).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
-    for (name, _) in &exported.files {
-        print(&format!("{}\n", out.join(name).display()))?;
+    let files: Vec<PathBuf> = exported.files.iter().map(|(name, _)| out.join(name)).collect();
+    if arguments.json {
+        return print_json(&json!({
+            "filter": exported.filter,
+            "interval_s": exported.interval_s,
+            "files": files,
+        }));
     }
-    tell!("the filter `{}` at an interval of {:e} s", exported.filter, exported.interval_s);
+    for file in files {
+        print(&format!("{}\n", file.display()))?;
+    }
+    tell!("the filter `{}`, one step each {}", exported.filter, quantity(exported.interval_s, "s"));
     Ok(())
 }
 

@@ -4,8 +4,8 @@ use crate::args::IdentifyArguments;
 use crate::experiment::load;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
-use kalmems::diagnose::likeliest;
+use crate::{Ending, print, print_json, target};
+use kalmems::diagnose::identify;
 use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
 use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
@@ -17,14 +17,11 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
     for noise in noise {
         tell!("{noise}");
     }
-    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
     let bar = Bar::default();
-    let names_numbers = experiment.identify.as_ref().is_some_and(|identify| !identify.parameters.is_empty());
-    let found =
-        if names_numbers { likeliest(workbench, &experiment, &bar) } else { rig.identify(&experiment, &bar) };
-    let found = found.map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+    let found = identify(workbench, &experiment, &bar)
+        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
     let stop = &crate::interrupt::requested;
@@ -36,8 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
 
     let summary = IdentificationSummary::of(&found);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         print(&summary.to_text())?;
     }

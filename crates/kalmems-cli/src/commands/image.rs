@@ -3,7 +3,7 @@
 use crate::args::ImageArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::applications::image::Image;
 use kalmems::applications::image::reconstruct;
 use kalmems::applications::image::{Developed, ImageMetrics, read_grey, write_image};
@@ -36,8 +36,7 @@ pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
     write_image(&outcome, &developed, &metrics, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     if arguments.json {
-        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&metrics)?;
     } else {
         print(&metrics.to_text())?;
     }

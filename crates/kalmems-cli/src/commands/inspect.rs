@@ -3,7 +3,7 @@
 use crate::args::InspectArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::inspect::inspect_with;
 use kalmems::progress::Reader;
 use kalmems::recording::ReadError;
@@ -26,6 +26,10 @@ fn wrong(e: &dyn Display) -> Ending {
 
 /// What an experiment's device will do under its drive.
 fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
+    if arguments.report.is_some() {
+        let why = "`--report` is for a recording; of an experiment file the report is in the folder that `--out` names";
+        return Err(Ending::Wrong(why.to_owned()));
+    }
     let (started, clock) = (SystemTime::now(), Instant::now());
     let experiment = workbench.load(&arguments.input).map_err(|e| wrong(&e))?;
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
@@ -41,18 +45,13 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), End
         target::finish(output)?;
         tell!("text, data and pictures in {}", out.display());
     }
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&outlook).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))
-    } else {
-        print(&outlook.to_text())
-    }
+    if arguments.json { print_json(&outlook) } else { print(&outlook.to_text()) }
 }
 
 /// What a recording holds.
 fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     if arguments.out.is_some() {
-        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`";
+        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`, and a page written, with `--report`";
         return Err(Ending::Wrong(why.to_owned()));
     }
     let bar = Bar::default();
@@ -67,9 +66,12 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
     if let Some(path) = &arguments.png {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;
     }
+    if let Some(path) = &arguments.report {
+        let html = kalmems::results::inspection_page(&inspection).map_err(|e| wrong(&e))?;
+        target::write_page(path, &html, arguments.force)?;
+    }
     if arguments.json {
-        let json = serde_json::to_string_pretty(&inspection).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&inspection)?;
     } else {
         print(&inspection.to_text())?;
     }
@@ -77,5 +79,5 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         return Ok(());
     }
     let file = arguments.input.display();
-    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the diagnosis says why")))
+    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the findings above say why")))
 }

@@ -1,13 +1,17 @@
 //! The commands, one file each.
 
 pub mod calibrate;
+pub mod compare;
+pub mod completions;
 pub mod diagnose;
 pub mod estimate;
 pub mod expand;
 pub mod export;
+pub mod help;
 pub mod identify;
 pub mod image;
 pub mod inspect;
+pub mod man;
 pub mod new;
 #[cfg(feature = "papers")]
 pub mod reproduce;

@@ -2,23 +2,24 @@
 
 use crate::args::NewArguments;
 use crate::progress::Bar;
-use crate::tell::tell;
-use crate::{Ending, print};
+use crate::target::write_file;
+use crate::tell::{line, tell};
+use crate::{Ending, print, print_json};
 use kalmems::config::Role;
-use kalmems::draft::{self, DraftError, Question, Sorted, Wanted, listed, of_device};
+use kalmems::draft::{self, Draft, DraftError, Question, Sorted, Wanted, listed, of_device};
 use kalmems::progress::Reader;
 use kalmems::recording::ReadError;
-use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
+use serde_json::json;
 use std::fmt::Write as _;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending> {
-    let Some(device) = &arguments.device else { return list(workbench) };
+    let Some(device) = &arguments.device else { return list(workbench, arguments.json) };
     let Some(recording) = &arguments.recording else {
         let text = of_device(workbench, device).map_err(|e| wrong(&e))?;
-        return put(arguments, &text, "simulate");
+        return put(arguments, Draft { text, recognised: Vec::new(), assigned: Vec::new() }, "simulate");
     };
     let further = further(&arguments.further)?;
     let here = Path::new("").to_owned();
@@ -45,7 +46,7 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     for one in &draft.assigned {
         tell!("`{}` is the column `{}`, {}", one.meaning, one.column, one.why);
     }
-    put(arguments, &draft.text, "estimate")
+    put(arguments, draft, "estimate")
 }
 
 fn wrong(e: &dyn std::fmt::Display) -> Ending {
@@ -53,9 +54,13 @@ fn wrong(e: &dyn std::fmt::Display) -> Ending {
 }
 
 /// All devices, with a sketch of the signal of each.
-fn list(workbench: &Workbench) -> Result<(), Ending> {
+fn list(workbench: &Workbench, json: bool) -> Result<(), Ending> {
+    let devices = listed(workbench).map_err(|e| wrong(&e))?;
+    if json {
+        return print_json(&devices);
+    }
     let mut text = String::new();
-    for device in listed(workbench).map_err(|e| wrong(&e))? {
+    for device in devices {
         let _ = writeln!(text, "{}: {}", device.name, device.description);
         for line in &device.sketch {
             let _ = writeln!(text, "    {line}");
@@ -96,9 +101,9 @@ fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
     if !(input.is_terminal() && output.is_terminal()) {
         return Ok(None);
     }
-    tell!("Which column is `{}`, {}?", question.meaning, question.what);
+    line(format_args!("Which column is `{}`, {}?", question.meaning, question.what));
     for (index, column) in question.candidates.iter().enumerate() {
-        tell!("  {}: {column}", index + 1);
+        line(format_args!("  {}: {column}", index + 1));
     }
     let failed = |e: std::io::Error| Ending::Wrong(format!("no answer: {e}"));
     loop {
@@ -120,16 +125,31 @@ fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
 }
 
 /// Writes the file, or prints it, and says what to do with it.
-fn put(arguments: &NewArguments, text: &str, next: &str) -> Result<(), Ending> {
-    let Some(path) = &arguments.write else { return print(text) };
-    if path.exists() && !arguments.force {
-        let why =
-            format!("`{}` is there already; give another path, or --force to keep it beside", path.display());
-        return Err(Ending::Wrong(why));
+fn put(arguments: &NewArguments, draft: Draft, next: &str) -> Result<(), Ending> {
+    if let Some(path) = &arguments.write {
+        write_file(path, &draft.text, arguments.force)?;
     }
-    let failed = |e: &dyn std::fmt::Display| Ending::Wrong(format!("cannot write {}: {e}", path.display()));
-    let mut file = create_file(path, |_| false, arguments.force).map_err(|e| wrong(&e))?;
-    file.write_all(text.as_bytes()).map_err(|e| failed(&e))?;
-    tell!("the experiment: {}; {next} it with: kalmems {next} {0}", path.display());
+    let command = arguments.write.as_ref().map(|path| format!("kalmems {next} {}", path.display()));
+    if arguments.json {
+        return print_json(&json!({
+            "file": arguments.write,
+            "experiment": draft.text,
+            "recognised": draft.recognised,
+            "channels": draft.assigned,
+            "next": command,
+        }));
+    }
+    match (&arguments.write, command) {
+        (Some(path), Some(command)) => {
+            tell!("the experiment: {}; {next} it with: {command}", path.display());
+            if next == "estimate" && draft.text.contains("\n[identify]\n") {
+                tell!(
+                    "numbers that are not known well are identified with: kalmems identify {}",
+                    path.display()
+                );
+            }
+        }
+        _ => print(&draft.text)?,
+    }
     Ok(())
 }

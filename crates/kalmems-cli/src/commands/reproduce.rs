@@ -3,7 +3,7 @@
 use crate::args::ReproduceArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::results::{RunInfo, Work};
 use kalmems_papers::program::{
     Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
@@ -43,8 +43,7 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
     let out = target::finish(output)?;
 
     if arguments.json {
-        let json = serde_json::to_string_pretty(&reproduction).map_err(|e| Ending::Wrong(e.to_string()))?;
-        print(&(json + "\n"))?;
+        print_json(&reproduction)?;
     } else {
         let mut text = String::new();
         for item in &reproduction.items {

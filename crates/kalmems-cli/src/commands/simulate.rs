@@ -3,7 +3,7 @@
 use crate::args::SimulateArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::config::Role;
 use kalmems::figures::with_short_numbers;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
@@ -32,8 +32,7 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
     let out = target::finish(output)?;
 
     if arguments.json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
         let name = simulation.truth().first().map_or("deflection", |channel| channel.column);
@@ -48,11 +47,12 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
             print(&with_short_numbers(&format!("{line}\n")))?;
         }
     }
-    let experiment = out.join("experiment.toml");
-    let (next, command) = match simulation.role() {
-        Role::RingDown => ("identify from it", "identify"),
-        _ => ("estimate it", "estimate"),
+    let (next, command, file) = match simulation.role() {
+        Role::RingDown => ("identify from it", "identify", "experiment.toml"),
+        _ if experiment.estimate.is_some() => ("estimate it", "estimate", "experiment.toml"),
+        // Of an experiment without filters.
+        _ => ("look at it", "inspect", "recording.csv"),
     };
-    tell!("recording in {}; {next} with: kalmems {command} {}", out.display(), experiment.display());
+    tell!("recording in {}; {next} with: kalmems {command} {}", out.display(), out.join(file).display());
     Ok(())
 }

@@ -3,7 +3,7 @@
 use crate::args::SpectrumArguments;
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
 use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
@@ -26,8 +26,7 @@ pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), E
     write_spectrum(&outcome, &metrics, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     if arguments.json {
-        let json = serde_json::to_string_pretty(&metrics).map_err(|e| wrong(&e))?;
-        print(&(json + "\n"))?;
+        print_json(&metrics)?;
     } else {
         print(&metrics.to_text())?;
     }

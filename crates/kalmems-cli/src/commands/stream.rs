@@ -3,17 +3,19 @@
 use crate::Ending;
 use crate::args::StreamArguments;
 use crate::interrupt;
-use crate::tell::{StandardError, tell};
+use crate::target::write_page;
+use crate::tell::{StandardError, line, tell};
 use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
     AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
+    stream_with_page,
 };
 use serial2::SerialPort;
 use socket2::{SockRef, TcpKeepalive};
 use std::fs::File;
-use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::io::{self, BufWriter, ErrorKind, IsTerminal, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -29,10 +31,21 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let (lines, frames) = (arguments.lines.as_deref(), arguments.frames.as_deref());
     let standard = Path::new("-");
-    let lines = lines.or(if frames.is_none() { Some(standard) } else { None });
+    // On a terminal megabytes of lines would pass that nobody reads.
+    let own_folder = Path::new("out").join("streams");
+    let own_file = own_folder.join(format!("{}.jsonl", experiment.name));
+    let lines = lines.or(match (frames, io::stdout().is_terminal()) {
+        (Some(_), _) => None,
+        (None, false) => Some(standard),
+        (None, true) => Some(&*own_file),
+    });
     if lines == Some(standard) && frames == Some(standard) {
         let why = "lines and frames cannot both go to standard output; give one of them a file";
         return Err(Ending::Wrong(why.to_owned()));
+    }
+    if lines == Some(&*own_file) {
+        let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
+        std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
     let outputs = Outputs {
         lines: lines.map(|to| output(to, is_lines, arguments.force)).transpose()?,
@@ -49,20 +62,32 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
             arguments.from
         );
     }
-    let summary =
-        match stream(workbench, &experiment, Box::new(source), outputs, state, &interrupt::requested) {
-            // A reader that closes the pipe has what it wanted.
-            Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
-            Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
-            summary => summary.map_err(|e| wrong(&e))?,
-        };
+    let (source, stop) = (Box::new(source), &interrupt::requested);
+    let ended = match &arguments.report {
+        Some(_) => stream_with_page(workbench, &experiment, source, outputs, state, stop)
+            .map(|(summary, html)| (summary, Some(html))),
+        None => stream(workbench, &experiment, source, outputs, state, stop).map(|summary| (summary, None)),
+    };
+    let (summary, html) = match ended {
+        // A reader that closes the pipe has what it wanted.
+        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
+        Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
+        ended => ended.map_err(|e| wrong(&e))?,
+    };
+    if let (Some(path), Some(html)) = (&arguments.report, html) {
+        write_page(path, &html, arguments.force)?;
+        tell!("the report: {}", path.display());
+    }
     if let Some(Break { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
-        tell!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from);
+        line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));
+    }
+    if lines == Some(&*own_file) {
+        tell!("estimates and events as lines in {}; `--lines -` shows them here", own_file.display());
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).map_err(|e| wrong(&e))?;
-        tell!("{json}");
+        line(format_args!("{json}"));
     } else {
         tell!("{}", text(&summary).trim_end());
     }
@@ -228,46 +253,46 @@ fn text(summary: &StreamSummary) -> String {
     }
     let received = &summary.received;
     for (count, what) in [
-        (order.dropped, "samples never came"),
+        (order.dropped, "samples were lost"),
         (order.duplicated, "samples came twice"),
-        (order.late, "samples came late and were put in their place"),
+        (order.late, "samples came late and were sorted in"),
         (order.too_late, "samples came too late"),
         (order.without_time, "samples had no time"),
         (order.misplaced, "samples had a time far from those around them, and were left out"),
         (received.same_time, "frames had the time of the one before, and were left out"),
         (received.passed_over, "samples were acknowledged by an earlier run"),
         (received.damaged_lines, "lines were no samples"),
-        (received.damaged_bytes, "bytes belonged to no frame"),
+        (received.damaged_bytes, "bytes were outside of any frame"),
         (received.cut_off, "lines or frames had no end, which may have cut them off, and were left out"),
         (received.steps_back, "times the clock went back"),
         (received.breaks, "times the connection broke"),
-        (received.reconnections, "times it was there again"),
-        (summary.stretches.restarts as u64, "times the estimate began anew"),
+        (received.reconnections, "times the connection was restored"),
+        (summary.stretches.restarts as u64, "times the estimate began again"),
         (summary.not_estimated, "samples could not be estimated"),
         (summary.noise_only, "times the signal was noise only"),
-        (summary.withheld, "zero phases or crossings of noise were not told"),
+        (summary.withheld, "zero phases or crossings were not reported, because the signal was noise"),
         (
             summary.crossings_by_fallback,
-            "crossings were told by the steepest slope of the signal, which has no zero there or one that may be noise",
+            "crossings were timed by the steepest slope of the signal, which has no zero there or one that may be noise",
         ),
-        (summary.crossings_refused, "crossings were not told, as the noise hides when they were"),
+        (summary.crossings_refused, "crossings were not reported, because noise hides their time"),
     ] {
         if count > 0 {
             text += &format!("{count} {what}\n");
         }
     }
     if let Some(AheadSummary { counts, overdue }) = &summary.ahead {
-        text += &format!("{} zero phases told before they happened", counts.told);
+        text += &format!("{} zero phases announced in advance", counts.told);
         for (count, what) in [
-            (counts.late, "told later than asked for"),
-            (counts.missed, "not told"),
-            (*overdue, "written when they had happened, if samples arrive when they are taken"),
+            (counts.late, "announced with less than the wanted lead"),
+            (counts.missed, "not announced"),
+            (*overdue, "written after they had happened, if samples arrive when they are taken"),
         ] {
             text += &format!(", {count} {what}");
         }
         text += "\n";
         if counts.without_drive > 0 {
-            text += &format!("{} samples at which the drive was not foreseeable\n", counts.without_drive);
+            text += &format!("{} samples at which the drive could not be predicted\n", counts.without_drive);
         }
     }
     if let Some(origin) = &summary.origin {

@@ -3,10 +3,10 @@
 use crate::args::{MergeArguments, StudyArguments};
 use crate::progress::Bar;
 use crate::tell::tell;
-use crate::{Ending, print, target};
+use crate::{Ending, print, print_json, target};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
-use kalmems::study::{Options, Plan, StudyError};
+use kalmems::study::{Options, Plan, Shard, StudyError};
 use std::path::PathBuf;
 
 pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Ending> {
@@ -33,7 +33,14 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Endi
         tell!("note: {} of {} runs were in {journal} already", progressed.before, progressed.runs);
     }
     let Some(output) = output else {
-        tell!("shard {} is in {journal}; join all with: kalmems merge", arguments.shard);
+        let journals: Vec<String> = all_shards(arguments.shard)
+            .map(|shard| plan.journal(&out, shard).display().to_string())
+            .collect();
+        let all = journals.join(" ");
+        tell!(
+            "shard {} is in {journal}; when all are finished, join them with: kalmems merge {all}",
+            arguments.shard
+        );
         return Ok(());
     };
     report(&plan, &[progressed.journal], output, arguments.json)
@@ -45,6 +52,13 @@ pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), En
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     report(&plan, &arguments.journals, target::begin(Some(&out), &[], &work)?, arguments.json)
+}
+
+/// All shards of a study of which this is one.
+fn all_shards(one: Shard) -> impl Iterator<Item = Shard> {
+    let text = one.to_string();
+    let count = text.split_once('/').and_then(|(_, count)| count.parse::<u32>().ok()).unwrap_or(1);
+    (1..=count).filter_map(move |number| format!("{number}/{count}").parse().ok())
 }
 
 fn folder(plan: &Plan, out: Option<&PathBuf>) -> PathBuf {
@@ -64,8 +78,7 @@ fn report(plan: &Plan, journals: &[PathBuf], output: Output, json: bool) -> Resu
     let summary = plan.write_results(journals, &output).map_err(ending)?;
     let out = target::finish(output)?;
     if json {
-        let json = serde_json::to_string_pretty(&summary).map_err(|e| Ending::Wrong(e.to_string()))?;
-        print(&(json + "\n"))?;
+        print_json(&summary)?;
     } else {
         let mut text = format!("{summary}\n");
         for notice in summary.notices() {

@@ -67,6 +67,40 @@ fn the_same_command_twice_writes_the_same_bytes() {
     }
 }
 
+/// Every command ends in a page of the same build, which begins with a verdict.
+#[test]
+fn pages_of_commands_without_a_folder_are_written_and_compared_runs_stand_in_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let page = |name: &str, arguments: &[&str]| {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let html = std::fs::read_to_string(path(name)).unwrap();
+        assert!(html.contains("id=\"figure-data\"") && html.contains("How it was made"), "{name}");
+        html
+    };
+    let recording = "examples/shared_scanner/recording.csv";
+    let html = page("inspect.html", &["inspect", recording, "--report", &path("inspect.html")]);
+    assert!(html.contains("can be used as it is"));
+    for (name, experiment) in [("a", EXAMPLE), ("b", TRUE)] {
+        assert_eq!(run(&["estimate", experiment, "--out", &path(name)]).status.code(), Some(0));
+    }
+    let compare = ["compare", &path("a"), &path("b"), "--report", &path("compare.html")];
+    let html = page("compare.html", &compare);
+    for part in
+        ["<td role=\"cell\" data-head=\"run\" class=\"text short\">a</td>", "doubtful", "a: ekf", "b: ekf"]
+    {
+        assert!(html.contains(part), "{part}");
+    }
+    // It is replaced by another one, and a stranger's file is not.
+    assert_eq!(page("compare.html", &compare), html);
+    std::fs::write(path("compare.html"), "mine").unwrap();
+    assert_eq!(run(&compare).status.code(), Some(1));
+    let refused = run(&["compare", &path("a"), "examples/shared_scanner", "--report", &path("c.html")]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).contains("expected the folder of a result"), "{}", text(&refused.stderr));
+}
+
 #[test]
 fn the_readme_shows_what_the_command_prints() {
     let folder = tempfile::tempdir().unwrap();
@@ -88,7 +122,7 @@ fn a_filter_that_is_doubtful_is_told_by_strict() {
     let out = out.to_str().unwrap();
     let output = run(&["estimate", EXAMPLE, "--strict", "--out", out]);
     assert_eq!(output.status.code(), Some(3));
-    assert!(text(&output.stderr).contains("not every answer can be trusted: EKF, UKF"));
+    assert!(text(&output.stderr).contains("the verdict is `doubtful` or worse for: EKF, UKF"));
     // With the true stiffness and as much process noise as there is, which is none.
     let toml = std::fs::read_to_string(root().join(TRUE)).unwrap().replace("1e8 rad^2/s^3", "1e4 rad^2/s^3");
     let path = folder.path().join("experiment.toml");
@@ -495,11 +529,11 @@ fn a_simulation_is_the_same_bytes_and_can_be_estimated() {
     let (first, again, other) = (written(&[]), written(&[]), written(&["--seed", "2"]));
     assert_eq!(
         first.keys().collect::<Vec<_>>(),
-        ["experiment.toml", "manifest.toml", "recording.csv", "reference.csv", "run.toml"]
+        ["experiment.toml", "manifest.toml", "recording.csv", "reference.csv", "report.html", "run.toml"]
     );
     for (name, bytes) in &first {
         assert!(bytes == &again[name], "{name} differs");
-        let of_noise = ["manifest.toml", "recording.csv", "run.toml"].contains(&name.as_str());
+        let of_noise = ["manifest.toml", "recording.csv", "report.html", "run.toml"].contains(&name.as_str());
         assert_eq!(bytes == &other[name], !of_noise, "{name}");
     }
     assert!(text(&other["run.toml"]).contains("seed = 2"));

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 #[allow(dead_code)] // its own `main`
 #[path = "../../examples/scan_object.rs"]
-mod scan_object;
+pub mod scan_object;
 
 fn run(arguments: &[&str]) -> Output {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -3,6 +3,8 @@
 mod cli;
 mod columns;
 mod diagnosis;
+mod docs;
+mod from_recording;
 mod gaps;
 mod image;
 mod interruption;

@@ -82,7 +82,7 @@ fn nothing_is_replaced_and_what_is_missing_is_named() {
     std::fs::write(folder.join("scope.csv"), "time_s,CH1_V,CH2_V\n0,1,2\n1e-6,2,1\n2e-6,1,2\n").unwrap();
     let recording = recording();
     for (arguments, why, code) in [
-        (vec!["new", "--device", "piston_mirror", "--write", "mine.toml"], "is there already", 1),
+        (vec!["new", "--device", "piston_mirror", "--write", "mine.toml"], "exists already", 1),
         (vec!["new", "--device", "mirror"], "expected one of `shared_scanner`", 1),
         (
             vec!["new", "scope.csv", "--device", "shared_scanner"],

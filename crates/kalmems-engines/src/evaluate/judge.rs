@@ -1,7 +1,7 @@
 //! The filters of a segment, judged by what they say themselves, part by part.
 
 use super::budget::{BudgetRecord, UncertaintyBudget};
-use super::innovations::{InnovationRecord, TestResult};
+use super::innovations::{InnovationEvidence, InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
 use super::rejections::{RejectionRecord, Rejections};
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
@@ -20,6 +20,8 @@ pub struct SegmentJudge {
 pub struct Judgement {
     /// What the tests of its innovations find.
     pub tests: Vec<TestResult>,
+    /// What the innovations look like; none of what makes no claim.
+    pub evidence: Option<InnovationEvidence>,
     /// What became of the parameters that are states.
     pub parameters: Vec<ParameterAnswer>,
     /// What its gate rejected.
@@ -77,7 +79,11 @@ impl SegmentJudge {
 
     /// What is known until now, for each trajectory; nothing of what makes no claim.
     pub fn judgements(&self, estimate: &SegmentEstimate) -> Vec<Judgement> {
-        let found: Vec<Judgement> = self.filters.iter().map(FilterJudge::judgement).collect();
+        let of = |filter: &FilterJudge| {
+            let evidence = Some(filter.innovations.evidence());
+            Judgement { evidence, ..filter.judgement() }
+        };
+        let found: Vec<Judgement> = self.filters.iter().map(of).collect();
         let mut filters = found.iter();
         let mut last = None;
         let each = estimate.trajectories.iter().enumerate().map(|(place, trajectory)| {
@@ -137,6 +143,7 @@ impl FilterJudge {
     fn judgement(&self) -> Judgement {
         Judgement {
             tests: self.tests(),
+            evidence: None,
             parameters: self.parameters.iter().filter_map(ParameterRecord::answer).collect(),
             rejections: self.rejections.rejections(),
             budgets: Vec::new(),

@@ -27,7 +27,10 @@ pub use channels::{Instruments, ReferenceChannels};
 pub use claim::{Accuracy, Claim, Explained};
 pub use edge::EdgeVelocity;
 pub use grade::Grade;
-pub use innovations::{InnovationRecord, InnovationTest, Place as TestPlace, TestResult, WRONG};
+pub use innovations::{
+    CycleEvidence, Histogram, InnovationEvidence, InnovationRecord, InnovationTest, Place as TestPlace,
+    SpectrumGroup, TestResult, WRONG,
+};
 pub use judge::{Judgement, SegmentJudge};
 pub use lag::ReferenceLag;
 pub use parameter::{ParameterAnswer, ParameterFault};

@@ -61,7 +61,8 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
         blocks.reuse(block);
         blocks.report(progress)?;
     }
-    let holds_numbers = evidence == Evidence::Format || scan.has_numbers_below(evidence);
+    let holds_numbers =
+        matches!(evidence, Evidence::Format | Evidence::Arrays) || scan.has_numbers_below(evidence);
     let mut survey = Survey { holds_numbers, ..scan.conclude() };
     for (name, rows) in others {
         let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));

@@ -43,7 +43,7 @@ impl Recorded {
         }
         let path = experiment.resolve(&described.file);
         // A pipe would be without its beginning afterwards.
-        let beginning = path.is_file().then(|| {
+        let beginning = experiment.can_be_read(&described.file).then(|| {
             let columns: Vec<&str> = drive_column.into_iter().collect();
             let around = Around { rows: ROWS, first: ROWS, before: 0, after: 0 };
             let mut stretches = Stretches::open(&path, &described.layout(&columns), around).ok()?;

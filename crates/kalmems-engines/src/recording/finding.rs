@@ -100,6 +100,26 @@ pub enum Purpose {
 }
 
 impl FindingKind {
+    /// Whether it is of the names and units of columns, and of no row.
+    const fn is_of_the_columns(self) -> bool {
+        matches!(
+            self,
+            Self::Empty
+                | Self::NoHeader
+                | Self::Separator
+                | Self::HeaderOnly
+                | Self::NoSuchColumn
+                | Self::DuplicateColumn
+                | Self::UnknownUnit
+                | Self::TimeUnit
+                | Self::Contradiction
+                | Self::Stated
+                | Self::OtherUnit
+                | Self::NoUnit
+                | Self::Constant
+        )
+    }
+
     /// Whether a recording with such a finding can be used.
     pub const fn severity(self) -> Severity {
         match self {
@@ -258,7 +278,7 @@ pub struct Finding {
     pub column: Option<String>,
     /// The segment, where it concerns one and the file has several.
     pub segment: Option<String>,
-    /// The line in the file where it is first seen, counted from 1 as an editor does.
+    /// Where it is first seen: the line in the file, counted from 1 as an editor does, or the sample of an array, counted from 0.
     pub first_row: usize,
     /// How often it is seen.
     pub count: usize,
@@ -267,6 +287,9 @@ pub struct Finding {
     /// What the recording is read for.
     #[serde(skip)]
     pub purpose: Purpose,
+    /// Whether it is of arrays, which have samples and no lines.
+    #[serde(skip)]
+    pub in_arrays: bool,
 }
 
 impl Finding {
@@ -284,14 +307,18 @@ impl Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}", self.first_row)?;
-        if let Some(column) = &self.column {
-            write!(f, ", column `{column}`")?;
+        let place = match self.in_arrays {
+            false => Some(format!("line {}", self.first_row)),
+            true if self.kind.is_of_the_columns() => None,
+            true => Some(format!("sample {}", self.first_row)),
+        };
+        let column = self.column.as_ref().map(|column| format!("column `{column}`"));
+        let segment = self.segment.as_ref().map(|segment| format!("segment `{segment}`"));
+        let places: Vec<String> = [place, column, segment].into_iter().flatten().collect();
+        if !places.is_empty() {
+            write!(f, "{}: ", places.join(", "))?;
         }
-        if let Some(segment) = &self.segment {
-            write!(f, ", segment `{segment}`")?;
-        }
-        write!(f, ": {}", self.detail)?;
+        write!(f, "{}", self.detail)?;
         let (one, several) = self.kind.counted();
         match self.count {
             _ if one.is_empty() => {}

@@ -25,9 +25,16 @@ pub(super) struct Findings {
     entries: BTreeMap<Key, Entry>,
     /// Those about columns that the header does not have.
     absent: Vec<Finding>,
+    /// Whether they are of arrays, which have samples and no lines.
+    in_arrays: bool,
 }
 
 impl Findings {
+    /// They are of arrays.
+    pub(super) fn of_arrays() -> Self {
+        Self { in_arrays: true, ..Self::default() }
+    }
+
     /// Counts one; `detail` is asked for at the first only.
     pub(super) fn add(&mut self, kind: FindingKind, place: Place, detail: impl FnOnce() -> String) {
         self.add_many(kind, place, 1, detail);
@@ -70,6 +77,7 @@ impl Findings {
             count: 1,
             detail,
             purpose: Purpose::default(),
+            in_arrays: self.in_arrays,
         });
     }
 
@@ -92,6 +100,7 @@ impl Findings {
             count: entry.count,
             detail: entry.detail.clone(),
             purpose: Purpose::default(),
+            in_arrays: self.in_arrays,
         }));
         list.sort_by_key(|finding| (finding.severity(), finding.first_row));
         list

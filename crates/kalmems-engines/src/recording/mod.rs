@@ -56,15 +56,15 @@ pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::Origin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
-pub use reading::{DeclaredColumn, Reading};
-pub use restart::{Restarts, StretchPlace};
+pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};
 pub use stretches::{Around, Stretch, Stretches};
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 pub use unwritten::UnwrittenRecording;
 
 use crate::units::{Header, Kind, Unit};
-pub use kalmems_formats::{Hints, Instant, panic_is_caught};
+pub use kalmems_config::layout::{Clock, DeclaredColumn, Layout, Reading, Restarts};
+pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
 use request::{Request, Wanted};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -82,42 +82,6 @@ pub fn names_a_time(column: &str) -> bool {
         let header = Header::parse(column);
         clock_unit::ClockUnit::of(&header, scale::Scale::of(header.unit), None).is_some()
     }
-}
-
-/// What an experiment file says about the columns of a recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// Where the time comes from.
-    pub clock: Clock,
-    /// The column that tells several records in one file apart.
-    pub segment_column: Option<String>,
-    /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
-    /// labels of the segments, whatever their names end with.
-    pub columns: Option<Vec<String>>,
-    /// What the settings say of them beyond their names.
-    pub declared: Vec<DeclaredColumn>,
-    /// How the file is written, where that cannot be told from it.
-    pub hints: Hints,
-    /// The rate at which the settings say that the rows of a column of times follow each other.
-    pub nominal_rate_hz: Option<f64>,
-    /// Where the times count from, where the file is put beside another one; else it is for its first time to say.
-    pub origin: Option<Instant>,
-    /// When a record is cut into stretches. `None`: never, so that its times have to increase.
-    pub restarts: Option<Restarts>,
-}
-
-/// Where the times of the rows come from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Clock {
-    /// A column of times.
-    Column(String),
-    /// A fixed rate, where there is no such column; each segment begins at the start.
-    Rate {
-        /// Rows per second.
-        rate_hz: f64,
-        /// The time of a segment's first row.
-        start_s: f64,
-    },
 }
 
 /// The file that a recording was read from.

@@ -5,11 +5,11 @@ use super::label::Label;
 use super::plan::Plan;
 use super::rails::{LONG_RUN, Part, Rails};
 use super::request::Request;
-use super::restart::{RestartCounts, Restarts, StretchPlace, TOO_SLOW, UNSORTED};
+use super::restart::{RestartCounts, TOO_SLOW, UNSORTED, first_cut};
 use super::scale::Scale;
 use super::segment::{Lines, Segment, TimeBase, Times};
 use super::time::{Tally, TimeCheck};
-use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Source};
+use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Restarts, Source, StretchPlace};
 use kalmems_figures::number;
 use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
 use std::collections::{BTreeMap, VecDeque};
@@ -258,7 +258,7 @@ impl Pass {
         // From the row before the first on, where the stretch has it.
         let first = rows.start.saturating_sub(1).max(draft.start).max(self.base);
         let times = self.times.get(first - self.base..rows.end - self.base)?;
-        restarts.first(times, 1).map(|(row, why)| (first + row, why))
+        first_cut(&restarts, times, 1).map(|(row, why)| (first + row, why))
     }
 
     /// Begins a new stretch of the present record with a row.

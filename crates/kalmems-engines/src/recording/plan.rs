@@ -5,7 +5,7 @@ use super::error::hint;
 use super::findings::{Findings, Place};
 use super::request::{Request, Wanted};
 use super::scale::Scale;
-use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind};
+use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind, reading};
 use crate::units::{Header, Unit, UnitError};
 use kalmems_formats::{self as formats, Description, Evidence, Instant, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
@@ -39,7 +39,7 @@ impl Target {
         let mut target = Self::new(index, in_file);
         let Some(reading) = &declared.reading else { return target };
         let place = Place { column: Some(index), segment: None, line };
-        findings.add(Kind::Stated, place, || reading.words(&target.header));
+        findings.add(Kind::Stated, place, || reading::words(reading, &target.header));
         if let Some((text, stated)) = &reading.unit
             && target.header.unit.is_some_and(|unit| unit != *stated)
         {
@@ -47,7 +47,7 @@ impl Target {
                 format!("the file says `{}` and the settings say `{text}`", target.header.unit_text)
             });
         }
-        match reading.apply(&target.header) {
+        match reading::apply(reading, &target.header) {
             Ok((header, scale)) => (target.header, target.scale) = (header, scale),
             Err(why) => findings.add(Kind::Contradiction, place, || why),
         }
@@ -221,7 +221,7 @@ fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
         return format!(": `{}` of the file is left out ({})", left_out.name, left_out.why);
     }
     let tells_names = match file.evidence {
-        Evidence::Format => true,
+        Evidence::Format | Evidence::Arrays => true,
         Evidence::Rows => names.len() > 1,
         Evidence::Nothing => false,
     };
@@ -251,7 +251,7 @@ fn unit_detail(column: &str, known: Option<&DeclaredColumn>) -> String {
         // As in `x_per_m`, where nothing stands before `per`.
         Some((_, _, Ok(_))) | None => "the name ends with no unit".to_owned(),
     };
-    if let Some(way_out) = known.and_then(DeclaredColumn::way_out) {
+    if let Some(way_out) = known.and_then(reading::way_out) {
         detail += &format!(": {way_out}");
     }
     detail

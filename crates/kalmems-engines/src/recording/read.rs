@@ -6,7 +6,7 @@ use super::pass::Pass;
 use super::plan::Plan;
 use super::request::Request;
 use super::{Clock, ReadError, Recording, Source};
-use kalmems_formats::{Digest, Table};
+use kalmems_formats::{Digest, Evidence, Table};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -48,7 +48,8 @@ impl Reading {
         let description = table.description();
         let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
-        let mut findings = Findings::default();
+        let in_arrays = description.evidence == Evidence::Arrays;
+        let mut findings = if in_arrays { Findings::of_arrays() } else { Findings::default() };
         let kind = |column: usize| table.time_kind(column);
         let plan = Plan::of(description, &kind, line, request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: file(), findings })?;

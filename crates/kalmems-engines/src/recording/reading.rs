@@ -1,105 +1,71 @@
-//! What the settings say of a column: which it is, the unit of its numbers, a factor and an offset.
+//! What the settings say of a column, applied to its numbers.
 
 use super::scale::Scale;
-use crate::units::{Header, Unit, Value};
+use super::{DeclaredColumn, Reading};
+use crate::units::{Header, Unit};
 
-/// A column as the settings name it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DeclaredColumn {
-    /// Its name, as the settings have it.
-    pub column: String,
-    /// The key of the settings that names it, such as `signal` or [`DeclaredColumn::CLOCK`]; for messages.
-    pub key: String,
-    /// Where its numbers are of no use without a unit: one that would fit, for messages.
-    pub usual_unit: Option<&'static str>,
-    /// What is said of its numbers, where that is more than the name.
-    pub reading: Option<Reading>,
+/// What to write in the settings for a column whose unit is needed and not known.
+pub(super) fn way_out(declared: &DeclaredColumn) -> Option<String> {
+    let column = toml::Value::String(declared.column.clone());
+    let unit = declared.usual_unit?;
+    Some(format!("write `{} = {{ column = {column}, unit = \"{unit}\" }}` with its unit", declared.key))
 }
 
-/// What is said of a column's numbers: the value is `scale · number`, in the product of both units, plus `offset`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
-    /// The unit of the numbers as it was written, and what it is; that of the column's name if it is not said.
-    pub unit: Option<(String, Unit)>,
-    /// What each number is multiplied by.
-    pub scale: Option<Value>,
-    /// What is added after that.
-    pub offset: Option<Value>,
-}
-
-impl DeclaredColumn {
-    /// The key of a column of times.
-    pub const CLOCK: &str = "clock";
-
-    /// Whether it is the column of the times.
-    pub fn is_clock(&self) -> bool {
-        self.key == Self::CLOCK
-    }
-
-    /// What to write in the settings for a column whose unit is needed and not known.
-    pub(super) fn way_out(&self) -> Option<String> {
-        let column = toml::Value::String(self.column.clone());
-        let unit = self.usual_unit?;
-        Some(format!("write `{} = {{ column = {column}, unit = \"{unit}\" }}` with its unit", self.key))
-    }
-}
-
-impl Reading {
-    /// The unit of the values, where one is known, and how the numbers become SI; in words what does not fit.
-    pub(super) fn apply(&self, file: &Header) -> Result<(Header, Scale), String> {
-        let known = self.unit.as_ref().map(|(_, unit)| *unit).or(file.unit);
-        let numbers = known.unwrap_or(Unit::ONE);
-        let (unit, factor) = match &self.scale {
-            Some(scale) => scale.times_unit(numbers),
-            None => (numbers, numbers.factor()),
-        };
-        let offset = match &self.offset {
-            Some(offset) if offset.unit().dimension() != unit.dimension() => {
-                return Err(format!(
-                    "the offset `{}` has the dimension {} and the values have {}",
-                    offset.text(),
-                    offset.unit().dimension(),
-                    unit.dimension()
-                ));
-            }
-            Some(offset) => offset.si(),
-            None => 0.0,
-        };
-        let unit_text = match (&self.scale, &self.unit) {
-            (Some(scale), _) if scale.unit() != Unit::ONE => unit.si_header(),
-            (_, Some((text, _))) => text.clone(),
-            _ => file.unit_text.clone(),
-        };
-        let scaled = self.scale.as_ref().is_some_and(|scale| scale.unit() != Unit::ONE);
-        let header = Header {
-            column: file.column.clone(),
-            unit: (known.is_some() || scaled).then_some(unit),
-            unit_text,
-            is_stated: true,
-        };
-        Ok((header, Scale::of_factor_and_offset(factor, offset)))
-    }
-
-    /// In words, for the diagnosis.
-    pub(super) fn words(&self, file: &Header) -> String {
-        let mut words = match &self.unit {
-            Some((text, _)) => format!("its numbers are in `{text}`"),
-            None if file.unit_text.is_empty() => "its numbers have no unit".to_owned(),
-            None => format!("its numbers are in `{}`", file.unit_text),
-        };
-        if let Some(scale) = &self.scale {
-            words += &format!(", times `{}`", scale.text());
+/// The unit of the values, where one is known, and how the numbers become SI; in words what does not fit.
+pub(super) fn apply(reading: &Reading, file: &Header) -> Result<(Header, Scale), String> {
+    let known = reading.unit.as_ref().map(|(_, unit)| *unit).or(file.unit);
+    let numbers = known.unwrap_or(Unit::ONE);
+    let (unit, factor) = match &reading.scale {
+        Some(scale) => scale.times_unit(numbers),
+        None => (numbers, numbers.factor()),
+    };
+    let offset = match &reading.offset {
+        Some(offset) if offset.unit().dimension() != unit.dimension() => {
+            return Err(format!(
+                "the offset `{}` has the dimension {} and the values have {}",
+                offset.text(),
+                offset.unit().dimension(),
+                unit.dimension()
+            ));
         }
-        if let Some(offset) = &self.offset {
-            words += &format!(", plus `{}`", offset.text());
-        }
-        words
+        Some(offset) => offset.si(),
+        None => 0.0,
+    };
+    let unit_text = match (&reading.scale, &reading.unit) {
+        (Some(scale), _) if scale.unit() != Unit::ONE => unit.si_header(),
+        (_, Some((text, _))) => text.clone(),
+        _ => file.unit_text.clone(),
+    };
+    let scaled = reading.scale.as_ref().is_some_and(|scale| scale.unit() != Unit::ONE);
+    let header = Header {
+        column: file.column.clone(),
+        unit: (known.is_some() || scaled).then_some(unit),
+        unit_text,
+        is_stated: true,
+    };
+    Ok((header, Scale::of_factor_and_offset(factor, offset)))
+}
+
+/// In words, for the diagnosis.
+pub(super) fn words(reading: &Reading, file: &Header) -> String {
+    let mut words = match &reading.unit {
+        Some((text, _)) => format!("its numbers are in `{text}`"),
+        None if file.unit_text.is_empty() => "its numbers have no unit".to_owned(),
+        None => format!("its numbers are in `{}`", file.unit_text),
+    };
+    if let Some(scale) = &reading.scale {
+        words += &format!(", times `{}`", scale.text());
     }
+    if let Some(offset) = &reading.offset {
+        words += &format!(", plus `{}`", offset.text());
+    }
+    words
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Value;
 
     fn reading(unit: &str, scale: &str, offset: &str) -> Reading {
         let value = |text: &str| (!text.is_empty()).then(|| Value::parse(text).unwrap());
@@ -126,7 +92,7 @@ mod tests {
             ("V", "0.5 gn/V", "", Scale::Factor(0.5 * 9.806_65), "m/s^2"),
             ("1", "2.5", "0.25", Scale::Affine { power: 0, factor: 2.5, offset: 0.25 }, "1"),
         ] {
-            let (header, found) = reading(unit, scale, offset).apply(&Header::parse("u")).unwrap();
+            let (header, found) = apply(&reading(unit, scale, offset), &Header::parse("u")).unwrap();
             assert_eq!(found, expected, "{unit} {scale} {offset}");
             let si = Unit::parse(si).unwrap().dimension();
             assert_eq!(header.unit.unwrap().dimension(), si, "{unit} {scale} {offset}");
@@ -135,15 +101,15 @@ mod tests {
 
     #[test]
     fn the_unit_of_the_name_counts_where_none_is_stated() {
-        let (header, scale) = reading("", "10", "").apply(&Header::parse("u_mV")).unwrap();
+        let (header, scale) = apply(&reading("", "10", ""), &Header::parse("u_mV")).unwrap();
         assert_eq!((header.unit_text.as_str(), scale), ("mV", Scale::Decimal(-2)));
-        let (header, scale) = reading("", "10", "").apply(&Header::parse("u")).unwrap();
+        let (header, scale) = apply(&reading("", "10", ""), &Header::parse("u")).unwrap();
         assert_eq!((header.unit, scale), (None, Scale::Decimal(1)));
     }
 
     #[test]
     fn an_offset_of_another_dimension_is_refused() {
-        let error = reading("V", "0.5 gn/V", "1 V").apply(&Header::parse("u")).unwrap_err();
+        let error = apply(&reading("V", "0.5 gn/V", "1 V"), &Header::parse("u")).unwrap_err();
         insta::assert_snapshot!(error, @"the offset `1 V` has the dimension V and the values have m s^-2");
     }
 }

@@ -1,42 +1,23 @@
 //! Where a record is cut into stretches: behind a gap that is too long to be predicted over, and where its clock goes back.
 
-use super::FindingKind as Kind;
+use super::{FindingKind as Kind, Restarts};
 use serde::Serialize;
 
-/// When a record is cut, so that what is made of it starts anew.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Restarts {
-    /// The longest time between two rows in s that does not cut it.
-    pub longest_gap_s: f64,
-    /// Whether it is used however often it is cut, as of rows that arrive.
-    pub at_any_rate: bool,
+/// What cuts the record between two rows, if something does.
+fn cut_between(restarts: &Restarts, before_s: f64, after_s: f64) -> Option<Kind> {
+    if after_s < before_s {
+        Some(Kind::ClockBack)
+    } else if after_s - before_s > restarts.longest_gap_s {
+        Some(Kind::LongGap)
+    } else {
+        None
+    }
 }
 
-impl Restarts {
-    /// Behind gaps that are longer than this in s, and where the clock goes back.
-    pub const fn beyond(longest_gap_s: f64) -> Self {
-        Self { longest_gap_s, at_any_rate: false }
-    }
-
-    /// Where the clock goes back alone.
-    pub const WHERE_THE_CLOCK_GOES_BACK: Self = Self::beyond(f64::INFINITY);
-
-    /// What cuts the record between two rows, if something does.
-    fn between(&self, before_s: f64, after_s: f64) -> Option<Kind> {
-        if after_s < before_s {
-            Some(Kind::ClockBack)
-        } else if after_s - before_s > self.longest_gap_s {
-            Some(Kind::LongGap)
-        } else {
-            None
-        }
-    }
-
-    /// The first of some times, from the one at `from` on, before which the record is cut, and by what.
-    pub(super) fn first(&self, times: &[f64], from: usize) -> Option<(usize, Kind)> {
-        let pairs = times.iter().zip(times.iter().skip(1)).enumerate().skip(from.saturating_sub(1));
-        pairs.filter(|(i, _)| i + 1 >= from).find_map(|(i, (a, b))| Some((i + 1, self.between(*a, *b)?)))
-    }
+/// The first of some times, from the one at `from` on, before which the record is cut, and by what.
+pub(super) fn first_cut(restarts: &Restarts, times: &[f64], from: usize) -> Option<(usize, Kind)> {
+    let pairs = times.iter().zip(times.iter().skip(1)).enumerate().skip(from.saturating_sub(1));
+    pairs.filter(|(i, _)| i + 1 >= from).find_map(|(i, (a, b))| Some((i + 1, cut_between(restarts, *a, *b)?)))
 }
 
 /// Which stretch of its record a run of rows is.
@@ -108,13 +89,13 @@ mod tests {
         let policy = Restarts::beyond(2.0);
         let mut cuts = Vec::new();
         let mut from = 1;
-        while let Some((row, why)) = policy.first(&times, from) {
+        while let Some((row, why)) = first_cut(&policy, &times, from) {
             cuts.push((row, why));
             from = row + 1;
         }
         assert_eq!(cuts, [(3, Kind::LongGap), (5, Kind::ClockBack), (7, Kind::LongGap)]);
-        assert_eq!(policy.first(&times, 0), Some((3, Kind::LongGap)));
-        assert_eq!(Restarts::WHERE_THE_CLOCK_GOES_BACK.first(&times, 0), Some((5, Kind::ClockBack)));
+        assert_eq!(first_cut(&policy, &times, 0), Some((3, Kind::LongGap)));
+        assert_eq!(first_cut(&Restarts::WHERE_THE_CLOCK_GOES_BACK, &times, 0), Some((5, Kind::ClockBack)));
     }
 
     #[test]

@@ -123,15 +123,20 @@ pub(super) struct Lines {
 
 impl Lines {
     pub(super) fn of(&self, row: usize) -> usize {
+        self.known(row).unwrap_or(0)
+    }
+
+    fn known(&self, row: usize) -> Option<usize> {
         let after = self.breaks.partition_point(|(first, _)| *first <= row);
-        after.checked_sub(1).and_then(|i| self.breaks.get(i)).map_or(0, |(first, line)| line + row - first)
+        let (first, line) = self.breaks.get(after.checked_sub(1)?)?;
+        Some(line + row - first)
     }
 
     /// The next rows stand on these lines, each entry being a row and its line, the others on the lines after.
     pub(super) fn push_many(&mut self, rows: usize, lines: &[(usize, u64)]) {
         for (row, line) in lines {
             let (row, line) = (self.rows + row, usize::try_from(*line).unwrap_or(usize::MAX));
-            if self.of(row) != line {
+            if self.known(row) != Some(line) {
                 self.breaks.push((row, line));
             }
         }

@@ -1,7 +1,9 @@
 //! The rigs that a program works with.
 
 use super::Rig;
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, experiment_schema};
+use crate::config::{
+    ArraysByFile, ConfigError, DeviceKind, Experiment, Fault, Key, Place, experiment_schema,
+};
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -10,6 +12,7 @@ use std::sync::Arc;
 #[derive(Clone, Default)]
 pub struct Workbench {
     rigs: Vec<Arc<dyn Rig>>,
+    arrays: ArraysByFile,
 }
 
 impl Workbench {
@@ -22,6 +25,13 @@ impl Workbench {
     #[must_use]
     pub fn with(mut self, rig: impl Rig + 'static) -> Self {
         self.rigs.push(Arc::new(rig));
+        self
+    }
+
+    /// The same for experiments that it reads with arrays in the place of files; see [`Experiment::with_arrays`].
+    #[must_use]
+    pub fn with_arrays(mut self, arrays: ArraysByFile) -> Self {
+        self.arrays = arrays;
         self
     }
 
@@ -52,8 +62,21 @@ impl Workbench {
         self.read(Experiment::parse(text, path))
     }
 
+    /// Reads an experiment that is there as a table already; `name` is what messages call it. What is wrong is told by its key alone: there
+    /// is no text that would have lines.
+    pub fn read_table(&self, table: &toml::Table, name: &Path) -> Result<Experiment, ConfigError> {
+        let read = toml::to_string(table).map_err(|e| {
+            let place = Place { file: name.to_owned(), position: None, key: Key::default() };
+            ConfigError { place: Box::new(place), fault: Fault::Value { why: e.to_string() } }
+        });
+        read.and_then(|text| self.parse(&text, name)).map_err(|mut error| {
+            error.place.position = None;
+            error
+        })
+    }
+
     fn read(&self, read: Result<Experiment, ConfigError>) -> Result<Experiment, ConfigError> {
-        let experiment = read.map_err(|error| self.with_devices(error))?;
+        let experiment = read.map_err(|error| self.with_devices(error))?.with_arrays(&self.arrays);
         self.rig(&experiment)?;
         // Of what the rig has read, with the uncertainties that stand in tables of their own.
         experiment.directions()?;

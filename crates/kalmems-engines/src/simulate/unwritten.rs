@@ -55,6 +55,16 @@ impl Unwritten {
         self.recorded.read(RECORDING, &self.time_s, layout)
     }
 
+    /// What was recorded, as columns with their names as files have them; the times come first.
+    pub fn recorded_columns(&self) -> Vec<(&'static str, Vec<f64>)> {
+        self.recorded.each(&self.time_s)
+    }
+
+    /// What is true, likewise.
+    pub fn true_columns(&self) -> Vec<(&'static str, Vec<f64>)> {
+        self.truth.each(&self.time_s)
+    }
+
     /// Changes what was recorded of a channel, by what it means and sample by sample with the times in s, as a disturbance would: all of it at once.
     ///
     /// False where nothing of this meaning is recorded.
@@ -78,6 +88,13 @@ impl Unwritten {
 }
 
 impl Columns {
+    fn each(&self, time_s: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
+        let of =
+            |place: usize| self.values.iter().skip(place).step_by(self.channels.len()).copied().collect();
+        let channels = self.channels.iter().enumerate().map(|(place, channel)| (channel.column, of(place)));
+        std::iter::once((TIME, time_s.to_vec())).chain(channels).collect()
+    }
+
     fn read(&self, name: &str, time_s: &[f64], layout: &Layout) -> Result<recording::Recording, ReadError> {
         let header: Vec<&str> = [TIME].into_iter().chain(self.channels.iter().map(|c| c.column)).collect();
         let mut rows = UnwrittenRecording::new(name, &header, layout)?;
@@ -106,16 +123,9 @@ pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experi
     }
     described.simulate = None;
     described.recordings = named(simulation.recorded())
-        .map(|channels| Recording {
-            name: None,
-            role: simulation.role(),
-            file: RECORDING.into(),
-            format: None,
-            segments: None,
-            clock: Clock::column(TIME),
-            gaps: None,
-            channels,
-            reference: named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth)),
+        .map(|channels| {
+            let reference = named(simulation.truth()).map(|truth| Reference::of(REFERENCE.into(), truth));
+            Recording::of(simulation.role(), RECORDING.into(), Clock::column(TIME), channels, reference)
         })
         .into_iter()
         .collect();

@@ -308,7 +308,12 @@ fn sampling(work: &Work, density: f64) -> Result<Item, ReproduceError> {
     .with(
         Panel::new(Axis::new("sampling rate", "Hz").log(), Axis::new("position RMSE", "nm"))
             .with(Series::points("three states", Role::Model, points(0)))
-            .with(Series::points("five states", Role::Estimate, points(1))),
+            .with(Series::points("five states", Role::Estimate, points(1)))
+            .with(Series::points(
+                "P Figure 9, as its text gives it; an upper bound at 1.4 MHz",
+                Role::Reference,
+                vec![(results::SAMPLING_HZ, results::ERROR_NM), (results::FASTEST[0], results::FASTEST[1])],
+            )),
     );
     let medians = || found.iter().map(|errors| errors[0].median);
     let (low, high) = (medians().fold(f64::INFINITY, f64::min), medians().fold(0.0, f64::max));

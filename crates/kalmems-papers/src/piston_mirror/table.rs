@@ -77,8 +77,8 @@ fn table() -> Item {
         let points = (0..=40).map(|k| 10_f64.powf(2.0 + 0.1 * f64::from(k)));
         let points: Vec<(f64, f64)> = points.map(|b| (b, one_sample(noise, b)[0] * 1e9)).collect();
         panel = panel.with(Series::line(format!("one sample, {word}"), role, points)).with(Series::level(
-            "",
-            role,
+            format!("all parameters over one second, {word}"),
+            Role::Other,
             joint(noise)[0] * 1e9,
         ));
     }

@@ -133,15 +133,30 @@ impl Check {
         }
     }
 
-    /// How the two compare: `agrees, +0.4 %`, `16 times smaller`, `holds`.
+    /// How the two compare: `agrees, +0.4 %`, `16 times smaller`, `holds`. Decibels are a logarithm and compared by their difference.
     pub fn comparison(&self) -> String {
         match self {
-            Self::Value { paper, ours, .. } => {
-                let difference = difference(*paper, ours.median);
+            Self::Value { paper, ours, unit, .. } => {
+                let difference = if *unit == "dB" {
+                    format!("{:+.1} dB", ours.median - paper)
+                } else {
+                    difference(*paper, ours.median)
+                };
                 if self.holds() { format!("agrees, {difference}") } else { difference }
             }
             Self::Claim { holds: true, .. } => "holds".to_owned(),
             Self::Claim { holds: false, .. } => "does not hold".to_owned(),
+        }
+    }
+
+    /// Up to which difference the two count as the same; nothing of a statement.
+    pub fn within(&self) -> String {
+        match self {
+            Self::Value { paper, unit: "dB", tolerance, .. } => {
+                format!("±{} dB", plain(tolerance * paper.abs()))
+            }
+            Self::Value { tolerance, .. } => format!("±{} %", plain(100.0 * tolerance)),
+            Self::Claim { .. } => "–".to_owned(),
         }
     }
 
@@ -157,6 +172,12 @@ impl Check {
             Self::Claim { holds: false, .. } => f64::INFINITY,
         }
     }
+}
+
+/// Up to two decimals, without zeros at their end.
+fn plain(value: f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A factor where it is beyond 2, else a percentage.
@@ -262,6 +283,9 @@ mod tests {
         ] {
             assert_eq!(value(paper, ours).comparison(), words);
         }
+        assert_eq!(value(2.73, 2.8).within(), "±10 %");
+        let level = Check::value("spurious line", "dB", -40.0, Spread::exact(-38.5), 0.05);
+        assert_eq!((level.comparison().as_str(), level.within().as_str()), ("agrees, +1.5 dB", "±2 dB"));
     }
 
     #[test]

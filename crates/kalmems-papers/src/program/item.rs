@@ -94,12 +94,21 @@ pub struct Item {
     pub tables: Vec<Table>,
     /// Pictures, their names beginning with the head's key.
     pub figures: Vec<Figure>,
+    /// Pictures of pixels for the page: a PNG file each, and what it shows.
+    pub pictures: Vec<(Vec<u8>, String)>,
 }
 
 impl Item {
     /// An item with nothing in it yet.
     pub fn new(head: &'static Head) -> Self {
-        Self { head, checks: Vec::new(), remarks: Vec::new(), tables: Vec::new(), figures: Vec::new() }
+        Self {
+            head,
+            checks: Vec::new(),
+            remarks: Vec::new(),
+            tables: Vec::new(),
+            figures: Vec::new(),
+            pictures: Vec::new(),
+        }
     }
 
     /// Adds a check.
@@ -127,6 +136,13 @@ impl Item {
     #[must_use]
     pub fn figure(mut self, figure: Figure) -> Self {
         self.figures.push(figure);
+        self
+    }
+
+    /// Adds a picture of pixels, a PNG file, with what it shows.
+    #[must_use]
+    pub fn picture(mut self, png: Vec<u8>, shows: impl Into<String>) -> Self {
+        self.pictures.push((png, shows.into()));
         self
     }
 

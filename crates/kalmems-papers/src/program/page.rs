@@ -1,14 +1,16 @@
 //! A reproduction as a page.
 
 use super::{Effort, Item, Reproduction, Verdict, checks_table, summary_table};
-use kalmems_figures::{Page, ReportError, Section, Severity};
+use kalmems_figures::{Page, Part, ReportError, Section, Severity};
 
 /// The page: what holds and what does not, then each item.
 pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
     let program = reproduction.program;
     let papers = program.papers.iter().map(|paper| (paper.key, paper.citation));
+    let severities = reproduction.items.iter().map(|item| severity(item.verdict()));
     let mut overview = Section::new("What holds and what does not")
-        .table(summary_table(reproduction, true))
+        .part(Part::Verdict)
+        .table(summary_table(reproduction, true).with_verdicts("verdict", severities))
         .paragraph(
             "Reproduced: every number agrees within the tolerance stated and every statement holds. Same trend: \
              numbers differ, but the order or direction that the paper reports is there. Does not reproduce: a \
@@ -21,7 +23,7 @@ pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
     }
     let mut page = Page::new(
         format!("{}: the papers beside ours", program.title),
-        "Measured on the authors' hardware, simulated here",
+        "What the papers print beside what is computed and simulated here",
     )
     .with(overview);
     for item in &reproduction.items {
@@ -31,10 +33,8 @@ pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
 }
 
 fn section(item: &Item) -> Section {
-    let (severity, verdict) = match item.verdict() {
-        verdict @ Verdict::Reproduced => (Severity::Ok, verdict),
-        verdict => (Severity::Note, verdict),
-    };
+    let verdict = item.verdict();
+    let severity = severity(verdict);
     let labels: Vec<String> = item.head.places.iter().map(|p| format!("{} {}", p.paper, p.label)).collect();
     let mut section = Section::new(format!("{}: {}", labels.join(", "), item.head.title))
         .notice(severity, format!("{}: {}", capital(verdict.words()), item.why()))
@@ -45,10 +45,18 @@ fn section(item: &Item) -> Section {
     for figure in &item.figures {
         section = section.figure(figure.clone());
     }
+    for (png, shows) in &item.pictures {
+        section = section.raster(png.clone(), shows.as_str(), shows.as_str());
+    }
     for table in &item.tables {
         section = section.table(table.clone());
     }
     section.paragraph(format!("Source: {}.", item.head.source()))
+}
+
+/// What does not reproduce is a finding about a paper, and no fault of the run.
+fn severity(verdict: Verdict) -> Severity {
+    if verdict == Verdict::Reproduced { Severity::Ok } else { Severity::Note }
 }
 
 fn made(reproduction: &Reproduction) -> Section {
@@ -57,7 +65,7 @@ fn made(reproduction: &Reproduction) -> Section {
         Effort::Quick => "quick: few seeds; --full computes more",
         Effort::Full => "full",
     };
-    Section::new("How it was made").paragraph(format!(
+    Section::new("How it was made").part(Part::Made).paragraph(format!(
         "kalmems {}, rig {}, {effort}, first seed {}. The same command gives the same page to the last byte, whatever \
          the number of threads; dates and durations are in run.toml.",
         env!("CARGO_PKG_VERSION"),

@@ -3,6 +3,9 @@
 use super::{Head, Item, Reproduction};
 use kalmems_figures::{Column, Table};
 
+/// Places in the papers that a row names; the section of an item names all of them.
+const NAMED: usize = 3;
+
 /// One row per item: what came of it, and, where there is room, the figure that says why.
 pub fn summary_table(reproduction: &Reproduction, with_reasons: bool) -> Table {
     let reasons = with_reasons.then_some("the figure that says why");
@@ -11,7 +14,11 @@ pub fn summary_table(reproduction: &Reproduction, with_reasons: bool) -> Table {
     for item in &reproduction.items {
         let labels = |head: &Head| {
             let labels = head.places.iter().map(|place| format!("{} {}", place.paper, place.label));
-            labels.collect::<Vec<_>>().join(", ")
+            let named: Vec<String> = labels.take(NAMED).collect();
+            match head.places.len() - named.len() {
+                0 => named.join(", "),
+                more => format!("{} and {more} more", named.join(", ")),
+            }
         };
         let cells = [labels(item.head), item.head.title.to_owned(), item.verdict().words().to_owned()];
         table.push(cells.into_iter().chain(with_reasons.then(|| item.why())));
@@ -22,10 +29,10 @@ pub fn summary_table(reproduction: &Reproduction, with_reasons: bool) -> Table {
 /// One row per check of an item: the paper beside ours.
 pub fn checks_table(item: &Item) -> Table {
     let [paper, ours] = item.head.origin.heads();
-    let columns = ["", paper, ours, "comparison"].map(Column::text);
+    let columns = ["", paper, ours, "comparison", "agrees within"].map(Column::text);
     let mut table = Table::new("", columns);
     for check in &item.checks {
-        table.push([check.subject(), check.paper(), check.ours(), check.comparison()]);
+        table.push([check.subject(), check.paper(), check.ours(), check.comparison(), check.within()]);
     }
     table
 }

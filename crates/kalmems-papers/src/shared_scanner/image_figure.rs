@@ -2,7 +2,9 @@
 
 use super::published::{s_figure_10, s_table_iii};
 use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Work};
-use kalmems_applications::image::{Lissajous, Picture, Raster, Scene, ShiftHistogram, edge_width, psnr_db};
+use kalmems_applications::image::{
+    Lissajous, Picture, Raster, Scene, ShiftHistogram, edge_width, preview, psnr_db,
+};
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
 
@@ -42,7 +44,7 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
         ],
     );
     let mut profile = Panel::new(Axis::new("pixel", ""), Axis::new("mean of the rows", ""));
-    let mut blurs = Vec::new();
+    let (mut blurs, mut pictures) = (Vec::new(), Vec::new());
     for (name, degrees) in errors {
         let seen = image(degrees, |at| scene.intensity(at));
         let edge = image(degrees, |[x, _]| ((x - 0.5) / Scene::SPOT + 0.5).clamp(0.0, 1.0));
@@ -59,8 +61,14 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
             psnr.map_or_else(|| "–".to_owned(), significant),
         ]);
         profile = profile.with(Series::line(name, Role::Other, across(&edge)));
+        let shows = format!(
+            "{name}: the computed object with an error of {} deg of the phase of x.",
+            significant(degrees)
+        );
+        pictures.push((preview(&seen), shows));
     }
-    let item = Item::new(&HEAD)
+    let item = pictures.into_iter().fold(Item::new(&HEAD), |item, (png, shows)| item.picture(png, shows));
+    let item = item
         .check(Check::claim(
             "the UKF's error leaves a noticeably sharper image than the model's alone",
             "noticeable reduction of blur",

@@ -230,7 +230,7 @@ pub fn follow(
     start_near(&mut settings.filters, decay.states[0], seed);
     let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
     let samples = Samples { data: &data, drive_slope: &off, crossings, first: 0, motion };
-    estimate_segment(&settings, samples, &mut Past::default(), progress).ok()
+    estimate_segment(&settings, (samples, "the simulated decay"), &mut Past::default(), progress).ok()
 }
 
 /// All filters start from the same state, as far from the true one as they believe to be.
@@ -238,7 +238,7 @@ fn start_near(filters: &mut [FilterSettings], truth: [f64; 2], seed: u64) {
     let mut noise = WhiteNoise::new(seed, START);
     let off = [noise.sample(), noise.sample()];
     for filter in filters {
-        filter.start = std::array::from_fn(|i| truth[i] + off[i] * filter.start_sd[i]);
+        filter.start = Some(std::array::from_fn(|i| truth[i] + off[i] * filter.start_sd[i]));
     }
 }
 

@@ -6,6 +6,7 @@ use super::settings::Hardware;
 use super::simulation::{acting, closed_loop};
 use crate::accelerometer::device::Accelerometer;
 use crate::config::{Experiment, Quantity};
+use crate::inspect::quantity;
 use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
 use crate::simulate::SimulateError;
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -148,7 +149,10 @@ fn device(hardware: &Hardware) -> Topic {
         Some(rate) => topic.with(
             "open_loop_bandwidth_hz",
             [rate / TAU],
-            format!("Without a loop it follows an acceleration up to {:.0} Hz (-3 dB).", rate / TAU),
+            format!(
+                "Without a loop it follows an acceleration up to {} (-3 dB).",
+                quantity(rate / TAU, "Hz")
+            ),
         ),
         None => topic,
     };
@@ -235,7 +239,7 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
         Some(rate) => topic.with(
             "closed_loop_bandwidth_hz",
             [rate / TAU],
-            format!("It follows an acceleration up to {:.0} Hz (-3 dB).", rate / TAU),
+            format!("It follows an acceleration up to {} (-3 dB).", quantity(rate / TAU, "Hz")),
         ),
         None => topic.with(
             "closed_loop_bandwidth_hz",
@@ -254,8 +258,8 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
             "phase_margin_deg",
             [phase.to_degrees(), crossover / TAU],
             format!(
-                "The loop gain is 1 at {:.0} Hz, where the phase margin is {:.1}°.",
-                crossover / TAU,
+                "The loop gain is 1 at {}, where the phase margin is {:.1}°.",
+                quantity(crossover / TAU, "Hz"),
                 phase.to_degrees()
             ),
         ),

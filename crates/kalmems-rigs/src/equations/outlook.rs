@@ -5,6 +5,7 @@ use super::settings::OwnDevice;
 use super::short;
 use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, Experiment, Start};
+use crate::inspect::quantity;
 use crate::outlook::{Fact, Outlook, Topic};
 use kalmems_equations::{Mode, Named};
 use std::f64::consts::TAU;
@@ -109,14 +110,14 @@ fn free_motion(own: &OwnDevice) -> Topic {
             let (hz, ratio) = (mode.frequency_hz(), mode.damping_ratio());
             let text = if grows(mode) {
                 format!(
-                    "A small motion at {} Hz grows by itself: the rest is not stable (damping ratio {}).",
-                    short(hz),
+                    "A small motion at {} grows by itself: the rest is not stable (damping ratio {}).",
+                    quantity(hz, "Hz"),
                     short(ratio)
                 )
             } else {
                 format!(
-                    "A small motion oscillates at {} Hz with a damping ratio of {} (quality factor {}).",
-                    short(hz),
+                    "A small motion oscillates at {} with a damping ratio of {} (quality factor {}).",
+                    quantity(hz, "Hz"),
                     short(ratio),
                     short(0.5 / ratio)
                 )

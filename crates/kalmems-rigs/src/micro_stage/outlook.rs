@@ -2,6 +2,7 @@
 
 use super::hardware::Hardware;
 use crate::config::{DriveSource, Experiment};
+use crate::inspect::quantity;
 use crate::outlook::{Outlook, Topic};
 use crate::simulate::SimulateError;
 use std::f64::consts::TAU;
@@ -36,8 +37,8 @@ fn resonance(hardware: &Hardware) -> Topic {
         "resonance_hz_quality_rad_per_s_per_v",
         [hz, quality, peak],
         format!(
-            "The stage tilts at {hz:.2} Hz with Q = {quality:.1}; there a volt of drive turns it by {peak:.2} rad/s at its \
-             fastest."
+            "The stage tilts at {} with Q = {quality:.1}; there a drive of 1 V turns it at up to {peak:.2} rad/s.",
+            quantity(hz, "Hz")
         ),
     )
 }
@@ -53,7 +54,8 @@ fn driven(hardware: &Hardware, volts: f64, frequency_hz: f64) -> Topic {
         "motion_rad_and_rad_per_s",
         [angle, angle * rate],
         format!(
-            "{volts} V at {frequency_hz} Hz tilt it by {:.4} mrad, and turn it by {:.2} rad/s at its fastest.",
+            "{volts} V at {} tilt it by {:.4} mrad, and turn it at up to {:.2} rad/s.",
+            quantity(frequency_hz, "Hz"),
             1e3 * angle,
             angle * rate
         ),

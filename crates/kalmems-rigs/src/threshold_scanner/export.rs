@@ -37,13 +37,18 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",
         );
     };
+    let Some(start) = filter.start else {
+        return refuse(
+            "it starts from the signal; give `start` as values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
+        );
+    };
     Ok(Filter::Threshold(ThresholdFilter {
         resonator: hardware.mirror.resonator,
         readout: hardware.readout,
         noise_variance: hardware.noise_variance,
         signal_variance: filter.signal_variance,
         acceleration_density: filter.acceleration_density,
-        start: filter.start,
+        start,
         start_sd: filter.start_sd,
         crossings: CrossingSettings {
             width_s: detector.width_s,

@@ -21,8 +21,8 @@ pub struct FilterSettings {
     pub signal_variance: f64,
     /// How it uses the crossings, if it does.
     pub threshold: Option<ThresholdSettings>,
-    /// Angle in rad and rate in rad/s to start from, 0 for the lock-in.
-    pub start: [f64; 2],
+    /// Angle in rad and rate in rad/s to start from; none where the signal tells them, and of the lock-in.
+    pub start: Option<[f64; 2]>,
     /// Their standard deviations, 0 for what claims none.
     pub start_sd: [f64; 2],
     /// The density of the angular acceleration's noise, in rad²/s³.
@@ -86,13 +86,14 @@ impl FilterSettings {
             return refuse("demodulator", "this device has no demodulator; leave it out");
         }
         let start = match &filter.start {
-            Some(Start::Values(start)) => state_at(experiment, at.clone().child("start"), start)?,
+            Some(Start::Values(start)) => Some(state_at(experiment, at.clone().child("start"), start)?),
+            Some(Start::FromSignal) => None,
             // It has no start.
-            None if filter.method == Method::LockIn => [0.0; 2],
-            _ => {
+            None if filter.method == Method::LockIn => None,
+            None => {
                 return refuse(
                     "start",
-                    "expected values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
+                    "expected values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`, or `\"from_signal\"`",
                 );
             }
         };
@@ -163,9 +164,9 @@ impl FilterSettings {
         self.basics.states(&MOTION)
     }
 
-    /// What is known of its states at the first sample.
-    pub fn start(&self) -> Known {
-        let motion = self.start.into_iter().zip(self.start_sd);
+    /// What is known of its states at the first sample, where the motion is so.
+    pub fn known(&self, motion: [f64; 2]) -> Known {
+        let motion = motion.into_iter().zip(self.start_sd);
         Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 }

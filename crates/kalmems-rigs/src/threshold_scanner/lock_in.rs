@@ -39,10 +39,45 @@ pub fn swing(
     Some(Swing { rest: 0.0, amplitude, rate, phase: phase - rate * middle }.nearest_to(before))
 }
 
+/// How far the frequency of a free motion is sought beside the stated one, relative to it, and in how many steps to either side.
+const FARTHEST: f64 = 0.05;
+const STEPS: i32 = 20;
+
+/// The frequency in Hz near a stated one at twice which the line of these samples is largest.
+pub fn tuned(stated_hz: f64, (time_s, signal): (&[f64], &[f64])) -> f64 {
+    let size = |motion_hz: &f64| {
+        let rate = TAU * motion_hz;
+        let found = least_squares(time_s, signal, |t| {
+            let (sine, cosine) = (2.0 * rate * t).sin_cos();
+            [1.0, cosine, sine]
+        });
+        found.map_or(0.0, |[_, cosine, sine]| cosine.hypot(sine))
+    };
+    let tried =
+        (-STEPS..=STEPS).map(|step| stated_hz * (1.0 + FARTHEST * f64::from(step) / f64::from(STEPS)));
+    tried.max_by(|a, b| size(a).total_cmp(&size(b))).unwrap_or(stated_hz)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use kalmems_models::capacitance::CurveShape;
+
+    #[test]
+    fn the_frequency_of_a_motion_is_found_within_a_step_of_the_search() {
+        let comb = CombCurve { centre: 3.7e-3, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
+        let truth = Swing { rest: 0.0, amplitude: 0.15, rate: TAU * 625.0, phase: 0.4 };
+        let time_s: Vec<f64> = (0..3200).map(|k| f64::from(k) * 2e-6).collect();
+        let current = |t: &f64| {
+            let [angle, rate] = truth.at(*t);
+            comb.sensitivity(angle) * rate
+        };
+        let signal: Vec<f64> = time_s.iter().map(current).collect();
+        for stated_hz in [600.0, 625.0, 644.0] {
+            let found = tuned(stated_hz, (&time_s, &signal));
+            assert!((found / 625.0 - 1.0).abs() < FARTHEST / f64::from(STEPS), "{stated_hz}: {found}");
+        }
+    }
 
     /// A motion whose signal is computed sample by sample is found again, its sign included.
     #[test]

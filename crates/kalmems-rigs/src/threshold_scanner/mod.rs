@@ -232,7 +232,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let motion = data.motion(natural_hz);
         let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
         let samples = Samples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
-        let trajectories = segment::estimate(settings, samples, past, self.progress)?;
+        let trajectories = segment::estimate(settings, (samples, &segment.place), past, self.progress)?;
         let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
         let new = found.map_or(0, |(count, _)| count);

@@ -2,7 +2,7 @@
 
 use super::course::ThresholdCourse;
 use super::filters::FilterSettings;
-use super::lock_in::swing;
+use super::lock_in::{swing, tuned};
 use super::plant::{Mirror, MirrorPlant, by_euler};
 use super::settings::Settings;
 use super::without_drive;
@@ -31,12 +31,13 @@ pub struct Samples<'a> {
     pub motion: Motion,
 }
 
-/// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
+/// Runs the filters of the settings over the new samples of a segment, which messages call `place`, and judges the lock of each
+/// trajectory.
 ///
 /// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
     settings: &Settings,
-    samples: Samples,
+    (samples, place): (Samples, &str),
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -45,7 +46,7 @@ pub fn estimate(
     let start_s = data.scored_from(settings.skip_s);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut trajectories = Task { settings, filter, samples, progress }.run(past)?;
+        let mut trajectories = Task { settings, filter, samples, place, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             trajectory.lock = past.answer(answer).judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
@@ -54,11 +55,15 @@ pub fn estimate(
     Ok(all)
 }
 
+/// Cycles of the motion that tell its frequency at the beginning.
+const START_CYCLES: f64 = 4.0;
+
 /// One filter over one segment.
 struct Task<'a> {
     settings: &'a Settings,
     filter: &'a FilterSettings,
     samples: Samples<'a>,
+    place: &'a str,
     progress: &'a dyn Progress,
 }
 
@@ -70,7 +75,7 @@ impl Task<'_> {
         if method == Method::LockIn {
             return Ok(vec![self.lock_in(past)]);
         }
-        let (states, start) = (filter.states(), || Ok(filter.start()));
+        let (states, start) = (filter.states(), || self.start());
         let (basics, taken) = ((&filter.basics, past), &self.samples.data.samples);
         if method == Method::Bank {
             let plants = MirrorPlant::side_by_side(hardware, filter).map_err(wrong)?;
@@ -95,6 +100,31 @@ impl Task<'_> {
             trajectories.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(trajectories)
+    }
+
+    /// What is known at the first sample.
+    fn start(&self) -> Result<Known, EstimateError> {
+        let (filter, data) = (self.filter, self.samples.data);
+        if let Some(motion) = filter.start {
+            return Ok(filter.known(motion));
+        }
+        let first_s = data.time_s.first().copied().unwrap_or(0.0);
+        let signal = without_drive(self.settings, data, self.samples.drive_slope);
+        let until = |cycles: f64, motion_hz: f64| {
+            let end = data.time_s.partition_point(|t| *t < first_s + cycles / motion_hz);
+            (&data.time_s[..end], &signal[..end])
+        };
+        let stated_hz = self.motion_hz();
+        // A free decay has the frequency of the device, which may be stated wrong.
+        let is_free = data.drive.first_sine().is_none();
+        let motion_hz = if is_free { tuned(stated_hz, until(START_CYCLES, stated_hz)) } else { stated_hz };
+        let found = swing(&self.settings.hardware.readout.comb, motion_hz, until(1.0, motion_hz), None);
+        let found = found.ok_or_else(|| EstimateError::NoStart {
+            place: self.place.to_owned(),
+            filter: filter.basics.name.clone(),
+            why: "its first cycle shows no amplitude that the comb could make".to_owned(),
+        })?;
+        Ok(filter.known(found.at(first_s)))
     }
 
     fn course<'a, P: Plant>(

@@ -66,7 +66,9 @@ pub fn is_long(workbench: &Workbench, experiment: &Experiment) -> Result<bool, W
         let described = experiment.recording(index)?;
         let path = experiment.resolve(&described.file);
         require(experiment, &described.file, Key::from("recording").index(index).child("file"))?;
-        if !path.is_file() || recording::has_more_rows(&path, &rig.layout(experiment, index)?, LONG as u64)? {
+        if !experiment.can_be_read(&described.file)
+            || recording::has_more_rows(&path, &rig.layout(experiment, index)?, LONG as u64)?
+        {
             return Ok(true);
         }
     }

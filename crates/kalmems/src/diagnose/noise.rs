@@ -72,7 +72,19 @@ pub fn load_with_noise(
 ) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
     // What is wrong with a file is said by who reads all of it.
     let Ok(raw) = Experiment::load(path) else { return Ok((workbench.load(path)?, Vec::new())) };
-    found(workbench, &raw, &|bench| bench.with_files(ROWS, progress), progress)
+    with_noise(workbench, &raw, progress)
+}
+
+/// The same of an experiment whose device was not read yet, as [`Experiment::parse`] gives it.
+///
+/// # Errors
+/// Those of [`load_with_noise`].
+pub fn with_noise(
+    workbench: &Workbench,
+    raw: &Experiment,
+    progress: &dyn Progress,
+) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    found(workbench, raw, &|bench| bench.with_files(ROWS, progress), progress)
 }
 
 /// The same of an experiment whose device was not read yet, as [`Experiment::parse`] gives it, by a recording that is there already.

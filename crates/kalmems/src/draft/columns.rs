@@ -4,9 +4,10 @@ use super::DraftError;
 use crate::inspect::Channel;
 use crate::rigs::{Template, TemplateChannel};
 use crate::units::Unit;
+use serde::Serialize;
 
 /// A column that is a channel of the device, or of a reference.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Assigned {
     /// The channel.
     pub meaning: &'static str,
@@ -228,6 +229,9 @@ mod tests {
         let found = state("sgnal", "ch1_V");
         assert_eq!(found, "found the channel `sgnal`; the device has `drive`, `signal`, `angle` and `rate`");
         let found = state("signal", "ch7_V");
-        assert_eq!(found, "`signal` is to be in the column `ch7_V`; the recording has `ch1_V`");
+        assert_eq!(
+            found,
+            "`signal` is assigned to the column `ch7_V`, which does not exist; the recording has `ch1_V`"
+        );
     }
 }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub enum DraftError {
     /// No device of this name has a template.
     #[error(
-        "found the device `{found}`; expected one of {}: `kalmems new --list` says what each is",
+        "found the device `{found}`; expected one of {}; `kalmems new --list` describes them",
         named(known)
     )]
     Device {
@@ -30,7 +30,7 @@ pub enum DraftError {
         file: PathBuf,
     },
     /// The recording has no column of times, and no rate is stated.
-    #[error("`{}` has no column of times; state how many samples come in a second, such as `--rate \"1 MHz\"`", file.display())]
+    #[error("`{}` has no column of times; state the sampling rate, such as `--rate \"1 MHz\"`", file.display())]
     NoTime {
         /// The file.
         file: PathBuf,
@@ -44,7 +44,10 @@ pub enum DraftError {
         known: Vec<&'static str>,
     },
     /// A column is stated that the recording does not have.
-    #[error("`{meaning}` is to be in the column `{found}`; the recording has {}", named(known))]
+    #[error(
+        "`{meaning}` is assigned to the column `{found}`, which does not exist; the recording has {}",
+        named(known)
+    )]
     Column {
         /// The channel.
         meaning: String,
@@ -79,7 +82,7 @@ impl fmt::Display for Questions<'_> {
             let joint = if index == 0 { "" } else { "\n" };
             let Question { meaning, what, candidates } = question;
             if candidates.is_empty() {
-                write!(f, "{joint}no column can be `{meaning}`, {what}: none that is left has its unit")?;
+                write!(f, "{joint}no column can be `{meaning}`, {what}: no remaining column has its unit")?;
             } else {
                 let (columns, first) = (named(candidates), &candidates[0]);
                 write!(

@@ -5,10 +5,11 @@ use crate::inspect::sketch;
 use crate::progress::Silent;
 use crate::rigs::{Rig, Template, Workbench};
 use crate::simulate::{SimulateError, Unwritten};
+use serde::Serialize;
 use std::path::Path;
 
 /// A device that has a template.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Listed {
     /// Its name.
     pub name: &'static str,

@@ -17,11 +17,15 @@
 mod columns;
 mod error;
 mod listing;
+mod names;
 mod text;
 
 pub use columns::{Assigned, Question};
 pub use error::DraftError;
 pub use listing::{Listed, listed};
+pub use names::{
+    Described, DeviceNames, NamedChannel, NamedParameter, NamedValue, names_of, schema_with_names,
+};
 
 use crate::config::Role;
 use crate::inspect::{Inspection, inspect_with};

@@ -45,11 +45,35 @@ pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -
     for sentence in recognised {
         let _ = writeln!(text, "#   {sentence}");
     }
-    let _ = writeln!(text, "name = {}", quoted(&name));
+    let _ = writeln!(text, "#");
+    for step in steps(&device) {
+        let _ = writeln!(text, "# {step}");
+    }
+    let _ = writeln!(text, "\nname = {}", quoted(&name));
     let _ = writeln!(text, "{device}");
     recordings(&mut text, sorted, wanted);
     let _ = write!(text, "[estimate]\n{}", settling(estimate, sorted));
     text
+}
+
+/// The table in which a template names the numbers that a recording tells.
+const IDENTIFY: &str = "\n[identify]\n";
+
+/// What to do with the file, in order.
+fn steps(device: &str) -> Vec<&'static str> {
+    let mut steps = vec![
+        "1. Replace the numbers of the published device by those of yours. `must be known` marks numbers that no recording tells.",
+    ];
+    if device.contains(IDENTIFY) {
+        steps.push("2. `kalmems identify` with this file finds the numbers that `[identify]` names, and writes an experiment with them.");
+        steps.push(
+            "3. `kalmems estimate` with that experiment estimates the motion, and says whether to trust it.",
+        );
+    } else {
+        steps
+            .push("2. `kalmems estimate` with this file estimates the motion, and says whether to trust it.");
+    }
+    steps
 }
 
 /// The name of an experiment with this recording: results have it as the name of their folder.

@@ -2,7 +2,7 @@
 
 use super::summary::shown;
 use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, FoundNoise, Proposal, ScaleNote};
-use kalmems_figures::significant;
+use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
 use std::fmt::Write as _;
 
 impl Diagnosis {
@@ -142,7 +142,7 @@ impl std::fmt::Display for ScaleNote {
                 significant(100.0 * hidden)
             )?;
         } else {
-            write!(f, "the signal alone cannot tell `{parameter}`; ")?;
+            write!(f, "the signal does not determine `{parameter}`; ")?;
         }
         write!(
             f,
@@ -183,4 +183,85 @@ fn effect(change: &AnswerChange, answer: &str, unit: &'static str) -> String {
 /// The unit in which people read it, and how many of that one of its SI unit is.
 fn people_read(unit: &'static str) -> (&'static str, f64) {
     if unit == "rad" { ("deg", 180.0 / std::f64::consts::PI) } else { shown(unit) }
+}
+
+/// The report of a diagnosis: the page's text, which needs nothing else.
+pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
+    let (severity, text) = match found.finding {
+        Finding::NothingToChange => (
+            Severity::Ok,
+            "The innovations pass all tests: the recording says nothing against the experiment.".to_owned(),
+        ),
+        Finding::Explained => (
+            Severity::Warning,
+            match found.causes.as_slice() {
+                [one] => format!(
+                    "One of the {} causes that were tried explains the recording: {}.",
+                    found.tried, one.name
+                ),
+                several => format!(
+                    "{} of the {} causes that were tried explain the recording, and it cannot tell them apart.",
+                    several.len(),
+                    found.tried
+                ),
+            },
+        ),
+        Finding::NoneOfThese => (
+            Severity::Failure,
+            format!("None of the {} causes that were tried explains the recording.", found.tried),
+        ),
+    };
+    let verdict = Section::new("Verdict").part(Part::Verdict).notice(severity, text);
+    let (causes, title) = if found.causes.is_empty() {
+        (&found.closest, "What explains most, and not all")
+    } else {
+        (&found.causes, "What explains the recording")
+    };
+    let columns = [
+        Column::text("cause"),
+        Column::number("gain", "ln p"),
+        Column::text("what to write"),
+        Column::text("effect on the answer"),
+    ];
+    let mut table = Table::new("", columns);
+    for cause in causes {
+        let edits = cause.edits.iter().map(|Edit { key, from, to, .. }| {
+            let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
+            format!("`{key} = {to}` ({was})")
+        });
+        let write = edits.chain(cause.remedy.clone()).collect::<Vec<_>>().join("; ");
+        let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
+        table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
+    }
+    let mut answer = Section::new(title);
+    if !table.rows.is_empty() {
+        answer = answer.table(table);
+    }
+    if let Some(Proposal { what, ahead, simulate }) = &found.proposal {
+        let text = format!(
+            "A recording with {what} would tell them apart: the true one would be ahead by {ahead:.0} in ln p."
+        );
+        answer = answer.paragraph(text).preformatted("That recording as a simulation", simulate.as_str());
+    }
+    let mut page = Page::new(
+        format!("{}: what is wrong", found.experiment),
+        format!(
+            "by {} rows ({} s) of its recordings, filter `{}`",
+            found.rows,
+            significant(found.duration_s),
+            found.filter
+        ),
+    )
+    .with(verdict)
+    .with(answer);
+    if !found.tests.is_empty() {
+        let section = Section::new("What the innovations show").part(Part::Evidence);
+        page = page.with(found.tests.iter().fold(section, |section, test| section.paragraph(test.as_str())));
+    }
+    if !found.notes.is_empty() {
+        let section = Section::new("What the signal cannot tell").part(Part::Budget);
+        page =
+            page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
+    }
+    page.with(Section::made("diagnose", env!("CARGO_PKG_VERSION"), "")).to_html()
 }

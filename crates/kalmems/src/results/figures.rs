@@ -1,10 +1,15 @@
 //! The pictures of an estimate.
 
 use super::Verdict;
+use super::evidence::evidence;
 use super::long::{FilterFigures, PartFigures};
 use super::metrics::consistency;
 use super::summary::named;
 use super::summary::shown as shown_unit;
+use super::tracks::{
+    BAND, INPUT, SIGNAL, Tracks, VALUE, of_error, of_prediction, of_reference, of_state, signal_unit,
+    state_unit,
+};
 use super::verdict::{angles_of, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
@@ -26,38 +31,76 @@ pub fn figures(
     prefix: &str,
     trusted: Option<&str>,
 ) -> Vec<Figure> {
-    let mut figures = vec![motion(recording, segment, prefix, trusted)];
-    if segment.values.iter().any(|values| !values.is_empty()) {
-        figures.push(value_error(recording, segment, prefix));
+    let drawn = SegmentFigures::of(recording, segment, &Tracks::of(recording, segment), prefix, trusted);
+    drawn.pictured().cloned().collect()
+}
+
+/// The figures of a segment, by what they are for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SegmentFigures {
+    /// What the device did.
+    pub(super) answer: Vec<Figure>,
+    /// How far from a reference that is, and whether the filters are consistent.
+    pub(super) judged: Vec<Figure>,
+    /// What the innovations look like: on a page alone.
+    pub(super) innovations: Vec<Figure>,
+    /// The parameters that are states.
+    pub(super) parameters: Vec<Figure>,
+}
+
+impl SegmentFigures {
+    /// The figures of a segment, or of the last part of one of which all has passed through the tracks.
+    pub(super) fn of(
+        recording: &RecordingOutcome,
+        segment: &SegmentOutcome,
+        tracks: &Tracks,
+        prefix: &str,
+        trusted: Option<&str>,
+    ) -> Self {
+        let mut judged = Vec::new();
+        if segment.values.iter().any(|values| !values.is_empty()) {
+            judged.push(value_error((recording, segment), tracks, prefix));
+        }
+        if segment.errors.iter().any(Option::is_some) {
+            judged.push(angle_error(segment, tracks, prefix));
+            judged.push(phase_error(segment, prefix));
+        }
+        judged.push(nis(segment, prefix));
+        let own = segment.estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
+        let own = own.filter(|t| !t.parameters.is_empty());
+        Self {
+            answer: vec![motion((recording, segment), tracks, prefix, trusted)],
+            judged,
+            innovations: evidence(segment, tracks, prefix, trusted),
+            parameters: own.map(|t| parameters(segment, tracks, t, prefix)).collect(),
+        }
     }
-    if segment.errors.iter().any(Option::is_some) {
-        figures.push(angle_error(segment, prefix));
-        figures.push(phase_error(segment, prefix));
+
+    /// Those that are kept as pictures beside the page.
+    pub(super) fn pictured(&self) -> impl Iterator<Item = &Figure> {
+        self.answer.iter().chain(&self.judged).chain(&self.parameters)
     }
-    figures.push(nis(segment, prefix));
-    let own = segment.estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
-    figures.extend(own.filter(|t| !t.parameters.is_empty()).map(|t| parameters(segment, t, prefix)));
-    figures
 }
 
 /// The parameters that are states of a filter, over time: on all of their way, and after the settling time, where they move by
 /// far less.
-fn parameters(segment: &SegmentOutcome, trajectory: &Trajectory, prefix: &str) -> Figure {
+fn parameters(segment: &SegmentOutcome, tracks: &Tracks, trajectory: &Trajectory, prefix: &str) -> Figure {
     let settled = trajectory.scored_after(segment.estimate.start_s, segment.estimate.skip_s);
     let caption = "The parameters that are states, as deviations from what the device table says, with three standard deviations on \
                    each side; of each all of its way, and what comes after the settling time.";
     let name = format!("{prefix}parameters_{}", trajectory.key);
     let mut figure = Figure::new(name, format!("Parameters as states, {}", trajectory.name), caption);
     for state in trajectory.parameters.iter().filter_map(|prior| trajectory.state(prior.name)) {
-        let (unit, factor) = if state.unit == "1" { ("%", 100.0) } else { shown_unit(state.unit) };
+        let (unit, factor) = state_unit(trajectory, state);
+        let key = of_state(trajectory, state.name);
         let panel = |samples: Range<usize>, label: String| {
             let each =
                 samples.map(|k| (trajectory.time_s[k], factor * state.mean[k], 3.0 * factor * state.sd[k]));
             let (band, mean): (Vec<_>, Vec<_>) =
                 each.map(|(t, mean, by)| ((t, mean - by, mean + by), (t, mean))).unzip();
             Panel::new(time_axis(), Axis::new(label, unit))
-                .with(Series::band("±3σ", Role::Estimate, band))
-                .with(Series::line(words(state.name), Role::Estimate, mean))
+                .with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)))
+                .with(tracks.whole(&key, VALUE, Series::line(words(state.name), Role::Estimate, mean)))
         };
         figure = figure.with(panel(0..trajectory.time_s.len(), words(state.name)));
         if settled.start > 0 && !settled.is_empty() {
@@ -67,12 +110,12 @@ fn parameters(segment: &SegmentOutcome, trajectory: &Trajectory, prefix: &str) -
     figure
 }
 
-fn time_axis() -> Axis {
+pub(super) fn time_axis() -> Axis {
     Axis::new("time", "s")
 }
 
 /// Stacks panels over one time axis.
-fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
+pub(super) fn stacked(mut figure: Figure, panels: Vec<Panel>) -> Figure {
     for (i, panel) in panels.into_iter().enumerate() {
         figure = figure.with(if i == 0 { panel } else { panel.sharing_x() });
     }
@@ -87,10 +130,17 @@ fn shown<'a>(segment: &'a SegmentOutcome, trusted: Option<&str>) -> Option<&'a T
     filtered().find(is_trusted).or_else(|| filtered().next()).or(trajectories.first())
 }
 
+/// The smoothed answer of a filter, where there is one: it comes after its filter.
+fn smoothed<'a>(segment: &'a SegmentOutcome, filter: &Trajectory) -> Option<&'a Trajectory> {
+    let trajectories = &segment.estimate.trajectories;
+    let place = trajectories.iter().position(|t| t.key == filter.key)?;
+    trajectories.get(place + 1).filter(|t| t.kind == TrajectoryKind::Smoothed)
+}
+
 /// Drive, signal and angle over the last cycles.
 fn motion(
-    recording: &RecordingOutcome,
-    segment: &SegmentOutcome,
+    (recording, segment): (&RecordingOutcome, &SegmentOutcome),
+    tracks: &Tracks,
     prefix: &str,
     trusted: Option<&str>,
 ) -> Figure {
@@ -114,21 +164,20 @@ fn motion(
         let drive = zip(&column(&estimate.drive_column));
         let label = recording.input;
         let panel = Panel::new(time_axis(), Axis::new(label, "V"));
-        panels.push(panel.with(Series::line(label, Role::Input, drive)));
+        panels.push(panel.with(tracks.whole(INPUT, VALUE, Series::line(label, Role::Input, drive))));
     }
 
     let signal = column(&estimate.signal_column);
     let predicted: Vec<f64> = signal.iter().zip(&trajectory.innovation).map(|(y, r)| y - r).collect();
-    let (unit, factor) =
-        shown_unit(if estimate.signal_kind.name == kind::CAPACITANCE.name { "F" } else { "V" });
+    let (unit, factor) = signal_unit(estimate);
     let scaled = |values: &[f64]| zip(values).into_iter().map(move |(t, y)| (t, y * factor));
     panels.push(
         Panel::new(time_axis(), Axis::new("signal", unit))
-            .with(Series::points("measured", Role::Measured, scaled(&signal)))
-            .with(Series::line(
-                format!("predicted, {}", trajectory.name),
-                Role::Estimate,
-                scaled(&predicted),
+            .with(tracks.whole(SIGNAL, VALUE, Series::points("measured", Role::Measured, scaled(&signal))))
+            .with(tracks.whole(
+                &of_prediction(trajectory),
+                VALUE,
+                Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, scaled(&predicted)),
             )),
     );
 
@@ -138,8 +187,10 @@ fn motion(
         let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
         let mut panel = Panel::new(time_axis(), Axis::new(words(angle.name), "deg"));
         if let Some(reference) = reference_window(recording, segment, angle.name, start, end) {
-            panel = panel.with(Series::line("reference", Role::Reference, reference));
+            let reference = Series::line("reference", Role::Reference, reference);
+            panel = panel.with(tracks.whole(&of_reference(angle.name), VALUE, reference));
         }
+        let key = of_state(trajectory, angle.name);
         if !angle.sd.is_empty() {
             let band: Vec<(f64, f64, f64)> = (from..trajectory.time_s.len())
                 .map(|k| {
@@ -147,14 +198,23 @@ fn motion(
                     (trajectory.time_s[k], mean - sd, mean + sd)
                 })
                 .collect();
-            panel = panel.with(Series::band("±3σ", Role::Estimate, band));
+            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)));
         }
-        panel = panel.with(Series::line(&trajectory.name, Role::Estimate, zip(&degrees)));
+        let own = Series::line(&trajectory.name, Role::Estimate, zip(&degrees));
+        panel = panel.with(tracks.whole(&key, VALUE, own));
         if let Some(model) = model
             && let Some(angle) = model.state(angle.name)
         {
             let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
-            panel = panel.with(Series::line(&model.name, Role::Model, zip(&degrees)));
+            let own = Series::line(&model.name, Role::Model, zip(&degrees));
+            panel = panel.with(tracks.whole(&of_state(model, angle.name), VALUE, own));
+        }
+        if let Some(later) = smoothed(segment, trajectory)
+            && let Some(angle) = later.state(angle.name)
+        {
+            let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
+            let own = Series::line(&later.name, Role::Other, zip(&degrees));
+            panel = panel.with(tracks.whole(&of_state(later, angle.name), VALUE, own));
         }
         panels.push(panel);
     }
@@ -166,7 +226,7 @@ fn motion(
          predicted for each sample before it saw it, and the {of} with three standard deviations on each side and the \
          reference."
     );
-    panels.push(value_panel(recording, segment, trajectory, of, (start, end)));
+    panels.push(value_panel((recording, segment), tracks, trajectory, of, (start, end)));
     stacked(Figure::new(format!("{prefix}motion"), format!("Signal and {of}"), caption), panels)
 }
 
@@ -182,8 +242,8 @@ fn compared(recording: &RecordingOutcome, segment: &SegmentOutcome) -> Option<&'
 
 /// A state and its reference between two times.
 fn value_panel(
-    recording: &RecordingOutcome,
-    segment: &SegmentOutcome,
+    (recording, segment): (&RecordingOutcome, &SegmentOutcome),
+    tracks: &Tracks,
     trajectory: &Trajectory,
     of: &str,
     (start, end): (f64, f64),
@@ -200,19 +260,32 @@ fn value_panel(
     let reference = references.iter().flatten().find(|reference| reference.state.name == of);
     if let Some(reference) = reference {
         let line = within(&reference.time_s, &reference.value);
-        panel = panel.with(Series::line("reference", Role::Reference, line));
+        let own = Series::line("reference", Role::Reference, line);
+        panel = panel.with(tracks.whole(&of_reference(of), VALUE, own));
     }
+    let key = of_state(trajectory, of);
     let mean = within(&trajectory.time_s, &state.mean);
     if !state.sd.is_empty() {
         let sd = within(&trajectory.time_s, &state.sd);
         let band = mean.iter().zip(sd).map(|((t, v), (_, sd))| (*t, v - 3.0 * sd, v + 3.0 * sd));
-        panel = panel.with(Series::band("±3σ", Role::Estimate, band));
+        panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)));
     }
-    panel.with(Series::line(&trajectory.name, Role::Estimate, mean))
+    panel = panel.with(tracks.whole(&key, VALUE, Series::line(&trajectory.name, Role::Estimate, mean)));
+    if let Some(later) = smoothed(segment, trajectory)
+        && let Some(state) = later.state(of)
+    {
+        let mean = Series::line(&later.name, Role::Other, within(&later.time_s, &state.mean));
+        panel = panel.with(tracks.whole(&of_state(later, of), VALUE, mean));
+    }
+    panel
 }
 
 /// The error of what the device is for after the settling time, filter by filter.
-fn value_error(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &str) -> Figure {
+fn value_error(
+    (recording, segment): (&RecordingOutcome, &SegmentOutcome),
+    tracks: &Tracks,
+    prefix: &str,
+) -> Figure {
     let of = compared(recording, segment).unwrap_or_default();
     let caption = format!(
         "The {of}, estimate minus reference after the settling time, with three of the filter's own standard deviations \
@@ -227,10 +300,12 @@ fn value_error(recording: &RecordingOutcome, segment: &SegmentOutcome, prefix: &
         let sds = series.time_s.iter().zip(&series.sd);
         if !series.sd.is_empty() {
             let band = sds.map(|(t, sd)| (*t, -3.0 * sd * factor, 3.0 * sd * factor));
-            panel = panel.with(Series::band("±3σ", role(trajectory), band));
+            let band = Series::band("±3σ", role(trajectory), band);
+            panel = panel.with(tracks.whole(&of_error(trajectory, of), BAND, band));
         }
         let points = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e * factor));
-        Some(panel.with(Series::line(label(trajectory, segment, None), role(trajectory), points)))
+        let own = Series::line(label(trajectory, segment, None), role(trajectory), points);
+        Some(panel.with(tracks.whole(&of_error(trajectory, of), VALUE, own)))
     });
     let title = format!("Error of {}", named(of));
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
@@ -255,21 +330,22 @@ fn reference_window(
 }
 
 /// The error of the angle after the settling time, filter by filter.
-fn angle_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
+fn angle_error(segment: &SegmentOutcome, tracks: &Tracks, prefix: &str) -> Figure {
     let caption = "Estimate minus reference after the settling time, with three of the filter's own standard \
                    deviations on each side. Each panel has its own scale.";
     let panels = with_errors(segment).map(|(trajectory, errors)| {
         let series = &errors.error;
         let mut panel = Panel::new(time_axis(), Axis::new(format!("{} error", words(errors.of)), "deg"));
         let error = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e.to_degrees()));
-        panel =
-            panel.with(Series::line(label(trajectory, segment, Some(errors.of)), role(trajectory), error));
+        let key = of_error(trajectory, errors.of);
+        let own = Series::line(label(trajectory, segment, Some(errors.of)), role(trajectory), error);
+        panel = panel.with(tracks.whole(&key, VALUE, own));
         if !series.sd.is_empty() {
             let band = series.time_s.iter().zip(&series.sd).map(|(t, sd)| {
                 let sd = 3.0 * sd.to_degrees();
                 (*t, -sd, sd)
             });
-            panel = panel.with(Series::band("±3σ", Role::Bound, band));
+            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Bound, band)));
         }
         panel
     });
@@ -375,7 +451,7 @@ pub(super) fn course(parts: &[PartFigures], prefix: &str) -> Figure {
 }
 
 /// The filter's name; with a warning where its answer is none for this angle, or for any.
-fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
+pub(super) fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>) -> String {
     let position = segment.estimate.trajectories.iter().position(|t| t.key == trajectory.key);
     let errors = position.and_then(|i| segment.errors.get(i)).and_then(Option::as_ref);
     let consistency = consistency(trajectory, &segment.estimate);
@@ -393,7 +469,7 @@ fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Option<&str>)
     }
 }
 
-fn role(trajectory: &Trajectory) -> Role {
+pub(super) fn role(trajectory: &Trajectory) -> Role {
     if trajectory.kind == TrajectoryKind::ModelAlone { Role::Model } else { Role::Estimate }
 }
 

@@ -175,7 +175,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: Vec<&'a Source>,
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]
@@ -216,7 +216,7 @@ pub(super) fn record_of_run(
             nanoseconds_per_step: steps,
         },
         input,
-        experiment: toml::Value::try_from(experiment).map_err(io::Error::other)?,
+        experiment: experiment.to_table().map_err(io::Error::other)?,
     };
     toml::to_string(&run).map_err(io::Error::other)
 }

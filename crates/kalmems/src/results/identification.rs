@@ -5,7 +5,7 @@ use super::figure_files::write_figure;
 use super::{Output, RUN_FILE, WriteError, way_from};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::recording::Source;
-use kalmems_figures::{Column, Table};
+use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
 use serde::Serialize;
 use std::io;
 use std::time::UNIX_EPOCH;
@@ -43,8 +43,8 @@ impl<'a> IdentificationSummary<'a> {
         }
     }
 
-    /// A table of the parameters, and below it what else there is to say.
-    pub fn to_text(&self) -> String {
+    /// The parameters, each with its standard error.
+    fn table(&self) -> Table {
         let heads = ["parameter", "value", "standard error", "unit", "95 % interval", "from"];
         let mut table = Table::new("", heads.map(Column::text));
         for p in self.parameters {
@@ -59,7 +59,12 @@ impl<'a> IdentificationSummary<'a> {
                 p.recording.clone(),
             ]);
         }
-        let mut text = table.to_text();
+        table
+    }
+
+    /// A table of the parameters, and below it what else there is to say.
+    pub fn to_text(&self) -> String {
+        let mut text = self.table().to_text();
         for pair in self.worst_pairs {
             let [a, b] = &pair.names;
             text +=
@@ -78,6 +83,53 @@ impl<'a> IdentificationSummary<'a> {
     }
 }
 
+/// The report of an identification: the page's text, which needs nothing else.
+pub fn identification_page(found: &Identification) -> Result<String, ReportError> {
+    let summary = IdentificationSummary::of(found);
+    let mut verdict = Section::new("Verdict").part(Part::Verdict);
+    for warning in summary.warnings {
+        verdict = verdict.notice(Severity::Warning, warning.as_str());
+    }
+    for one in summary.undetermined {
+        verdict = verdict.notice(Severity::Warning, format!("Not determined: {}: {}", one.what, one.why));
+    }
+    if summary.warnings.is_empty() && summary.undetermined.is_empty() {
+        let text = format!(
+            "All {} parameters that the recordings were asked for are determined.",
+            summary.parameters.len()
+        );
+        verdict = verdict.notice(Severity::Ok, text);
+    }
+    let mut pairs = Table::new(
+        "The pair of each fit whose errors are correlated most",
+        [Column::text("recording"), Column::text("parameters"), Column::number("correlation", "")],
+    );
+    for pair in summary.worst_pairs {
+        let [a, b] = &pair.names;
+        pairs.push([pair.recording.clone(), format!("{a} and {b}"), format!("{:+.3}", pair.correlation)]);
+    }
+    let mut evidence = Section::new("Fits, residuals and profiles").part(Part::Evidence);
+    if !pairs.rows.is_empty() {
+        evidence = evidence.table(pairs);
+    }
+    let evidence = found.figures.iter().cloned().fold(evidence, Section::figure);
+    let toml = found.experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let made = Section::made(
+        "identify",
+        env!("CARGO_PKG_VERSION"),
+        "The numbers are in `identification.json`, the experiment with the values that were found in `experiment.toml`, dates and \
+         durations in `run.toml`.",
+    );
+    let made = made.preformatted("The experiment with the values that were found", toml);
+    let subtitle = found.experiment.description.clone().unwrap_or_default();
+    Page::new(format!("{}: parameters from recordings", found.experiment.name), subtitle)
+        .with(verdict.notes(summary.notes.to_vec()))
+        .with(Section::new("Parameters").table(summary.table()))
+        .with(evidence)
+        .with(made)
+        .to_html()
+}
+
 /// Decimals behind the first digit of a value that its standard error leaves sense in: two digits of the error.
 fn decimals(value: f64, error: f64) -> usize {
     let digits = (value.abs() / error).log10().floor() + 2.0;
@@ -86,7 +138,7 @@ fn decimals(value: f64, error: f64) -> usize {
     digits
 }
 
-/// Writes an identification into a result: `identification.json`; `experiment.toml`, the experiment with the values that
+/// Writes an identification into a result: `report.html`; `identification.json`; `experiment.toml`, the experiment with the values that
 /// were found in their places; the pictures in `figures/`; `run.toml`. Where `stop` says so in between, the work ends.
 pub fn write_identification(
     found: &Identification,
@@ -108,6 +160,8 @@ pub fn write_identification(
         w.write_all(origin(found).as_bytes())?;
         w.write_all(toml?.as_bytes())
     })?;
+    let html = identification_page(found)?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &found.figures {
         write_figure::<WriteError>(output, figure)?;
         if stop() {
@@ -124,7 +178,7 @@ pub fn write_identification(
                 took_s: info.took.as_secs_f64(),
             },
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
-            experiment: toml::Value::try_from(&found.experiment).map_err(io::Error::other)?,
+            experiment: found.experiment.to_table().map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -168,7 +222,7 @@ struct Run<'a> {
     input_id: String,
     timing: Timing,
     input: Vec<&'a Source>,
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]

@@ -2,7 +2,7 @@
 
 use super::{OutputError, write_file};
 use crate::inspect::{self, Channel, Inspection};
-use kalmems_figures::{Axis, Figure, Panel, ReportError, Role, Series};
+use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Track};
 use std::path::Path;
 
 /// Columns of the picture, each drawn from its smallest to its largest sample.
@@ -52,6 +52,41 @@ fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) 
     let (time, unit) = if timed { ("time", "s") } else { ("sample", "1") };
     Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
         .with(Series::line(label, Role::Measured, points))
+}
+
+/// Groups of samples of a channel on a page.
+const GROUPS: usize = 16_384;
+
+/// What a recording holds as a page: its text, which needs nothing else.
+pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
+    let verdict = Section::new("What was found").part(Part::Verdict);
+    let verdict = if inspection.is_usable() {
+        verdict.notice(Severity::Ok, "The recording can be used as it is.")
+    } else {
+        verdict
+            .notice(Severity::Failure, "It cannot be used as a recording as it is; the diagnosis says why.")
+    };
+    let mut figure = Figure::new("channels", "Channels", "Every channel of the longest segment.");
+    if let Some(segment) = inspection.longest_segment() {
+        let (time, unit) = if inspection.time.is_some() { ("time", "s") } else { ("sample", "1") };
+        for channel in &inspection.channels {
+            let Some(series) = inspection.series(&channel.column, 0..segment.rows, GROUPS) else { continue };
+            let groups = series.start.iter().zip(series.minimum.iter().zip(&series.maximum));
+            let groups = groups.map(|(t, (low, high))| (*t, *low, *high));
+            let track = Track::of_groups(segment.rows.div_ceil(series.start.len().max(1)), groups);
+            let panel =
+                Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
+                    .with(Series::of_track("", Role::Measured, &track, [0, 0]));
+            let is_first = figure.panels.is_empty();
+            figure = figure.with(if is_first { panel } else { panel.sharing_x() });
+        }
+    }
+    let made = Section::made("inspect", env!("CARGO_PKG_VERSION"), "");
+    Page::new(format!("{}: what it holds", inspection.source.file), "")
+        .with(verdict.preformatted("The diagnosis", inspection.to_text()))
+        .with(Section::new("Channels").figure(figure))
+        .with(made)
+        .to_html()
 }
 
 /// Draws every channel of the longest segment to a PNG file; see [`write_file`].

@@ -1,11 +1,12 @@
 //! The results of an estimate that comes in parts, written as they come.
 
 use super::figure_files::write_figure;
-use super::figures::{course, figures};
+use super::figures::{SegmentFigures, course};
 use super::files::{record_of_run, write_header, write_rows};
 use super::metrics::{segment, texts};
 use super::names::of_parts;
 use super::page::page_with;
+use super::tracks::Tracks;
 use super::{
     Metrics, Output, RUN_FILE, RecordingMetrics, ResultFile, RunInfo, SegmentMetrics, WriteError,
     WriteOptions,
@@ -16,7 +17,6 @@ use crate::estimate::StretchSummary;
 use crate::recording::{Segment, Source};
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
-use kalmems_figures::Figure;
 use std::collections::BTreeMap;
 use std::fs;
 use std::time::UNIX_EPOCH;
@@ -34,7 +34,9 @@ pub struct LongEstimate<'a> {
     experiment: &'a Experiment,
     input_id: String,
     recordings: Vec<RecordingMetrics>,
-    drawn: Vec<Vec<Vec<Figure>>>,
+    drawn: Vec<Vec<SegmentFigures>>,
+    /// What has passed of the present segment.
+    tracks: Tracks,
     /// The files of trajectories.
     files: BTreeMap<String, ResultFile>,
     /// Figures of the parts of the present segment.
@@ -72,6 +74,7 @@ impl<'a> LongEstimate<'a> {
             input_id: input_id(experiment),
             recordings: Vec::new(),
             drawn: Vec::new(),
+            tracks: Tracks::default(),
             files: BTreeMap::new(),
             parts: Vec::new(),
             began_s: f64::NAN,
@@ -106,6 +109,10 @@ impl<'a> LongEstimate<'a> {
         if part.begins {
             self.began_s = time.start_s();
             self.parts.clear();
+            self.tracks = Tracks::default();
+        }
+        if self.is_drawn() {
+            self.tracks.take(&part.outcome, outcome);
         }
         self.parts.push(PartFigures::of(&figures, time.start_s().midpoint(last_s)));
         let segments = &mut self.recordings[part.index].segments;
@@ -156,19 +163,24 @@ impl<'a> LongEstimate<'a> {
         Ok(())
     }
 
+    /// Whether there are pictures of the present segment.
+    fn is_drawn(&self) -> bool {
+        self.drawn.iter().map(Vec::len).sum::<usize>() < PICTURED
+    }
+
     /// The pictures of a segment that has ended.
     fn draw(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
-        let drawn: usize = self.drawn.iter().map(Vec::len).sum();
-        if drawn >= PICTURED {
+        if !self.is_drawn() {
             return Ok(());
         }
         let prefix = self.prefix(part, &outcome.estimate.segment);
-        let mut all = Vec::new();
+        let judged = self.recordings[part.index].segments.last();
+        let trusted = judged.and_then(SegmentMetrics::trusted);
+        let mut all = SegmentFigures::of(&part.outcome, outcome, &self.tracks, &prefix, trusted);
         if self.parts.len() > 1 {
-            all.push(course(&self.parts, &prefix));
+            all.answer.insert(0, course(&self.parts, &prefix));
         }
-        all.extend(figures(&part.outcome, outcome, &prefix, None));
-        for figure in &all {
+        for figure in all.pictured() {
             write_figure::<WriteError>(self.output, figure)?;
         }
         self.drawn[part.index].push(all);
@@ -229,6 +241,9 @@ impl PartFigures {
 /// What tells one input from another before it is read: the experiment's name, and length and time of its files.
 fn input_id(experiment: &Experiment) -> String {
     let of = |recording: &crate::config::Recording| {
+        if let Some(arrays) = experiment.arrays().get(&recording.file) {
+            return format!("{} {}", recording.file.display(), arrays.digest().sha256);
+        }
         let path = experiment.resolve(&recording.file);
         let known = fs::metadata(&path).ok().filter(fs::Metadata::is_file);
         let changed = known.as_ref().and_then(|known| known.modified().ok());

@@ -231,6 +231,15 @@ impl EstimatorMetrics {
 const LISTED: usize = 1000;
 
 impl SegmentMetrics {
+    /// The key of the filter to trust, where one predicts better than the others; where several are as likely the first of them is as
+    /// good as any.
+    pub fn trusted(&self) -> Option<&str> {
+        self.likeliest
+            .as_ref()
+            .filter(|likeliest| !likeliest.is_tied())
+            .map(|likeliest| likeliest.key.as_str())
+    }
+
     /// Takes those of the segment's next part in.
     pub(super) fn pool(&mut self, later: Self) {
         self.duration_s += later.duration_s;
@@ -405,7 +414,7 @@ fn estimator(
     judgement: Option<&Judgement>,
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
-    let Judgement { tests, parameters, rejections, budgets } = judgement.cloned().unwrap_or_default();
+    let Judgement { tests, parameters, rejections, budgets, .. } = judgement.cloned().unwrap_or_default();
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),

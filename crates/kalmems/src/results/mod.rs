@@ -1,10 +1,13 @@
 //! Results: what is computed from an outcome, and the files and pictures that it becomes.
 
+mod compare;
 mod diagnosis;
+mod evidence;
 mod figure_files;
 mod figures;
 mod files;
 mod identification;
+mod in_memory;
 mod inspection;
 mod long;
 mod metrics;
@@ -12,23 +15,30 @@ mod names;
 mod outlook;
 mod page;
 mod simulation;
+mod streamed;
 mod summary;
+mod tracks;
 mod verdict;
 
+pub use compare::{CompareError, compare_page};
+pub use diagnosis::diagnosis_page;
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{WriteError, WriteOptions, write_estimate};
-pub use identification::{IdentificationSummary, write_identification};
-pub use inspection::{DrawError, draw_inspection, inspection_figure};
+pub use identification::{IdentificationSummary, identification_page, write_identification};
+pub use in_memory::{Estimated, notes as scale_notes_of};
+pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};
 pub use kalmems_store::{
     Committed, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
-    way_from, write_file,
+    way_from, write_file, write_page,
 };
 pub use long::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
 };
-pub use outlook::{draw_outlook, outlook_figures, write_outlook};
+pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
+pub use page::estimate_page;
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
+pub(crate) use streamed::StreamTracks;
 pub use summary::{Notice, budget_table, notices, parameters_table, summary_table};
 pub use verdict::Verdict;

@@ -6,7 +6,7 @@ use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
 use crate::config::Experiment;
 use crate::outlook::{AtFrequency, Information, Outlook, Response, Start};
 use crate::simulate::{SteadyMotion, SweepPoint};
-use kalmems_figures::{Axis, Figure, Grid, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Grid, Page, Panel, Part, ReportError, Role, Section, Series};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -181,7 +181,35 @@ pub fn draw_outlook(outlook: &Outlook, path: &Path, force: bool) -> Result<(), D
     write_png(figure, path, force)
 }
 
-/// Writes what is said, its numbers and its pictures into a result: `outlook.txt`, `outlook.json`, `figures/`, `run.toml`.
+/// What can be said of a device before a recording, as a page: its text, which needs nothing else.
+pub fn outlook_page(outlook: &Outlook, experiment: &Experiment) -> Result<String, ReportError> {
+    let subtitle = experiment.description.clone().unwrap_or_default();
+    let mut page =
+        Page::new(format!("{}: what can be said before a recording", outlook.experiment), subtitle);
+    for (place, topic) in outlook.topics.iter().enumerate() {
+        let part = if place == 0 { Part::Verdict } else { Part::Answer };
+        let section = Section::new(with_capital(topic.title)).part(part);
+        page = page
+            .with(topic.facts.iter().fold(section, |section, fact| section.paragraph(fact.text.as_str())));
+    }
+    let figures = outlook_figures(outlook);
+    if !figures.is_empty() {
+        let section = Section::new("Pictures").part(Part::Evidence);
+        page = page.with(figures.into_iter().fold(section, Section::figure));
+    }
+    let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let beside =
+        "The text is in `outlook.txt`, the numbers are in `outlook.json`, dates and durations in `run.toml`.";
+    let made = Section::made("inspect", env!("CARGO_PKG_VERSION"), beside);
+    page.with(made.preformatted("The experiment as it was understood", toml)).to_html()
+}
+
+fn with_capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// Writes what is said, its numbers and its pictures into a result: `report.html`, `outlook.txt`, `outlook.json`, `figures/`, `run.toml`.
 pub fn write_outlook(
     outlook: &Outlook,
     experiment: &Experiment,
@@ -199,6 +227,8 @@ pub fn write_outlook(
         serde_json::to_writer_pretty(&mut *w, outlook)?;
         writeln!(w)
     })?;
+    let html = outlook_page(outlook, experiment)?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in outlook_figures(outlook) {
         write_figure::<WriteError>(output, &figure)?;
     }
@@ -211,9 +241,8 @@ pub fn write_outlook(
     timing.insert("started_unix_s".to_owned(), i64::try_from(started).unwrap_or(i64::MAX).into());
     timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
     run.insert("timing".to_owned(), timing.into());
-    let described =
-        toml::Value::try_from(experiment).map_err(|e| failed(output.target(), io::Error::other(e)))?;
-    run.insert("experiment".to_owned(), described);
+    let described = experiment.to_table().map_err(|e| failed(output.target(), io::Error::other(e)))?;
+    run.insert("experiment".to_owned(), described.into());
     Ok(output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?)
 }
 

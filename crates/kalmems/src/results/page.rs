@@ -1,76 +1,131 @@
 //! The report of an estimate as a page.
 
-use super::figures::figures;
+use super::figures::SegmentFigures;
 use super::long::PICTURED;
 use super::names::prefix;
-use super::summary::{segment_name, shown};
+use super::summary::{segment_name, shown, summary_grades};
+use super::tracks::Tracks;
 use super::{
-    EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics, budget_table, notices, parameters_table,
-    summary_table,
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, notices,
+    parameters_table, summary_table,
 };
 use crate::config::{Experiment, Peak};
 use crate::estimate::TrajectoryKind;
 use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::workflow::{Outcome, SegmentOutcome};
-use kalmems_figures::{Column, Figure, Page, ReportError, Section, Table};
+use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
+
+/// The report of an estimate: the page's text, which needs nothing else.
+pub fn estimate_page(outcome: &Outcome, metrics: &Metrics) -> Result<String, ReportError> {
+    Ok(page(outcome, metrics)?.0)
+}
 
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
     let drawn = outcome.recordings.iter().zip(&metrics.recordings).map(|(recording, judged)| {
         let of = |(segment, judged): (&SegmentOutcome, &SegmentMetrics)| {
             let own = &segment.estimate.segment;
-            // Where several are as likely the first of them is as good as any.
-            let trusted = judged.likeliest.as_ref().filter(|likeliest| !likeliest.is_tied());
-            let trusted = trusted.map(|likeliest| likeliest.key.as_str());
             let is_drawn = own.stretch.number <= PICTURED;
-            if is_drawn {
-                figures(recording, segment, &prefix(outcome, recording, own), trusted)
-            } else {
-                Vec::new()
-            }
+            let prefix = prefix(outcome, recording, own);
+            let tracks = Tracks::of(recording, segment);
+            let drawn =
+                is_drawn.then(|| SegmentFigures::of(recording, segment, &tracks, &prefix, judged.trusted()));
+            drawn.unwrap_or_default()
         };
         recording.segments.iter().zip(&judged.segments).map(of).collect()
     });
-    let drawn: Vec<Vec<Vec<Figure>>> = drawn.collect();
+    let drawn: Vec<Vec<SegmentFigures>> = drawn.collect();
     let html = page_with((&outcome.experiment, outcome.rig), metrics, &drawn)?;
-    Ok((html, drawn.into_iter().flatten().flatten().collect()))
+    let pictured = drawn.iter().flatten().flat_map(SegmentFigures::pictured);
+    Ok((html, pictured.cloned().collect()))
 }
 
 /// The page with these figures, segment by segment of each recording.
 pub(super) fn page_with(
     (experiment, rig): (&Experiment, &str),
     metrics: &Metrics,
-    drawn: &[Vec<Vec<Figure>>],
+    drawn: &[Vec<SegmentFigures>],
 ) -> Result<String, ReportError> {
     let subtitle = experiment.description.clone().unwrap_or_default();
-    let mut page = Page::new(experiment.name.to_string(), subtitle).with(overview(experiment, metrics));
+    let mut page = Page::new(experiment.name.to_string(), subtitle).with(verdict(metrics));
+    let none = SegmentFigures::default();
+    let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
     for (recording, drawn) in metrics.recordings.iter().zip(drawn) {
         for (index, segment) in recording.segments.iter().enumerate() {
             let name = segment_name(&recording.name, segment);
-            let mut section = Section::new(name).key_values(facts(recording, segment));
-            for figure in drawn.get(index).into_iter().flatten() {
-                section = section.figure(figure.clone());
+            let drawn = drawn.get(index).unwrap_or(&none);
+            let title = |what: &str| if is_alone { what.to_owned() } else { format!("{name}: {what}") };
+            let section = |what: &str, part, figures: &[Figure]| {
+                let section = Section::new(title(what)).part(part).of_time(&name);
+                figures.iter().cloned().fold(section, Section::figure)
+            };
+            page = page
+                .with(section("Motion", Part::Answer, &drawn.answer))
+                .with(section("Against the reference, and consistency", Part::Evidence, &drawn.judged))
+                .with(section("Innovations", Part::Evidence, &drawn.innovations).table(tests(segment)))
+                .with(
+                    section("Inputs", Part::Made, &[])
+                        .key_values(facts(recording, segment))
+                        .table(details(segment)),
+                );
+            if !drawn.parameters.is_empty() {
+                page = page.with(section("Parameters over time", Part::Parameters, &drawn.parameters));
             }
-            page = page.with(section.table(details(segment)).table(tests(segment)));
         }
     }
+    page = parameters_table(metrics)
+        .into_iter()
+        .fold(page, |page, table| page.with(Section::new("Parameters").part(Part::Parameters).table(table)));
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
-    page = page.with(
-        Section::new("How it was made")
-            .paragraph(format!(
-                "kalmems {}, rig {rig}. The same experiment and recording give the same page to the last byte; dates \
-                 and durations are in run.toml.",
-                env!("CARGO_PKG_VERSION"),
-            ))
-            .preformatted("The experiment as it was understood", toml),
-    );
-    page.to_html()
+    page.with(budget(metrics))
+        .with(Section::new("What the numbers mean").part(Part::Made).paragraph(meaning(experiment, metrics)))
+        .with(
+            Section::new("How it was made")
+                .part(Part::Made)
+                .paragraph(format!(
+                    "`kalmems estimate` with the experiment below, by kalmems {}, rig {rig}. The same experiment and recording give                      the same page to the last byte; dates and durations are in `run.toml`, all numbers in `metrics.json`.",
+                    env!("CARGO_PKG_VERSION"),
+                ))
+                .preformatted("The experiment as it was understood", toml),
+        )
+        .to_html()
 }
 
-fn overview(experiment: &Experiment, metrics: &Metrics) -> Section {
-    let mut section = Section::new("Result");
-    for notice in notices(metrics) {
+/// Whether the filters are to be trusted, and why.
+fn verdict(metrics: &Metrics) -> Section {
+    let (notes, reasons): (Vec<Notice>, Vec<Notice>) =
+        notices(metrics).into_iter().partition(|notice| notice.severity == Severity::Note);
+    let mut section = Section::new("Verdict").part(Part::Verdict);
+    for notice in reasons {
         section = section.notice(notice.severity, notice.text);
+    }
+    let table = summary_table(metrics, false).with_verdicts("verdict", summary_grades(metrics));
+    section.table(table).notes(notes.into_iter().map(|notice| notice.text).collect())
+}
+
+/// What the claimed uncertainty is due to, and what the signal cannot tell.
+fn budget(metrics: &Metrics) -> Section {
+    let mut section = Section::new("Uncertainty").part(Part::Budget);
+    if let Some(table) = budget_table(metrics) {
+        section = section.table(table);
+    }
+    if !metrics.held_as_exact.is_empty() {
+        let text = "Held as exact, since no uncertainty is stated behind them in the device's table: ";
+        section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
+    }
+    for note in &metrics.scale_notes {
+        section = section.paragraph(format!("What the signal cannot tell: {note}."));
+    }
+    section
+}
+
+/// What the numbers of the summary are.
+fn meaning(experiment: &Experiment, metrics: &Metrics) -> String {
+    if !metrics.values.is_empty() {
+        return "Errors are estimate minus reference, after the settling time. The mean NIS of a filter that is right lies \
+             in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and of its \
+             errors against the reference finds what a filter that is right shows less than once in a million times."
+            .to_owned();
     }
     let sign = match experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
@@ -95,28 +150,13 @@ fn overview(experiment: &Experiment, metrics: &Metrics) -> Section {
         None => "The experiment does not state it, so it is that of each filter's start and means nothing."
             .to_owned(),
     };
-    let mut section = section.table(summary_table(metrics, false));
-    for table in [parameters_table(metrics), budget_table(metrics)].into_iter().flatten() {
-        section = section.table(table);
-    }
-    if !metrics.held_as_exact.is_empty() {
-        let text = "Held as exact, since no uncertainty is stated behind them in the device's table: ";
-        section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
-    }
-    if !metrics.values.is_empty() {
-        return section.paragraph(
-            "Errors are estimate minus reference, after the settling time. The mean NIS of a filter that is right lies \
-             in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and of its \
-             errors against the reference finds what a filter that is right shows less than once in a million times.",
-        );
-    }
-    section.paragraph(format!(
+    format!(
         "Errors are root mean squares after the settling time, against the reference. The phase is the timing from \
          a drive peak to the angle peak after it, in degrees of the motion's cycle. The mean NIS of a filter that is \
          right lies in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and \
          of its errors against the reference finds what a filter that is right shows less than once in a million times. The sign of the motion cannot be known from this signal, which \
          is even in the angle. {sign}"
-    ))
+    )
 }
 
 fn facts(recording: &RecordingMetrics, segment: &SegmentMetrics) -> Vec<(&'static str, String)> {

@@ -7,6 +7,7 @@ use crate::recording::Source;
 use crate::simulate::{
     Channel, RECORDING, REFERENCE, Sample, SimulateError, Simulation, WhiteNoise, described,
 };
+use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Track};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -39,13 +40,16 @@ pub enum SimulationWriteError {
     /// It cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
 }
 
 /// Runs a simulation and writes it into a result.
 ///
 /// `recording.csv` has what a laboratory would have recorded and `reference.csv` the true motion; `experiment.toml`
 /// is the experiment with this recording in the place of its own, ready to be estimated; `run.toml` says what it was
-/// made from. Samples are written as they come.
+/// made from; `report.html` shows it. Samples are written as they come.
 pub fn write_simulation(
     experiment: &Experiment,
     simulation: &dyn Simulation,
@@ -56,6 +60,8 @@ pub fn write_simulation(
     let input_id = input_id(experiment, simulation);
     progress.begin("simulating", simulation.samples());
     let mut largest = 0.0_f64;
+    let (mut recorded, mut truth) =
+        (Track::new(simulation.recorded().len()), Track::new(simulation.truth().len()));
     let mut ended = Ok(());
     let mut nested = Ok(());
     output.write(RECORDING, |recording| {
@@ -67,6 +73,8 @@ pub fn write_simulation(
                 largest = largest.max(sample.truth.first().map_or(0.0, |x| x.abs()));
                 written = row(recording, sample, sample.recorded)
                     .and_then(|()| row(reference, sample, sample.truth));
+                recorded.push(sample.time_s, sample.recorded);
+                truth.push(sample.time_s, sample.truth);
                 done += 1;
                 let look = done % PULSE == 0 && progress.reached(done).is_break();
                 if look || written.is_err() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -92,7 +100,7 @@ pub fn write_simulation(
                 took_s: info.took.as_secs_f64(),
             },
             input: simulation.sources(),
-            experiment: toml::Value::try_from(experiment).map_err(io::Error::other)?,
+            experiment: experiment.to_table().map_err(io::Error::other)?,
         };
         w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
     })?;
@@ -101,7 +109,72 @@ pub fn write_simulation(
         output.write(paper.name, |w| w.write_all(&paper.content))?;
     }
     let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
-    Ok(SimulationSummary { samples, largest, outlook, told, seed })
+    let summary = SimulationSummary { samples, largest, outlook, told, seed };
+    let html = simulation_page(experiment, simulation, &summary, [&recorded, &truth])?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    Ok(summary)
+}
+
+/// What was simulated as a page, with all that passed through the tracks of what is recorded and of what is true.
+fn simulation_page(
+    experiment: &Experiment,
+    simulation: &dyn Simulation,
+    summary: &SimulationSummary,
+    [recorded, truth]: [&Track; 2],
+) -> Result<String, ReportError> {
+    let SimulationSummary { samples, outlook, told, seed, .. } = summary;
+    let text =
+        format!("Simulated, and no recording of a device: {samples} samples, with noise of the seed {seed}.");
+    let mut verdict = Section::new("What was simulated").part(Part::Verdict).notice(Severity::Note, text);
+    for line in outlook.iter().chain(told) {
+        verdict = verdict.paragraph(line.as_str());
+    }
+    let figure = |id: &str, title: &str, caption: &str, role, channels: &[Channel], track: &Track| {
+        let panels = channels.iter().enumerate().map(|(place, channel)| {
+            let (label, unit) = labelled(channel.column);
+            let panel = Panel::new(Axis::new("time", "s"), Axis::new(label, unit));
+            let panel = panel.with(Series::of_track("", role, track, [place, place]));
+            if place > 0 { panel.sharing_x() } else { panel }
+        });
+        panels.fold(Figure::new(id, title, caption), Figure::with)
+    };
+    let motion = Section::new("Recording and motion")
+        .figure(figure(
+            "recording",
+            "What a laboratory would have recorded",
+            "The simulated recording, noise included.",
+            Role::Measured,
+            simulation.recorded(),
+            recorded,
+        ))
+        .figure(figure(
+            "truth",
+            "What is true",
+            "The simulated motion without noise, as the reference has it.",
+            Role::Reference,
+            simulation.truth(),
+            truth,
+        ));
+    let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let beside = "The samples are in `recording.csv` and `reference.csv`; `experiment.toml` estimates from them; dates and durations \
+                  are in `run.toml`.";
+    let made = Section::made("simulate", env!("CARGO_PKG_VERSION"), beside);
+    let subtitle = experiment.description.clone().unwrap_or_default();
+    Page::new(format!("{}: simulated", experiment.name), subtitle)
+        .with(verdict)
+        .with(motion)
+        .with(made.preformatted("The experiment as it was understood", toml))
+        .to_html()
+}
+
+/// The name of a column in words, and its unit: `cap_V` as "cap" and "V".
+fn labelled(column: &str) -> (String, &str) {
+    let (name, unit) = column.rsplit_once('_').unwrap_or((column, "1"));
+    // Such as `rate_rad_per_s`.
+    match column.find("_rad_per_").or_else(|| column.find("_m_per_")) {
+        Some(at) => (column[..at].replace('_', " "), &column[at + 1..]),
+        None => (name.replace('_', " "), unit),
+    }
 }
 
 /// Samples between two looks at whether to go on.
@@ -150,7 +223,7 @@ struct Run<'a> {
     noise: Noise,
     timing: Timing,
     input: &'a [Source],
-    experiment: toml::Value,
+    experiment: toml::Table,
 }
 
 #[derive(Serialize)]

@@ -86,6 +86,22 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     table
 }
 
+/// How serious the verdict of each row of the summary is.
+pub(super) fn summary_grades(metrics: &Metrics) -> Vec<Severity> {
+    let of = |estimator: &EstimatorMetrics| {
+        let severity = match estimator.grade {
+            Some(grade) => severity_of(grade),
+            None if estimator.verdict.is_of_an_estimate() => Severity::Note,
+            None => Severity::Failure,
+        };
+        let errors = estimator.errors.iter();
+        // The rows of its parts and of its other angles follow.
+        let more = errors.map(|errors| errors.parts.len() + errors.other_angles.len()).sum::<usize>();
+        std::iter::repeat_n(severity, 1 + more)
+    };
+    metrics.estimators().flat_map(of).collect()
+}
+
 /// In ns; nothing for what takes no steps.
 fn per_step(seconds: f64) -> String {
     if seconds.is_finite() { format!("{:.0}", seconds * 1e9) } else { "–".to_owned() }
@@ -259,11 +275,14 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         say(Severity::Note, note.to_string());
     }
     if let Some(more) = metrics.scale_notes.len().checked_sub(SCALE_NOTES).filter(|more| *more > 0) {
-        say(Severity::Note, format!("`metrics.json` names {more} more that the signal cannot tell"));
+        say(
+            Severity::Note,
+            format!("`metrics.json` lists {more} more numbers that the signal does not determine"),
+        );
     }
     let is_unexplained = |e: &EstimatorMetrics| !e.passes() && e.failing().next().is_some();
     if metrics.estimators().any(is_unexplained) {
-        let text = "`kalmems diagnose`, with the same experiment file, looks for what is wrong";
+        let text = "`kalmems diagnose` with the same experiment file looks for the cause";
         say(Severity::Note, text.to_owned());
     }
     for estimator in metrics.estimators() {
@@ -272,8 +291,8 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             estimator.parameter_correlations.iter().filter(firm)
         {
             let text = format!(
-                "{}: `{first}` and `{second}` have a correlation of {correlation:.4}: the recording tells a combination of both, \
-                 and neither by itself",
+                "{}: `{first}` and `{second}` have a correlation of {correlation:.4}: the recording determines a combination of both, \
+                 and neither separately",
                 estimator.name
             );
             say(Severity::Note, text);
@@ -301,7 +320,7 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
         if estimator.verdict == Verdict::Astray {
             said.push((
                 Severity::Note,
-                format!("does not follow the signal, and has nothing to correct it: {first}{more}"),
+                format!("does not follow the signal, as no measurement corrects it: {first}{more}"),
             ));
         } else {
             said.push((Severity::Failure, format!("{first}{more}; this is no estimate of the motion")));
@@ -333,7 +352,10 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
                  `scale = -1` of its channel turns it"
             }
         };
-        said.push((Severity::Failure, format!("the reference moves the other way{of}; {mend}")));
+        said.push((
+            Severity::Failure,
+            format!("the estimate has the opposite sign of the reference{of}; {mend}"),
+        ));
     }
     said.extend(of_the_grade(estimator));
     said.extend(of_what_could_be_learnt(estimator).map(|text| (Severity::Note, text)));
@@ -354,12 +376,9 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severit
         ),
         (
             counts.for_start,
-            "samples of the beginning that told where the filter starts, and were not used a second time",
+            "samples of the beginning from which the start was found, and which were not used again",
         ),
-        (
-            counts.crossings_refused,
-            "crossings too far from what the filter expected, which did not correct it",
-        ),
+        (counts.crossings_refused, "crossings that the gate rejected, which did not correct the filter"),
     ];
     for (count, what) in counted {
         if count > 0 {
@@ -376,8 +395,8 @@ fn of_what_could_be_learnt(estimator: &EstimatorMetrics) -> Option<String> {
         budget.device.first().filter(|number| number.sd > budget.noise && number.is_told_better())?;
     let [_, sd] = number.told?;
     Some(format!(
-        "most of what it claims is due to `{}`, which this recording tells to {} of its stated uncertainty: as a state of the filter (`states`), \
-         or after `kalmems identify`, the answer is so much better",
+        "the uncertainty of `{}` causes most of the claimed standard deviation, and this recording determines that number to {} of its stated \
+         uncertainty: estimate it as a state of the filter (`states`), or identify it with `kalmems identify`",
         number.name,
         significant(sd)
     ))
@@ -459,15 +478,20 @@ pub fn budget_table(metrics: &Metrics) -> Option<Table> {
     (!table.rows.is_empty()).then_some(table)
 }
 
-/// What its grade is for: what a reference shows, what its parameters and its innovations tell.
-fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
-    let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
-    let severity = match grade {
+/// How serious a grade is.
+fn severity_of(grade: Grade) -> Severity {
+    match grade {
         Grade::Passes => Severity::Ok,
         Grade::PassesWithRemarks => Severity::Note,
         Grade::Doubtful => Severity::Warning,
         Grade::Failed | Grade::NoEstimate => Severity::Failure,
-    };
+    }
+}
+
+/// What its grade is for: what a reference shows, what its parameters and its innovations tell.
+fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+    let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
+    let severity = severity_of(grade);
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
     let claims = estimator.broken_claims().filter(|_| !goes_the_other_way);
@@ -479,7 +503,8 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
     why.extend(estimator.of_the_device().filter_map(|number| {
         let off = number.contradicted()?;
         Some(format!(
-            "the recording puts `{}` {:.1} stated standard deviations {} what the device's table says; correct it, or state a larger uncertainty",
+            "by the recording `{}` is {:.1} stated standard deviations {} the value in the device's table; correct the value, or state a larger \
+             uncertainty",
             number.name,
             off.abs(),
             if off > 0.0 { "above" } else { "below" }
@@ -540,13 +565,13 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> S
             format!("{tests} tests of the innovations find nothing; the mean NIS is {mean_nis:.3}")
         }
         (_, Verdict::Consistent) => format!(
-            "the innovations of the samples that were taken are those of a filter that is right, with a mean NIS of {mean_nis:.3}"
+            "the innovations of the accepted samples agree with the model, with a mean NIS of {mean_nis:.3}"
         ),
         (_, Verdict::Cautious) => format!(
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
         ),
         _ => format!(
-            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as that of a filter that is right does 25 times in 1000"
+            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, which happens in 25 of 1000 recordings with a right model"
         ),
     }
 }

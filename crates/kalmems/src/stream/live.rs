@@ -15,6 +15,7 @@ use crate::estimate::{
 };
 use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
+use crate::results::StreamTracks;
 use crate::rigs::{Estimator, Rig};
 use std::cell::Cell;
 use std::io;
@@ -100,6 +101,8 @@ pub(super) struct Live<'a> {
     arrivals: Arrivals,
     shared: Shared,
     summary: StreamSummary,
+    /// For a page, where one is wanted, with the quantity that the device is for.
+    seen: Option<(StreamTracks, Option<&'static str>)>,
 }
 
 impl<'a> Live<'a> {
@@ -149,7 +152,18 @@ impl<'a> Live<'a> {
             arrivals,
             shared,
             summary,
+            seen: None,
         }
+    }
+
+    /// Keeps what a page shows.
+    pub(super) fn see(&mut self, wanted: Option<&'static str>) {
+        self.seen = Some((StreamTracks::default(), wanted));
+    }
+
+    /// What was kept for a page.
+    pub(super) fn seen(&mut self) -> Option<StreamTracks> {
+        self.seen.take().map(|(tracks, _)| tracks)
     }
 
     /// Goes on from another run, of which so many samples come again, in a segment that began at this time in s.
@@ -426,6 +440,9 @@ impl<'a> Live<'a> {
             self.writer.events(Some(&trajectory.key), &events)?;
         }
         self.judged.take(estimate);
+        if let Some((tracks, wanted)) = &mut self.seen {
+            tracks.take(estimate, *wanted);
+        }
         self.summary.estimated += part.fresh.len() as u64;
         self.writer.flush()
     }

@@ -32,7 +32,9 @@ pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
 use crate::estimate::{EstimateError, ForetoldCounts, StretchSummary};
 use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
+use crate::results::StreamTracks;
 use crate::rigs::Workbench;
+use kalmems_figures::ReportError;
 use latency::Arrivals;
 use live::Live;
 use recent::RecentSamples;
@@ -77,6 +79,9 @@ pub enum StreamError {
     /// What was estimated cannot be written.
     #[error("the estimates cannot be written: {0}")]
     Output(#[from] io::Error),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// The state cannot be written, or another run cannot go on from it.
     #[error("the state in `{path}`: {why}; to begin anew, remove it or name another file")]
     State {
@@ -165,6 +170,31 @@ pub fn stream(
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<StreamSummary, StreamError> {
+    Ok(estimated((workbench, experiment), connection, outputs, state, stop, false)?.0)
+}
+
+/// Likewise, with a page of what was estimated: its text, which needs nothing else.
+pub fn stream_with_page(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    connection: Box<dyn Connection>,
+    outputs: Outputs,
+    state: Option<&Path>,
+    stop: &dyn Fn() -> bool,
+) -> Result<(StreamSummary, String), StreamError> {
+    let (summary, seen) = estimated((workbench, experiment), connection, outputs, state, stop, true)?;
+    let html = seen.unwrap_or_default().page(experiment, &summary)?;
+    Ok((summary, html))
+}
+
+fn estimated(
+    (workbench, experiment): (&Workbench, &Experiment),
+    connection: Box<dyn Connection>,
+    outputs: Outputs,
+    state: Option<&Path>,
+    stop: &dyn Fn() -> bool,
+    with_page: bool,
+) -> Result<(StreamSummary, Option<StreamTracks>), StreamError> {
     let described = experiment.stream.as_ref().ok_or_else(|| {
         let remedy =
             "add a table `[stream]` with `rate` and `[stream.input.text]` or `[stream.input.frames]`";
@@ -215,15 +245,19 @@ pub fn stream(
         heartbeat: heartbeat(experiment, described)?,
     };
     let mut live = Live::new(settings, outputs, keeper, (arrivals, shared), &stopping);
+    if with_page {
+        live.see(rig.values(experiment).first().map(|value| value.name));
+    }
     if left.is_some() {
         live.resume(again as u64, estimator.past().start_s);
     }
     let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
     let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
+    let seen = live.seen();
     let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
     summary.origin = origin;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
-    Ok(summary)
+    Ok((summary, seen))
 }
 
 /// How often health is told.

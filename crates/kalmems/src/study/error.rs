@@ -82,8 +82,11 @@ pub enum StudyError {
         /// In what they differ.
         why: String,
     },
-    /// Two journals hold the same point.
-    #[error("run {index} is in {} and in {}; name each shard once", first.display(), second.display())]
+    /// Two journals hold the same point, and other figures of it.
+    #[error(
+        "run {index} has other figures in {} than in {}; name each shard once, made by the same program",
+        first.display(), second.display()
+    )]
     Overlap {
         /// The run.
         index: u64,

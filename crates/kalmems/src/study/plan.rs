@@ -96,6 +96,16 @@ impl Plan {
         Ok(experiment)
     }
 
+    /// The plan of a study that is no file, and of its experiment: both texts with where they stand, or would stand.
+    pub fn of_texts(
+        workbench: &Workbench,
+        (study, study_path): (&str, &Path),
+        (experiment, experiment_path): (&str, &Path),
+    ) -> Result<Self, StudyError> {
+        let (study, experiment) = (Source::of(study, study_path)?, Source::of(experiment, experiment_path)?);
+        Self::of(workbench, study, experiment, None)
+    }
+
     /// The plan of a study from both texts, as a journal has them, with the runs at each point of a calibration.
     pub(super) fn parse(
         workbench: &Workbench,
@@ -232,8 +242,10 @@ impl Plan {
                     let described = told.recording(index)?;
                     let reference = described.reference.as_ref().map(|reference| reference.file(described));
                     for file in [Some(described.file.as_path()), reference].into_iter().flatten() {
-                        let path = told.resolve(file);
-                        hash.update(digest_of(&path)?);
+                        match told.arrays().get(file) {
+                            Some(arrays) => hash.update(&arrays.digest().sha256),
+                            None => hash.update(digest_of(&told.resolve(file))?),
+                        }
                     }
                 }
             }

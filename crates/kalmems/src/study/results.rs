@@ -8,7 +8,7 @@ use super::{Plan, Shard, StudyError, spread};
 use crate::results::write_figure;
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rigs::Workbench;
-use kalmems_figures::{Figure, Page, Section, Severity};
+use kalmems_figures::{Figure, Page, Part, Section, Severity};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -173,19 +173,20 @@ impl Plan {
     }
 
     fn page(&self, summary: &Summary, header: &Header, figures: Vec<Figure>) -> Page {
-        let mut result = Section::new("Result");
+        let mut result = Section::new("Verdict").part(Part::Verdict);
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
         }
         let result = result.paragraph(summary.in_short());
         let tables = summary.calibration.iter().flat_map(calibration::page_tables);
-        let result = figures.into_iter().fold(tables.fold(result, Section::table), Section::figure);
-        let how = Section::new("How it was made")
-            .paragraph(format!("kalmems {}. All figures of all runs are in results.csv.", header.version))
-            .preformatted("The study", &self.source.text)
-            .preformatted("The experiment", &self.experiment.text);
+        let result = tables.fold(result, Section::table);
+        let pictures = figures.into_iter().fold(Section::new("Figures"), Section::figure);
+        let how =
+            Section::made(self.command(), &header.version, "All figures of all runs are in `results.csv`.")
+                .preformatted("The study", &self.source.text)
+                .preformatted("The experiment", &self.experiment.text);
         let subtitle = self.description.description.clone().unwrap_or_default();
-        Page::new(self.name(), subtitle).with(result).with(how)
+        Page::new(self.name(), subtitle).with(result).with(pictures).with(how)
     }
 }
 
@@ -214,6 +215,10 @@ fn joined(journals: &[PathBuf]) -> Result<(Header, Runs), StudyError> {
             return Err(StudyError::Different { first: journals[0].clone(), second: path.clone(), why });
         }
         for (run, finished) in runs {
+            // A part that was made twice, since somebody was taken for dead, says the same.
+            if joined.get(&run) == Some(&finished) {
+                continue;
+            }
             if let Some(holder) = holders.insert(run, i) {
                 let (first, second) = (journals[holder].clone(), path.clone());
                 return Err(StudyError::Overlap { index: run, first, second });

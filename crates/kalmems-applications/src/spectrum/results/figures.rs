@@ -30,14 +30,25 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         panel = panel.with(Series::line("reference", Role::Reference, theirs));
     }
     panel = panel.with(Series::line(label, Role::Estimate, points(&outcome.spectrum)));
-    let mut figure = Figure::new("spectrum", "Spectrum", "").with(panel);
+    let (mut figure, mut narrow) = (Figure::new("spectrum", "Spectrum", "").with(panel), None);
     if let Some(comparison) = &outcome.comparison {
         let differences: Vec<(f64, f64)> = (comparison.wavenumber_per_m.iter())
             .zip(comparison.ours.iter().zip(&comparison.theirs))
             .map(|(nu, (ours, theirs))| (nu / 100.0, ours - theirs))
             .collect();
+        let span = |x: &mut dyn Iterator<Item = f64>| {
+            let (low, high) = x.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+            high - low
+        };
+        let is_wide = span(&mut differences.iter().map(|(x, _)| *x)) > 0.5 * span(&mut nu.iter().copied());
         let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
-        figure = figure.with(difference.with(Series::line("", Role::Estimate, differences)).sharing_x());
+        let difference = difference.with(Series::line("", Role::Estimate, differences));
+        // What is compared in a narrow band has an axis of its own, below the others, or it could not be seen.
+        if is_wide {
+            figure = figure.with(difference.sharing_x());
+        } else {
+            narrow = Some(difference);
+        }
     }
     let errors = [
         ("noise of the mean", Role::Estimate, &outcome.standard_error),
@@ -51,7 +62,13 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
             any = true;
         }
     }
-    if any { figure.with(panel.sharing_x()) } else { figure }
+    if any {
+        figure = figure.with(panel.sharing_x());
+    }
+    match narrow {
+        Some(difference) => figure.with(difference),
+        None => figure,
+    }
 }
 
 fn interferogram(outcome: &SpectrumOutcome) -> Figure {
@@ -75,6 +92,6 @@ fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
         .collect();
     let panel = Panel::new(Axis::new("scans", "1").log(), Axis::new("noise of their mean", "1").log())
         .with(Series::line("1/√scans", Role::Bound, root))
-        .with(Series::points("measured", Role::Measured, points));
+        .with(Series::points("mean of so many scans", Role::Measured, points));
     Some(Figure::new("coadding", "Noise of the mean of scans", "").with(panel))
 }

@@ -3,12 +3,14 @@
 mod figures;
 mod jcamp;
 mod metrics;
+mod page;
 
 pub use figures::spectrum_figures;
 pub use jcamp::{JcampSpectrum, write_jcamp};
 pub use metrics::{
     ContributionMetrics, CorrectionMetrics, LineMetrics, SpectrumMetrics, SpectrumReferenceMetrics,
 };
+pub use page::spectrum_page;
 
 use crate::WriteError;
 use crate::recording::Source;
@@ -22,7 +24,7 @@ use std::time::UNIX_EPOCH;
 
 /// Writes a spectrum into a result.
 ///
-/// `spectrum.csv` with its standard error, `scans.csv`, `spectrum.jdx` (JCAMP-DX), `metrics.json`, pictures in `figures/`,
+/// `report.html`, `spectrum.csv` with its standard error, `scans.csv`, `spectrum.jdx` (JCAMP-DX), `metrics.json`, pictures in `figures/`,
 /// `run.toml`; `interferogram.csv` of a simulated detector.
 pub fn write_spectrum(
     outcome: &SpectrumOutcome,
@@ -46,7 +48,10 @@ pub fn write_spectrum(
         serde_json::to_writer_pretty(&mut *w, metrics)?;
         writeln!(w)
     })?;
-    for figure in spectrum_figures(outcome) {
+    let figures = spectrum_figures(outcome);
+    let html = spectrum_page(outcome, metrics, &figures)?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    for figure in &figures {
         figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
     }
     if let Some(detector) = &outcome.simulated {

@@ -1,5 +1,6 @@
 //! Innovations folded over the cycle of a motion: what repeats with it is no noise.
 
+use super::evidence::CycleEvidence;
 use super::spectrum::{Level, Spectrum};
 use super::{InnovationTest, Moments, Place, TestResult};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -46,6 +47,15 @@ impl Cycle {
     /// Of a motion of this frequency in Hz, whose phase counts from this time in s.
     pub fn new(frequency_hz: f64, start_s: f64) -> Self {
         Self { frequency_hz, start_s, bins: [Bin::default(); BINS] }
+    }
+
+    /// What they look like, part by part.
+    pub fn evidence(&self) -> CycleEvidence {
+        let parts = self.bins.iter().enumerate().filter(|(_, bin)| bin.count > 0.0).map(|(i, bin)| {
+            let phase_deg = 360.0 * (i as f64 + 0.5) / BINS as f64;
+            [phase_deg, bin.count, bin.sum / bin.count, bin.squares / bin.count]
+        });
+        CycleEvidence { frequency_hz: self.frequency_hz, parts: parts.collect() }
     }
 
     /// Takes an innovation in.

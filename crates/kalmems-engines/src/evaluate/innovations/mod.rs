@@ -5,11 +5,13 @@
 //! the same memory.
 
 mod cycle;
+mod evidence;
 mod moments;
 mod result;
 mod spectrum;
 mod windows;
 
+pub use evidence::{CycleEvidence, Histogram, InnovationEvidence, SpectrumGroup};
 pub use result::{InnovationTest, Place, TestResult, WRONG};
 
 use cycle::Cycle;
@@ -25,6 +27,7 @@ pub struct InnovationRecord {
     moments: Moments,
     windows: Windows,
     spectrum: SpectrumRecord,
+    histogram: Histogram,
     /// One for each axis of the device.
     cycles: Vec<Cycle>,
     first_s: f64,
@@ -53,6 +56,7 @@ impl InnovationRecord {
             self.moments.take(*time_s, z);
             self.windows.take(*time_s, z);
             self.spectrum.take(z);
+            self.histogram.take(z);
             for cycle in &mut self.cycles {
                 cycle.take(*time_s, z);
             }

@@ -70,6 +70,19 @@ pub struct Level {
     pub count: f64,
 }
 
+/// Neighbouring ordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct Group {
+    /// The geometric mean of the first and the last frequency in cycles per sample.
+    pub frequency: f64,
+    /// The mean of the ordinates.
+    pub mean: f64,
+    /// The largest of them.
+    pub largest: f64,
+    /// How many exponential numbers the mean is of.
+    pub count: f64,
+}
+
 impl SpectrumRecord {
     /// Takes an innovation in.
     #[inline]
@@ -174,6 +187,36 @@ impl Spectrum {
     /// Σ ρ^power over lags on both sides, and that of lag 0: how much longer a mean takes of numbers so correlated.
     pub fn inflation(&self, power: i32) -> f64 {
         1.0 + 2.0 * (1..=LAGS).map(|lag| self.products.correlation(lag).abs().powi(power)).sum::<f64>()
+    }
+
+    /// At most so many groups of neighbouring ordinates, equally spaced in the logarithm of the frequency.
+    pub fn groups(&self, most: usize) -> Vec<Group> {
+        let Some(part) = self.parts.first() else { return Vec::new() };
+        let (mut groups, mut first) = (Vec::new(), 0);
+        for group in 1..=most {
+            let end = (part.sums.len() as f64).powf(group as f64 / most as f64).round();
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // up to half the length
+            let end = (end as usize).min(part.sums.len());
+            if end <= first {
+                continue;
+            }
+            let sums = &part.sums[first..end];
+            let count = part.blocks * sums.len() as f64;
+            groups.push(Group {
+                frequency: (part.frequency(first) * part.frequency(end - 1)).sqrt(),
+                mean: sums.iter().sum::<f64>() / count,
+                largest: sums.iter().copied().fold(0.0, f64::max) / part.blocks,
+                count,
+            });
+            first = end;
+        }
+        groups
+    }
+
+    /// The correlation of innovations 1, 2 and so on updates apart, and within which ± 95 of 100 lie where there is none.
+    pub fn autocorrelation(&self) -> Vec<[f64; 2]> {
+        let lags = 1..=LAGS;
+        lags.map(|lag| [self.products.correlation(lag), 1.96 / self.products.pairs[lag].sqrt()]).collect()
     }
 
     /// The level around a frequency in cycles per sample. `None` where there is too little.

@@ -77,6 +77,21 @@ pub fn likeliest(
     outcome.told(workbench, experiment, progress)
 }
 
+/// Identifies what an experiment asks for: the numbers that `identify.parameters` names ([`likeliest`]), or else what its device's rig
+/// identifies.
+pub fn identify(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Result<Identification, IdentifyError> {
+    let names_numbers = experiment.identify.as_ref().is_some_and(|identify| !identify.parameters.is_empty());
+    if names_numbers {
+        likeliest(workbench, experiment, progress)
+    } else {
+        workbench.rig(experiment)?.identify(experiment, progress)
+    }
+}
+
 const NOWHERE: &str = "the filter cannot be run beside the numbers of the experiment, so that no likelihood rises from there; `kalmems \
                        diagnose` looks further";
 

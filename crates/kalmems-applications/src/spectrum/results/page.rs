@@ -1,0 +1,95 @@
+//! The report of a spectrum as a page.
+
+use super::{LineMetrics, SpectrumMetrics};
+use crate::spectrum::SpectrumOutcome;
+use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
+
+/// The page's text, which needs nothing else.
+pub fn spectrum_page(
+    outcome: &SpectrumOutcome,
+    metrics: &SpectrumMetrics,
+    figures: &[Figure],
+) -> Result<String, ReportError> {
+    let mut verdict = Section::new("Verdict").part(Part::Verdict);
+    if metrics.band_beyond_limit {
+        let text = format!(
+            "The samples are too far apart for wavenumbers above {:.1} 1/cm; lower ones show there.",
+            metrics.limit_per_cm
+        );
+        verdict = verdict.notice(Severity::Warning, text);
+    }
+    for line in &metrics.lines {
+        verdict = verdict.notice(severity(line), sentence(line));
+    }
+    if let Some(reference) = &metrics.reference {
+        let text = format!(
+            "Against the reference at {} wavenumbers the spectrum is off by {:.2} % of its peak, rms.",
+            reference.points,
+            100.0 * reference.rms_over_peak
+        );
+        verdict = verdict.notice(Severity::Note, text);
+    }
+    if verdict.blocks.is_empty() {
+        let text = format!("The mean of {} scans, {} of them forward.", metrics.scans, metrics.forward_scans);
+        verdict = verdict.notice(Severity::Note, text);
+    }
+    let (answer, evidence): (Vec<&Figure>, Vec<&Figure>) =
+        figures.iter().partition(|figure| figure.id == "spectrum");
+    let section =
+        |section: Section, figures: Vec<&Figure>| figures.into_iter().cloned().fold(section, Section::figure);
+    let file = toml::to_string(&outcome.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
+    let mut page = Page::new(format!("{}: spectrum along a position", metrics.name), "")
+        .with(verdict.notes(metrics.findings.clone()))
+        .with(section(Section::new("Spectrum"), answer))
+        .with(section(Section::new("What it rests on").part(Part::Evidence), evidence));
+    if let Some(table) = budgets(metrics) {
+        page = page.with(Section::new("Uncertainty of the lines").part(Part::Budget).table(table));
+    }
+    let beside = "The spectrum is in `spectrum.csv` and, as JCAMP-DX, in `spectrum.jdx`; the numbers are in `metrics.json`.";
+    let made = Section::made("spectrum", env!("CARGO_PKG_VERSION"), beside);
+    let made = made
+        .preformatted("All figures", metrics.to_text())
+        .preformatted("The file as it was understood", file);
+    page.with(made).to_html()
+}
+
+/// A line that is not there is no result, and one within its noise is none either.
+fn severity(line: &LineMetrics) -> Severity {
+    match (line.found_per_cm, line.snr) {
+        (None, _) => Severity::Failure,
+        (Some(_), Some(snr)) if snr < 3.0 => Severity::Warning,
+        _ => Severity::Ok,
+    }
+}
+
+fn sentence(line: &LineMetrics) -> String {
+    let Some(found) = line.found_per_cm else {
+        return format!("Near {} 1/cm there is no line.", line.asked_per_cm);
+    };
+    let sd = line.found_sd_per_cm.map_or_else(String::new, |sd| format!(" ± {sd:.1e}"));
+    let known = line
+        .from_known_per_cm
+        .map_or_else(String::new, |off| format!(", {off:+.4} 1/cm from where it is known to be"));
+    format!("The line that was looked for near {} 1/cm is at {found:.4}{sd} 1/cm{known}.", line.asked_per_cm)
+}
+
+/// What the position and the height of each line are due to.
+fn budgets(metrics: &SpectrumMetrics) -> Option<Table> {
+    let columns = [
+        Column::text("line"),
+        Column::text("due to"),
+        Column::number("shift", "1/cm"),
+        Column::number("sd", "1/cm"),
+        Column::number("leaves of the height", ""),
+    ];
+    let mut table = Table::new("", columns);
+    for line in &metrics.lines {
+        let name = line.found_per_cm.map_or_else(String::new, |found| format!("{found:.4} 1/cm"));
+        for entry in &line.budget {
+            let numbers = [entry.shift_per_cm, entry.sd_per_cm].map(|value| format!("{value:.1e}"));
+            let [shift, sd] = numbers;
+            table.push([name.clone(), entry.of.clone(), shift, sd, format!("{:.4}", entry.height)]);
+        }
+    }
+    (!table.rows.is_empty()).then_some(table)
+}

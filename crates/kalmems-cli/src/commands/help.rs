@@ -1,0 +1,78 @@
+//! `kalmems help`.
+
+use crate::args::{Arguments, HelpArguments};
+use crate::{Ending, print, print_json};
+use clap::{Command, CommandFactory};
+use kalmems::draft::names_of;
+use kalmems::rigs::Workbench;
+
+/// The topics: a name, a line for the list, and the text.
+const TOPICS: [(&str, &str, &str); 8] = [
+    ("start", "from a recording to an answer in four commands", include_str!("../topics/start.txt")),
+    ("verdict", "what the verdict on a filter means", include_str!("../topics/verdict.txt")),
+    (
+        "overconfident",
+        "what to do about `doubtful` and `failed`",
+        include_str!("../topics/overconfident.txt"),
+    ),
+    ("recordings", "which recording tells what", include_str!("../topics/recordings.txt")),
+    ("units", "how values, uncertainties and columns state their units", include_str!("../topics/units.txt")),
+    ("noise", "noise of the signal, and process noise", include_str!("../topics/noise.txt")),
+    ("files", "which files a command reads and writes", include_str!("../topics/files.txt")),
+    ("json", "what `--json` prints", include_str!("../topics/json.txt")),
+];
+
+pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Ending> {
+    let words: Vec<&str> = arguments.topic.iter().map(String::as_str).collect();
+    match words[..] {
+        ["device", name] => of_device(workbench, name, arguments.json),
+        _ if arguments.json => {
+            let why = "`--json` of `help` is for the names of a device, such as `kalmems help device shared_scanner --json`";
+            Err(Ending::Wrong(why.to_owned()))
+        }
+        ["topics"] => print(&topics()),
+        ["device" | "devices"] => {
+            let rigs = workbench.rigs().filter(|rig| rig.template().is_some());
+            let names: Vec<&str> = rigs.map(|rig| rig.name()).collect();
+            print(&format!("Devices, for `kalmems help device NAME`: {}\n", names.join(", ")))
+        }
+        [topic] if TOPICS.iter().any(|(name, ..)| *name == topic) => {
+            print(TOPICS.iter().find(|(name, ..)| *name == topic).map_or("", |(_, _, text)| text))
+        }
+        _ => match command_of(&arguments.topic) {
+            Some(mut command) => print(&command.render_long_help().to_string()),
+            None => {
+                let found = words.join(" ");
+                Err(Ending::Wrong(format!(
+                    "found the topic `{found}`, which is no command and none of these:\n{}",
+                    topics()
+                )))
+            }
+        },
+    }
+}
+
+/// The topics, a line each.
+fn topics() -> String {
+    let line = |(name, what, _): &(&str, &str, &str)| format!("  kalmems help {name:14}  {what}\n");
+    let topics: String = TOPICS.iter().map(line).collect();
+    format!(
+        "{topics}  kalmems help device NAME    channels, states, parameters and methods of a device\n  \
+         kalmems help COMMAND        what a command does, and its options\n"
+    )
+}
+
+fn of_device(workbench: &Workbench, name: &str, json: bool) -> Result<(), Ending> {
+    let names = names_of(workbench, name).map_err(|e| Ending::Wrong(e.to_string()))?;
+    if json { print_json(&names) } else { print(&names.to_string()) }
+}
+
+/// The command with this path of names, such as `calibrate gyro`, named in its help as it is called.
+pub fn command_of(path: &[String]) -> Option<Command> {
+    let mut command = Arguments::command();
+    command.build();
+    for name in path {
+        command = command.find_subcommand(name)?.clone();
+    }
+    Some(command)
+}

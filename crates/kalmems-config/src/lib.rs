@@ -1,0 +1,93 @@
+//! The experiment file: a device and its recordings, described once, in TOML.
+//!
+//! Every value is text with a unit, checked for its dimension and its sign. An unknown key or word is refused
+//! with the nearest known one. A message names the file, the line, the key, what was found, what was
+//! expected, and what to write:
+//!
+//! ```
+//! use kalmems_config::Experiment;
+//! let error = Experiment::parse("nmae = \"scan\"", "experiment.toml".as_ref()).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "experiment.toml:1: nmae: unknown key `nmae`; did you mean `name`? \
+//!      known keys: name, description, device, recording, estimate, identify, simulate, stream"
+//! );
+//! ```
+
+mod arrays;
+mod clock;
+mod column;
+mod device;
+mod error;
+mod estimate;
+mod event;
+mod experiment;
+mod filter;
+mod format;
+mod gaps;
+mod hybrid;
+mod identify;
+mod inputs;
+mod key;
+pub mod kinds;
+pub mod layout;
+mod name;
+mod outliers;
+mod patch;
+mod quantity;
+mod reader;
+mod recording;
+mod regulated;
+mod schema;
+mod sign;
+mod simulate;
+mod source;
+mod stream;
+mod uncertainty;
+mod uses;
+mod values;
+mod variation;
+mod vibrometer;
+
+pub use arrays::ArraysByFile;
+pub use clock::{Clock, TimeColumn};
+pub use column::{ColumnChoice, FileColumns};
+pub use device::{DeviceDescription, DeviceKind};
+pub use error::{ConfigError, Fault, Place, Position};
+pub use estimate::{Crossings, Estimate, Peak};
+pub use event::{Edge, EventSource, EventUse};
+pub use experiment::Experiment;
+pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub use format::{DecimalMark, FileFormat, FileKind, Separator};
+pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
+pub use hybrid::{Applied, Threshold, Timing, Variant};
+pub use identify::{FeedthroughBy, Identify, Trusted};
+pub use inputs::{
+    ChannelAdc, ConstantInput, InputSource, InputSources, InputStep, InputTone, RingDownInput,
+    SimulatedChannel, SineInput, SquareInput, StepsInput, SweepInput, TonesInput,
+};
+pub use key::Key;
+pub use key::Step;
+pub use name::Name;
+pub use outliers::{Gate, Update};
+pub use patch::{absent, get, put};
+pub use quantity::{FROM_RECORDING, Quantity, noise_schema, with_sd, written};
+pub use reader::read_source;
+pub use recording::{Channels, Recording, Reference, Role, Segments};
+pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
+pub use schema::{experiment_schema, schema_of};
+pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
+pub use simulate::{
+    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
+    PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions,
+    SweepDrive, TonesDrive,
+};
+pub use source::Source;
+pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
+pub use uncertainty::{CORRELATION, Correlations, Direction, UncertainNumber, cholesky, exactly};
+pub use uses::Uses;
+pub use values::{AnyValue, Entry, Values};
+pub use variation::Varied;
+pub use vibrometer::Vibrometer;
+
+pub use kalmems_units as units;

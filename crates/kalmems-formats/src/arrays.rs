@@ -1,0 +1,301 @@
+//! Arrays in memory as a table, in the place of a file.
+
+use crate::element::{Element, Kind};
+use crate::records::{Cells, Code, Field, Lane, RecordTable};
+use crate::time::TimeCode;
+use crate::{
+    Block, CellFault, Column, Description, Digest, Evidence, Fault, FormatError, Table, TimeKind, TimeUnit,
+    Wanted, limits,
+};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeSet;
+use std::fmt;
+use std::fmt::Write as _;
+use std::sync::{Arc, OnceLock};
+
+const FORMAT: &str = "arrays";
+
+/// What the elements of an array are, little-endian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArrayType {
+    /// IEEE 754 of 2, 4 or 8 bytes.
+    Float(usize),
+    /// Signed integers of 1, 2, 4 or 8 bytes.
+    Signed(usize),
+    /// Unsigned integers of 1, 2, 4 or 8 bytes.
+    Unsigned(usize),
+    /// Signed integers of 8 bytes that count these from the beginning of 1970 in UTC.
+    Dates(TimeUnit),
+    /// Signed integers of 8 bytes that count these.
+    Durations(TimeUnit),
+    /// Texts in UTF-8 of so many bytes, NUL and white space at their ends not counted.
+    Texts(usize),
+}
+
+impl ArrayType {
+    const fn bytes(self) -> usize {
+        match self {
+            Self::Float(bytes) | Self::Signed(bytes) | Self::Unsigned(bytes) | Self::Texts(bytes) => bytes,
+            Self::Dates(_) | Self::Durations(_) => 8,
+        }
+    }
+
+    /// The cells of a lane of them; `None` where there are no such numbers.
+    fn cells(self, lane: usize) -> Option<Cells> {
+        let time = |unit, kind| {
+            let code = TimeCode::Counted { element: Element::little(Kind::Signed, 8), unit, kind };
+            Some(Cells::Times { lane, offset: 0, code })
+        };
+        let kind = match self {
+            Self::Float(_) => Kind::Float,
+            Self::Signed(_) => Kind::Signed,
+            Self::Unsigned(_) => Kind::Unsigned,
+            Self::Dates(unit) => return time(unit, TimeKind::Calendar),
+            Self::Durations(unit) => return time(unit, TimeKind::Elapsed),
+            Self::Texts(bytes) => {
+                return (bytes > 0).then_some(Cells::Text { lane, offset: 0, bytes, code: Code::Bytes });
+            }
+        };
+        let element = Element::little(kind, self.bytes());
+        element.exists().then_some(Cells::Numbers { lane, offset: 0, element })
+    }
+}
+
+/// One array: a column.
+#[derive(Clone, Debug)]
+pub struct Array {
+    name: String,
+    of: ArrayType,
+    bytes: Vec<u8>,
+    missing: Vec<bool>,
+}
+
+impl Array {
+    /// An array of this name, with its unit in it as in a file, of these bytes.
+    pub fn new(name: &str, of: ArrayType, bytes: Vec<u8>) -> Self {
+        Self { name: name.to_owned(), of, bytes, missing: Vec::new() }
+    }
+
+    /// An array of numbers.
+    pub fn of_numbers(name: &str, numbers: &[f64]) -> Self {
+        Self::new(name, ArrayType::Float(8), numbers.iter().flat_map(|number| number.to_le_bytes()).collect())
+    }
+
+    /// The same without the elements at which this is true; nothing takes their place.
+    #[must_use]
+    pub fn without(self, missing: Vec<bool>) -> Self {
+        Self { missing, ..self }
+    }
+
+    fn rows(&self) -> usize {
+        self.bytes.len() / self.of.bytes().max(1)
+    }
+}
+
+/// Arrays of one length, a column each, that are read as a file of the same numbers would be: bit by bit, with the same findings. Their rows
+/// count from 0, as samples.
+///
+/// Copies share the memory.
+///
+/// ```
+/// use kalmems_formats::{Array, Arrays, Hints, open};
+/// let arrays = Arrays::new(vec![Array::of_numbers("time_s", &[0.0, 1e-3]), Array::of_numbers("cap_V", &[0.1, 0.2])])?;
+/// let table = open("recording".as_ref(), &Hints { arrays: Some(arrays), ..Hints::default() })?;
+/// assert_eq!(table.description().columns[1].name, "cap_V");
+/// # Ok::<(), kalmems_formats::FormatError>(())
+/// ```
+#[derive(Clone)]
+pub struct Arrays(Arc<Held>);
+
+struct Held {
+    arrays: Vec<Array>,
+    rows: usize,
+    digest: OnceLock<Digest>,
+}
+
+impl Arrays {
+    /// Puts arrays beside each other.
+    ///
+    /// # Errors
+    /// Where they differ in length, where two have one name, and where there are no numbers of such a length.
+    pub fn new(arrays: Vec<Array>) -> Result<Self, FormatError> {
+        let refuse = |what: String, remedy: &str| {
+            Err(FormatError::Unsupported { format: FORMAT, what, remedy: remedy.to_owned() })
+        };
+        limits::at_most(FORMAT, "the number of columns", arrays.len() as u64, limits::COLUMNS as u64)?;
+        let rows = arrays.first().map_or(0, Array::rows);
+        let mut names = BTreeSet::new();
+        for array in &arrays {
+            let Array { name, of, bytes, missing } = array;
+            if of.cells(0).is_none() || bytes.len() % of.bytes() != 0 {
+                return refuse(
+                    format!("`{name}` with elements of {} bytes", of.bytes()),
+                    "give numbers of 1, 2, 4 or 8 bytes, or texts",
+                );
+            }
+            if array.rows() != rows || (!missing.is_empty() && missing.len() != rows) {
+                let first = arrays.first().map_or("", |first| first.name.as_str());
+                let what = format!("`{name}` of {} samples beside `{first}` of {rows}", array.rows());
+                return refuse(what, "give columns of one length, each with as many samples as its mask");
+            }
+            if !names.insert(name.trim()) {
+                return refuse(format!("a second column `{name}`"), "give each a name of its own");
+            }
+        }
+        Ok(Self(Arc::new(Held { arrays, rows, digest: OnceLock::new() })))
+    }
+
+    /// How many samples there are.
+    pub fn rows(&self) -> usize {
+        self.0.rows
+    }
+
+    /// The names of the columns.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.arrays.iter().map(|array| array.name.as_str())
+    }
+
+    /// What tells these arrays from others: a digest of their names, types, numbers and masks, and the length of the numbers.
+    pub fn digest(&self) -> &Digest {
+        self.0.digest.get_or_init(|| {
+            let (mut hash, mut length) = (Sha256::new(), 0);
+            for Array { name, of, bytes, missing } in &self.0.arrays {
+                hash.update(format!("{} {name} {of:?} {} {}\n", name.len(), bytes.len(), missing.len()));
+                hash.update(bytes);
+                hash.update(missing.iter().map(|gone| u8::from(*gone)).collect::<Vec<u8>>());
+                length += bytes.len() as u64;
+            }
+            let mut sha256 = String::new();
+            for byte in hash.finalize() {
+                // Writing to a string cannot fail.
+                let _ = write!(sha256, "{byte:02x}");
+            }
+            Digest { sha256, bytes: length }
+        })
+    }
+
+    /// As a table that is being read.
+    pub(crate) fn table(&self) -> Box<dyn Table> {
+        let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn Lane>>::new());
+        for (number, array) in self.0.arrays.iter().enumerate() {
+            if let Some(cells) = array.of.cells(number) {
+                fields.push(Field::new(Column::new(&array.name), cells, self.0.rows as u64));
+                lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, row: 0 }));
+            }
+        }
+        let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
+        let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
+        let inner = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
+        let description = Description { evidence: Evidence::Arrays, ..inner.description().clone() };
+        Box::new(ArrayTable { arrays: self.clone(), inner, description, wanted: Vec::new(), row: 0 })
+    }
+}
+
+/// Two are equal where their numbers are.
+impl PartialEq for Arrays {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0) || self.digest() == other.digest()
+    }
+}
+
+impl Eq for Arrays {}
+
+impl fmt::Debug for Arrays {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Arrays")
+            .field("names", &self.names().collect::<Vec<_>>())
+            .field("rows", &self.0.rows)
+            .finish()
+    }
+}
+
+/// The elements of one array, one after the other.
+struct ArrayLane {
+    held: Arc<Held>,
+    number: usize,
+    row: usize,
+}
+
+impl Lane for ArrayLane {
+    fn record(&self) -> usize {
+        self.held.arrays.get(self.number).map_or(0, |array| array.of.bytes())
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        let record = self.record();
+        if let Some(array) = self.held.arrays.get(self.number) {
+            let end = self.row.saturating_add(rows).min(self.held.rows);
+            out.extend_from_slice(array.bytes.get(self.row * record..end * record).unwrap_or_default());
+            self.row = end;
+        }
+        Ok(())
+    }
+}
+
+/// A table of records whose rows count from 0, and of which elements may be missing.
+struct ArrayTable {
+    arrays: Arrays,
+    inner: RecordTable,
+    description: Description,
+    wanted: Vec<Wanted>,
+    row: usize,
+}
+
+impl ArrayTable {
+    /// Takes the elements out that are missing.
+    fn leave_out_missing(&self, block: &mut Block) {
+        let numbers = self.wanted.iter().filter(|wanted| !wanted.is_label());
+        for (slot, wanted) in numbers.enumerate() {
+            let column = wanted.column();
+            let missing = self.arrays.0.arrays.get(column).map_or(&[][..], |array| array.missing.as_slice());
+            let Some(missing) = missing.get(self.row..self.row + block.rows) else { continue };
+            let gone =
+                |fault: &CellFault| fault.column == Some(column) && missing.get(fault.row) == Some(&true);
+            block.faults.retain(|fault| !gone(fault));
+            let Some(values) = block.numbers.get_mut(slot) else { continue };
+            for (row, value) in values.iter_mut().enumerate().filter(|(row, _)| missing[*row]) {
+                *value = f64::NAN;
+                let line = (self.row + row) as u64;
+                block.faults.push(CellFault { row, line, column: Some(column), fault: Fault::Missing });
+            }
+        }
+        block.faults.sort_by_key(|fault| fault.row);
+    }
+}
+
+impl Table for ArrayTable {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+        self.wanted = wanted.to_vec();
+        self.inner.want(wanted)
+    }
+
+    fn time_kind(&self, column: usize) -> Option<TimeKind> {
+        self.inner.time_kind(column)
+    }
+
+    fn header_line(&self) -> u64 {
+        0
+    }
+
+    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+        self.inner.read(block)?;
+        block.lines.iter_mut().for_each(|(_, line)| *line = line.saturating_sub(1));
+        block.faults.iter_mut().for_each(|fault| fault.line = fault.line.saturating_sub(1));
+        self.leave_out_missing(block);
+        self.row += block.rows;
+        Ok(())
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        self.inner.progress()
+    }
+
+    fn digest(&mut self) -> Option<Digest> {
+        Some(self.arrays.digest().clone())
+    }
+}

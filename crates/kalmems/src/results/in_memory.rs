@@ -1,0 +1,67 @@
+//! An estimate with all that is computed from it, without a file.
+
+use super::page::page;
+use super::{Metrics, Output, RunInfo, WriteError, WriteOptions, write_estimate};
+use crate::config::{Experiment, Recording};
+use crate::diagnose::{FoundNoise, ScaleNote, scale_notes};
+use crate::estimate::EstimateError;
+use crate::progress::Progress;
+use crate::rigs::Workbench;
+use crate::workflow::{self, Outcome, WorkflowError};
+use kalmems_figures::{Figure, ReportError};
+
+/// An estimate and its figures.
+#[derive(Clone, Debug)]
+pub struct Estimated {
+    /// The trajectories, with recordings, references and judgements.
+    pub outcome: Outcome,
+    /// The figures.
+    pub metrics: Metrics,
+}
+
+impl Estimated {
+    /// Estimates an experiment whose recordings are held in memory; what its noises were found to be is told with the figures.
+    pub fn of(
+        workbench: &Workbench,
+        experiment: &Experiment,
+        noise: Vec<FoundNoise>,
+        progress: &dyn Progress,
+    ) -> Result<Self, WorkflowError> {
+        let outcome = workflow::estimate(workbench, experiment, progress)?;
+        let notes = notes(workbench, experiment, progress)?;
+        let metrics = Metrics::of(&outcome).with_scale_notes(notes).with_noise(noise);
+        Ok(Self { outcome, metrics })
+    }
+
+    /// The report as a page of HTML, and its figures.
+    pub fn report(&self) -> Result<(String, Vec<Figure>), ReportError> {
+        page(&self.outcome, &self.metrics)
+    }
+
+    /// Writes all of it into a result; see [`write_estimate`].
+    pub fn write(
+        &self,
+        output: &Output,
+        options: WriteOptions,
+        info: RunInfo,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), WriteError> {
+        write_estimate(&self.outcome, &self.metrics, output, options, info, stop)
+    }
+}
+
+/// What the signal cannot tell, where there is a recording that can be read again and a filter whose innovations say anything.
+pub fn notes(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Result<Vec<ScaleNote>, WorkflowError> {
+    let can_be_read = |recording: &Recording| experiment.can_be_read(&recording.file);
+    if !experiment.recordings.iter().all(can_be_read) {
+        return Ok(Vec::new());
+    }
+    match scale_notes(workbench, experiment, None, progress) {
+        Err(e) if e.is_interruption() => Err(EstimateError::Interrupted.into()),
+        found => Ok(found.unwrap_or_default()),
+    }
+}

@@ -1,0 +1,214 @@
+"""Experiments: a device, its recordings, and what is wanted of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import AsyncIterable, Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from . import _kalmems
+from ._batch import Batch, estimate_many
+from ._errors import VerdictError, VerdictWarning
+from ._recording import Recording
+from ._result import Diagnosis, Identification, Result, Simulation
+from ._stream import Stream
+from ._study import Study
+
+Recordings: TypeAlias = "Recording | Mapping[str, Recording] | None"
+Progress: TypeAlias = "Callable[[str, int, int], object] | None"
+
+
+class Experiment:
+    """A device and its recordings, as an experiment file describes them.
+
+    Nothing changes it: `replace` makes another one. It can be pickled.
+    """
+
+    def __init__(self, text: str, path: str | os.PathLike[str] | None = None) -> None:
+        """Of the text of an experiment file; the files that it names are sought beside `path`."""
+        self._take(text, Path(path) if path is not None else Path("experiment.toml"), True)
+
+    def _take(self, text: str, path: Path, has_lines: bool) -> None:
+        self._text, self._path, self._has_lines = text, path, has_lines
+        self.name, self.description, self.device = _kalmems.check(text, path, has_lines)
+
+    @classmethod
+    def _of(cls, text: str, path: Path, has_lines: bool) -> Experiment:
+        made = cls.__new__(cls)
+        made._take(text, path, has_lines)
+        return made
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Experiment:
+        """Reads an experiment file."""
+        path = Path(path)
+        return cls(path.read_text(encoding="utf-8"), path)
+
+    @classmethod
+    def parse(cls, text: str, path: str | os.PathLike[str] | None = None) -> Experiment:
+        """The same as the constructor."""
+        return cls(text, path)
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any], path: str | os.PathLike[str] | None = None) -> Experiment:
+        """Of a dictionary with the keys of an experiment file. What is `None` is left out, and what is wrong is told by its key.
+
+        A recording that is always given as arrays needs no `file`.
+        """
+        document = dict(document)
+        for number, recording in enumerate(document.get("recording", ())):
+            if isinstance(recording, Mapping) and "file" not in recording:
+                recordings = list(document["recording"])
+                recordings[number] = {**recording, "file": f"recording {number}"}
+                document["recording"] = recordings
+        place = Path(path) if path is not None else Path("experiment.toml")
+        return cls._of(_kalmems.to_toml(document), place, False)
+
+    @property
+    def path(self) -> Path:
+        """Where it stands, or would stand."""
+        return self._path
+
+    def to_toml(self) -> str:
+        """Its text."""
+        return self._text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its keys and values."""
+        document: dict[str, Any] = _kalmems.to_dict(self._text, self._path)
+        return document
+
+    def replace(self, changes: Mapping[str, Any]) -> Experiment:
+        """The same with other values at some keys: `replace({"simulate.seed": 7, "recording[0].clock.rate": "1 MHz"})`.
+
+        What becomes `None` is left out: `replace({"recording[0].reference": None})` estimates without a reference.
+        """
+        return self._of(_kalmems.replaced(self._text, self._path, dict(changes)), self._path, False)
+
+    def estimate(
+        self,
+        recordings: Recordings = None,
+        *,
+        reference: Recordings = None,
+        progress: Progress = None,
+        strict: bool = False,
+    ) -> Result:
+        """Estimates the motion, and compares it with the reference where there is one.
+
+        `recordings` stands in the place of a file: one recording for the one that the experiment wants, or several by their names or
+        roles. Where none are given, the files of the experiment are read. `reference` likewise.
+
+        `progress` hears `(what, done, total)` now and then. Where an answer cannot be trusted a `VerdictWarning` says so, or, where
+        `strict`, a `VerdictError`.
+        """
+        outcome = _kalmems.estimate(
+            self._text, self._path, self._has_lines, _by_name(recordings), _by_name(reference), progress
+        )
+        result = Result._of(outcome)
+        failing = outcome.not_trusted()
+        if failing:
+            told = "; ".join(notice.text for notice in result.notices if notice.severity in ("warning", "failure"))
+            message = f"not every answer can be trusted: {', '.join(failing)}. {told}"
+            if strict:
+                raise VerdictError(message, result)
+            warnings.warn(message, VerdictWarning, stacklevel=2)
+        return result
+
+    def estimate_many(
+        self,
+        recordings: Mapping[str, Recording | str | os.PathLike[str]] | Iterable[str | os.PathLike[str]],
+        folder: str | os.PathLike[str],
+        *,
+        of: str | None = None,
+    ) -> Batch:
+        """Estimates many recordings one after the other: trajectories as a Parquet file for each (needs pyarrow) and one `summary.csv`.
+
+        Recordings are files, by their names or by names of one's own, or arrays. What is there already of the same numbers and the same
+        experiment is not computed again, and one that fails is listed and keeps no other from being estimated. `of` says which recording of the
+        experiment they stand for, where it has several.
+        """
+        return estimate_many(self, recordings, folder, of)
+
+    def identify(
+        self, recordings: Recordings = None, *, reference: Recordings = None, progress: Progress = None
+    ) -> Identification:
+        """Identifies parameters of the device; recordings as in `estimate`."""
+        found, text, experiment = _kalmems.identify(
+            self._text, self._path, self._has_lines, _by_name(recordings), _by_name(reference), progress
+        )
+        return Identification(json.loads(found), text, Experiment._of(experiment, self._path, False))
+
+    def diagnose(
+        self, recordings: Recordings = None, *, filter: str | None = None, progress: Progress = None
+    ) -> Diagnosis:
+        """Finds what of the experiment is wrong by the innovations of a filter, that of this name or the first that can tell it; recordings as
+        in `estimate`."""
+        found, text, corrected = _kalmems.diagnose(
+            self._text, self._path, self._has_lines, _by_name(recordings), filter, progress
+        )
+        experiment = None if corrected is None else Experiment._of(corrected, self._path, False)
+        return Diagnosis(json.loads(found), text, experiment)
+
+    def simulate(self, *, seed: int | None = None, progress: Progress = None) -> Simulation:
+        """Computes the recording that the table `simulate` describes, with another seed of its noise where one is given."""
+        told = self if seed is None else self.replace({"simulate.seed": seed})
+        recorded, truth, experiment = _kalmems.simulate(told._text, told._path, told._has_lines, progress)
+        return Simulation(recorded, truth, Experiment._of(experiment, self._path, False))
+
+    def study(
+        self,
+        vary: Sequence[Mapping[str, Any]],
+        *,
+        repeats: int = 1,
+        seed: int = 0,
+        truth: Mapping[str, Any] | None = None,
+        figures: Sequence[Mapping[str, Any]] = (),
+        name: str | None = None,
+    ) -> Study:
+        """A study of it: `vary` has a table for each key that varies, as `[[vary]]` of a study file, such as
+        `{"key": "estimate.skip", "values": ["4 ms", "8 ms"]}`."""
+        document = {"name": name or self.name, "repeats": repeats, "seed": seed, "vary": list(vary)}
+        if truth:
+            document["truth"] = dict(truth)
+        if figures:
+            document["figure"] = list(figures)
+        return Study(self, document)
+
+    def stream(
+        self, source: Iterable[bytes | str] | AsyncIterable[bytes | str], *, state: str | os.PathLike[str] | None = None
+    ) -> Stream:
+        """Estimates samples while they arrive, as the table `stream` says: an iterator, with `async for` as well, over estimates and events.
+
+        Where `state` names a file, what is needed to go on is kept there.
+        """
+        return Stream(self, source, state)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Experiment) and self.to_dict() == other.to_dict()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<Experiment {self.name!r} of a {self.device}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Experiment._of, (self._text, self._path, self._has_lines))
+
+
+def _by_name(recordings: Recordings) -> list[tuple[str | None, _kalmems.Columns]]:
+    if recordings is None:
+        return []
+    if isinstance(recordings, Recording):
+        return [(None, recordings._native)]
+    if isinstance(recordings, Mapping):
+        return [(name, _checked(recording)._native) for name, recording in recordings.items()]
+    return [(None, _checked(recordings)._native)]
+
+
+def _checked(recording: Any) -> Recording:
+    if not isinstance(recording, Recording):
+        raise TypeError(f"found {type(recording).__name__}; expected a kalmems.Recording")
+    return recording

@@ -1,0 +1,435 @@
+"""What came of an experiment."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _kalmems
+from ._errors import KalmemsError
+from ._recording import Recording
+
+if TYPE_CHECKING:
+    from ._experiment import Experiment
+
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What a reader must know before trusting a figure."""
+
+    severity: str
+    """`ok`, `note`, `warning` or `failure`."""
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One state over time."""
+
+    name: str
+    unit: str
+    """Its SI unit as names of columns have it, such as `rad_per_s`."""
+    mean: Numbers
+    sd: Numbers | None
+    """The standard deviation that the filter claims; `None` where it claims none."""
+
+
+@dataclass(eq=False)
+class Trajectory:
+    """A filter's answer over one segment, an element for each sample, in SI.
+
+    Each state is an attribute, and its standard deviation with `_sd` behind: `trajectory.angle`, `trajectory.angle_sd`. All arrays are
+    read-only views of what was computed.
+    """
+
+    key: str
+    """The filter as a key of files and tables, such as `ekf`."""
+    name: str
+    """The filter as the experiment names it."""
+    kind: str
+    """`filtered`, `smoothed`, `model` (the model alone) or `lock_in` (the signal alone)."""
+    time: Numbers
+    """When, in s."""
+    states: dict[str, State]
+    measured: Numbers
+    """The signal that the innovations are of."""
+    innovation: Numbers
+    """Measured minus predicted; not a number where there was no update."""
+    innovation_sd: Numbers
+    nis: Numbers
+    """The normalised innovation squared, 1 on average of a filter that is right."""
+    log_likelihood: Numbers
+    signal_unit: str
+    rejected: Numbers | NDArray[np.intp]
+    """The samples that the filter's gate rejected."""
+    metrics: dict[str, Any] = field(repr=False)
+    """Its figures, as `metrics.json` has them."""
+    seconds_per_step: float = field(default=0.0, repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """What its mean NIS, its lock and its sign say, such as `consistent`."""
+        return str(self.metrics["verdict"])
+
+    @property
+    def grade(self) -> str | None:
+        """How far its answer can be trusted, by all that is known, such as `passes`; `None` of what makes no claim."""
+        grade = self.metrics["grade"]
+        return None if grade is None else str(grade)
+
+    def __getattr__(self, name: str) -> Any:
+        states = self.__dict__.get("states", {})
+        if name in states:
+            return states[name].mean
+        if name.endswith("_sd") and name[:-3] in states and states[name[:-3]].sd is not None:
+            return states[name[:-3]].sd
+        raise AttributeError(f"a trajectory of {', '.join(states)} has no `{name}`")
+
+    def __dir__(self) -> list[str]:
+        own = list(super().__dir__())
+        return own + list(self.states) + [f"{name}_sd" for name, state in self.states.items() if state.sd is not None]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def columns(self) -> dict[str, Numbers]:
+        """The columns of its file, by their names: `time_s`, `angle_rad`, `angle_sd_rad` and so on."""
+        columns = {"time_s": self.time}
+        for state in self.states.values():
+            columns[f"{state.name}_{state.unit}"] = state.mean
+            if state.sd is not None:
+                columns[f"{state.name}_sd_{state.unit}"] = state.sd
+        columns[f"innovation_{self.signal_unit}"] = self.innovation
+        columns[f"innovation_sd_{self.signal_unit}"] = self.innovation_sd
+        columns["nis_1"] = self.nis
+        return columns
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`."""
+        import pandas
+
+        return pandas.DataFrame(self.columns())
+
+    def to_polars(self) -> Any:
+        """A `polars.DataFrame`."""
+        import polars
+
+        return polars.DataFrame(self.columns())
+
+    def to_arrow(self) -> Any:
+        """A `pyarrow.Table`."""
+        import pyarrow
+
+        return pyarrow.table({name: pyarrow.array(values) for name, values in self.columns().items()})
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over `time`, in s, with the unit of each variable."""
+        import xarray
+
+        variables: dict[str, Any] = {}
+        for state in self.states.values():
+            variables[state.name] = ("time", state.mean, {"units": state.unit})
+            if state.sd is not None:
+                variables[f"{state.name}_sd"] = ("time", state.sd, {"units": state.unit})
+        for name in ("innovation", "innovation_sd"):
+            variables[name] = ("time", getattr(self, name), {"units": self.signal_unit})
+        variables["nis"] = ("time", self.nis, {"units": "1"})
+        coordinates = {"time": ("time", self.time, {"units": "s"})}
+        return xarray.Dataset(variables, coords=coordinates, attrs={"filter": self.name})
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Writes a Parquet file (needs pyarrow), packed as floating-point numbers pack best."""
+        import pyarrow.parquet
+
+        pyarrow.parquet.write_table(
+            self.to_arrow(), path, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+        )
+
+    def to_mat(self, path: str | os.PathLike[str]) -> None:
+        """Writes a MAT file (needs SciPy)."""
+        import scipy.io
+
+        scipy.io.savemat(path, dict(self.columns()))
+
+    def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+
+@dataclass(eq=False)
+class Segment:
+    """A record, or a stretch of one, with what each filter says of it."""
+
+    recording: str
+    label: str
+    """Its label; empty where the recording is one record."""
+    stretch: int
+    """Which stretch of its record it is, from 1."""
+    signal: str
+    """The column of the signal."""
+    skip: float
+    """The settling time in s, which is not scored."""
+    metrics: dict[str, Any] = field(repr=False)
+    trajectories: list[Trajectory] = field(repr=False)
+
+    def __getitem__(self, name: str) -> Trajectory:
+        """A filter's answer, by its name or its key."""
+        for trajectory in self.trajectories:
+            if name in (trajectory.name, trajectory.key):
+                return trajectory
+        known = ", ".join(repr(trajectory.name) for trajectory in self.trajectories)
+        raise KeyError(f"no filter is called {name!r}; there are {known}")
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return iter(self.trajectories)
+
+    @property
+    def best(self) -> Trajectory | None:
+        """The answer whose predictions are the likeliest of those that can be trusted, where there is one."""
+        likeliest = self.metrics.get("likeliest")
+        if likeliest is not None:
+            return self[likeliest["key"]]
+        trusted = [one for one in self.trajectories if one.grade in ("passes", "passes_with_remarks")]
+        return trusted[0] if len(trusted) == 1 else None
+
+
+class Result:
+    """An estimate: trajectories, figures, notices, and the report. It can be pickled."""
+
+    def __init__(self, state: dict[str, Any]) -> None:
+        self._outcome: _kalmems.Outcome | None = None
+        self._report: str | None = None
+        self.metrics: dict[str, Any] = state["metrics"]
+        """The figures, as `metrics.json` has them."""
+        self.notices: list[Notice] = state["notices"]
+        """What a reader must know before trusting a figure, the worst first."""
+        self.segments: list[Segment] = state["segments"]
+        self.sources: list[tuple[str, str, int]] = state["sources"]
+        """What was read: file, SHA-256 and number of bytes of each."""
+        self._tables: list[tuple[list[str], list[list[str]]]] = state["tables"]
+        self._summary: str = state["summary"]
+        self._toml: str = state["toml"]
+
+    @classmethod
+    def _of(cls, outcome: _kalmems.Outcome) -> Result:
+        metrics = json.loads(outcome.metrics_json())
+        figures = [segment for recording in metrics["recordings"] for segment in recording["segments"]]
+        segments = [_segment(own, told) for own, told in zip(outcome.segments(), figures, strict=True)]
+        result = cls(
+            {
+                "metrics": metrics,
+                "notices": [Notice(severity, text) for severity, text in outcome.notices()],
+                "segments": segments,
+                "sources": outcome.sources(),
+                "tables": outcome.tables(),
+                "summary": outcome.summary(),
+                "toml": outcome.experiment_toml(),
+            }
+        )
+        result._outcome = outcome
+        return result
+
+    @property
+    def trajectories(self) -> list[Trajectory]:
+        """All answers, segment by segment."""
+        return [trajectory for segment in self.segments for trajectory in segment.trajectories]
+
+    def __getitem__(self, name: str) -> Trajectory:
+        """A filter's answer, by its name or its key, where there is one segment."""
+        if len(self.segments) != 1:
+            raise KeyError(f"there are {len(self.segments)} segments; take one: `result.segments[0][{name!r}]`")
+        return self.segments[0][name]
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return iter(self.trajectories)
+
+    def __len__(self) -> int:
+        return len(self.trajectories)
+
+    @property
+    def best(self) -> Trajectory | None:
+        """The answer to trust, where there is one segment and one such answer; see `Segment.best`."""
+        return self.segments[0].best if len(self.segments) == 1 else None
+
+    def experiment_toml(self) -> str:
+        """The experiment as it was understood, every default written out."""
+        return self._toml
+
+    def summary(self) -> str:
+        """The tables that `kalmems estimate` prints."""
+        return self._summary
+
+    def _native(self) -> _kalmems.Outcome:
+        if self._outcome is None:
+            raise KalmemsError(
+                "this result came from another process, and has numbers, notices and tables alone; write it or make its report "
+                "where it was estimated"
+            )
+        return self._outcome
+
+    def report_html(self) -> str:
+        """The report as a page of HTML, pictures included. It is kept where the result is pickled afterwards."""
+        if self._report is None:
+            self._report = self._native().report_html()
+        return self._report
+
+    def figures(self) -> dict[str, bytes]:
+        """The pictures of the report by their names, as SVG and as PNG."""
+        return self._native().figures()
+
+    def write(self, folder: str | os.PathLike[str], *, trajectories: bool = True, force: bool = False) -> Path:
+        """Writes all of it into a folder, as `kalmems estimate` does, and whole or not at all. With `force` what another experiment left
+        there is put aside."""
+        return Path(self._native().write(Path(folder), trajectories, force))
+
+    def plot(self, state: str | None = None, *, ax: Any = None, band: float = 2.0) -> Any:
+        """Draws a state of all filters over time, each with its claim of `band` standard deviations (needs matplotlib); the axes."""
+        from ._plot import plot
+
+        return plot(self, state, ax, band)
+
+    def __repr__(self) -> str:
+        return f"<Result of {self.metrics['experiment']!r}>\n{self._summary}"
+
+    def _repr_html_(self) -> str:
+        parts = [f"<h4>{html.escape(str(self.metrics['experiment']))}</h4>"]
+        colours = {"failure": "#b00020", "warning": "#9a5b00", "note": "#555555", "ok": "#1b6e3c"}
+        for notice in self.notices:
+            colour = colours.get(notice.severity, "#555555")
+            parts.append(f'<p style="color:{colour};margin:2px 0">{html.escape(notice.text)}</p>')
+        for heads, rows in self._tables:
+            head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
+            body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+        return "\n".join(parts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_outcome"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._outcome = None
+
+
+def _segment(own: dict[str, Any], told: dict[str, Any]) -> Segment:
+    trajectories = []
+    for one, metrics in zip(own["trajectories"], told["estimators"], strict=True):
+        states = {name: State(name, unit, mean, sd) for name, unit, mean, sd in one.pop("states")}
+        rejected = np.asarray(one.pop("rejected"), dtype=np.intp)
+        unit = own["signal_unit"]
+        trajectories.append(Trajectory(states=states, rejected=rejected, signal_unit=unit, metrics=metrics, **one))
+    return Segment(
+        own["recording"], own["label"], own["stretch"], own["signal"], own["skip"], metrics=told, trajectories=trajectories
+    )
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter that was identified, in SI."""
+
+    name: str
+    value: float
+    standard_error: float | None
+    """`None` where the recordings do not determine it."""
+    interval: tuple[float | None, float | None]
+    """Where the truth lies 95 times in 100."""
+    unit: str
+    recording: str
+
+
+class Identification:
+    """What recordings tell of a device, and the experiment with it."""
+
+    def __init__(self, told: dict[str, Any], text: str, experiment: Experiment) -> None:
+        self.parameters = [
+            Parameter(**{**parameter, "interval": tuple(parameter["interval"])}) for parameter in told["parameters"]
+        ]
+        self.undetermined: list[dict[str, str]] = told["undetermined"]
+        """What they do not tell, and why."""
+        self.warnings: list[str] = told["warnings"]
+        self.notes: list[str] = told["notes"]
+        self.experiment = experiment
+        """The experiment with the values in their places."""
+        self._text = text
+
+    def __getitem__(self, name: str) -> Parameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        known = ", ".join(repr(parameter.name) for parameter in self.parameters)
+        raise KeyError(f"no parameter is called {name!r}; there are {known}")
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self._text)}</pre>"
+
+
+class Diagnosis:
+    """What of an experiment is wrong."""
+
+    def __init__(self, told: dict[str, Any], text: str, experiment: Experiment | None) -> None:
+        self.told = told
+        """All that was found, as `kalmems diagnose --json` prints it."""
+        self.experiment = experiment
+        """The experiment with the first cause corrected, where it could say that."""
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self._text)}</pre>"
+
+
+class Simulation:
+    """A recording that was computed."""
+
+    def __init__(self, recorded: dict[str, Numbers], truth: dict[str, Numbers], experiment: Experiment) -> None:
+        self.recorded = recorded
+        """What a laboratory would have recorded, by the names of the columns."""
+        self.truth = truth
+        """The true motion, likewise. An estimate never reads it."""
+        self.experiment = experiment
+        """The experiment that estimates it."""
+
+    def recording(self) -> Recording:
+        """What was recorded, for an estimate."""
+        return Recording(self.recorded)
+
+    def reference(self) -> Recording:
+        """The truth, for the comparison."""
+        return Recording(self.truth)
+
+    def estimate(self, **options: Any) -> Result:
+        """Estimates it, and compares with the truth; options as in `Experiment.estimate`."""
+        return self.experiment.estimate(self.recording(), reference=self.reference(), **options)
+
+    def __repr__(self) -> str:
+        columns = ", ".join((*self.recorded, *self.truth))
+        return f"<Simulation: {len(next(iter(self.recorded.values())))} samples of {columns}>"

@@ -1,0 +1,135 @@
+"""Studies: an experiment again and again, in parts that run anywhere."""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from . import _kalmems
+
+if TYPE_CHECKING:
+    from ._experiment import Experiment
+
+Progress: TypeAlias = "Callable[[str, int, int], object] | None"
+
+
+class Study:
+    """A study of an experiment: its keys vary over grids, lists or at random, and each point is run with noise of its own.
+
+    The keys of `document` are those of a study file but for `experiment`. It can be pickled, and so can its parts: what a part computes follows from
+    the study alone, wherever it runs.
+    """
+
+    def __init__(self, experiment: Experiment, document: Mapping[str, Any]) -> None:
+        study = {"name": experiment.name, **document, "experiment": experiment.path.name}
+        self._texts = (_kalmems.to_toml(study), experiment.to_toml(), experiment.path.absolute())
+        self.name, self.points, self.runs = _kalmems.study_check(self._texts)
+
+    def parts(self, count: int) -> list[Part]:
+        """As many parts of about as many runs each."""
+        return [Part(self, part, count) for part in range(1, count + 1)]
+
+    def run(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        threads: int | None = None,
+        executor: Any = None,
+        parts: int | None = None,
+        progress: Progress = None,
+        force: bool = False,
+    ) -> StudyResult:
+        """Runs the study and writes its results into a folder; what is finished stays in a journal beside it, and the same call goes on from there.
+
+        With an `executor` that has `submit`, such as one of `concurrent.futures` or a client of Dask distributed, its workers run as many `parts`,
+        each on one thread, and the results are those of a run here to the last byte.
+        """
+        folder = Path(folder)
+        if executor is None:
+            journal = _kalmems.study_run(self._texts, folder, 1, 1, threads, progress)
+            return self._merged([journal], folder, force)
+        count = min(parts if parts is not None else 32, self.runs)
+        futures = [executor.submit(Part.run, part) for part in self.parts(count)]
+        return self.merge([future.result() for future in futures], folder, force=force)
+
+    def merge(
+        self, parts: Iterable[bytes | str | os.PathLike[str]], folder: str | os.PathLike[str], *, force: bool = False
+    ) -> StudyResult:
+        """Joins what all parts gave, bytes or journals, and writes the results into a folder. A part that was run twice counts once."""
+        with tempfile.TemporaryDirectory() as place:
+            journals = []
+            for number, part in enumerate(parts):
+                if isinstance(part, bytes):
+                    journal = Path(place) / f"{number}.journal"
+                    journal.write_bytes(part)
+                    journals.append(journal)
+                else:
+                    journals.append(Path(part))
+            return self._merged(journals, Path(folder), force)
+
+    def _merged(self, journals: Sequence[Path], folder: Path, force: bool) -> StudyResult:
+        told, text, target = _kalmems.study_merge(self._texts, list(journals), folder, force)
+        return StudyResult(Path(target), json.loads(told), text)
+
+    def __repr__(self) -> str:
+        return f"<Study {self.name!r}: {self.runs} runs of {self.points} points>"
+
+
+class Part:
+    """A part of a study."""
+
+    def __init__(self, study: Study, part: int, of: int) -> None:
+        self.study, self.part, self.of = study, part, of
+
+    def run(self, folder: str | os.PathLike[str] | None = None, *, threads: int = 1) -> bytes:
+        """Runs it; its journal, for `Study.merge`. With a folder that all workers see, a part that was broken off goes on where it was."""
+        if folder is not None:
+            return self._run(Path(folder), threads)
+        with tempfile.TemporaryDirectory() as place:
+            return self._run(Path(place), threads)
+
+    def _run(self, folder: Path, threads: int) -> bytes:
+        texts, out = self.study._texts, folder / self.study.name
+        return Path(_kalmems.study_run(texts, out, self.part, self.of, threads)).read_bytes()
+
+    def __repr__(self) -> str:
+        return f"<part {self.part} of {self.of} of {self.study!r}>"
+
+
+class StudyResult:
+    """What came of a study, in a folder."""
+
+    def __init__(self, folder: Path, summary: dict[str, Any], text: str) -> None:
+        self.folder = folder
+        """`results.csv` has all figures of all runs, `report.html` shows them."""
+        self.summary = summary
+        self._text = text
+
+    def rows(self) -> list[dict[str, str]]:
+        """The rows of `results.csv`."""
+        with (self.folder / "results.csv").open(newline="", encoding="utf-8") as lines:
+            return list(csv.DictReader(lines))
+
+    def to_pandas(self) -> Any:
+        """All figures of all runs as a `pandas.DataFrame`."""
+        import pandas
+
+        return pandas.read_csv(self.folder / "results.csv")
+
+    def to_polars(self) -> Any:
+        """All figures of all runs as a `polars.DataFrame`."""
+        import polars
+
+        return polars.read_csv(self.folder / "results.csv", infer_schema_length=None)
+
+    def __repr__(self) -> str:
+        return f"{self._text}\nin {self.folder}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"

@@ -1,0 +1,76 @@
+"""What an estimated motion is for: images, spectra, and the calibration of a gyroscope, each as its file describes it."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _kalmems
+
+__all__ = ["Calibration", "Image", "Spectrum", "calibrate", "image", "spectrum"]
+
+Numbers = NDArray[np.float64]
+Progress: TypeAlias = "Callable[[str, int, int], object] | None"
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    metrics: dict[str, Any] = field(repr=False)
+    """The figures, as the command writes them."""
+    text: str = field(repr=False)
+    """The figures as text."""
+
+    def __str__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.text)}</pre>"
+
+
+class Calibration(_Told):
+    """The calibration of a gyroscope, with its budget of uncertainty."""
+
+
+@dataclass(frozen=True, eq=False)
+class Image(_Told):
+    """An image that was put together along a trajectory."""
+
+    values: Numbers
+    """Intensities, row after row from the top."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum(_Told):
+    """A spectrum along estimated positions."""
+
+    wavenumber: Numbers
+    """In 1/m."""
+    values: Numbers
+    sd: Numbers | None
+    """The standard error by the differences of the scans, where there are several."""
+
+
+def calibrate(path: str | os.PathLike[str], *, progress: Progress = None) -> Calibration:
+    """Calibrates a gyroscope, as `kalmems calibrate gyro` does."""
+    found, text = _kalmems.calibrate(Path(path), progress)
+    return Calibration(json.loads(found), text)
+
+
+def image(path: str | os.PathLike[str], *, progress: Progress = None) -> Image:
+    """Puts an image together, as `kalmems image` does."""
+    found, text, values = _kalmems.image(Path(path), progress)
+    return Image(json.loads(found), text, values)
+
+
+def spectrum(path: str | os.PathLike[str], *, progress: Progress = None) -> Spectrum:
+    """Computes a spectrum, as `kalmems spectrum` does."""
+    found, text, wavenumber, values, sd = _kalmems.spectrum(Path(path), progress)
+    return Spectrum(json.loads(found), text, wavenumber, values, sd)

@@ -1,0 +1,272 @@
+//! Estimates.
+
+use crate::document::without_lines;
+use crate::errors::{Raise, failed};
+use crate::recording::Columns;
+use crate::watch::Watch;
+use kalmems::config::Experiment;
+use kalmems::diagnose::DiagnoseError;
+use kalmems::estimate::{Trajectory, TrajectoryKind};
+use kalmems::given::{Given, Ready};
+use kalmems::recording::Source;
+use kalmems::results::{
+    Estimated, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices, parameters_table,
+    summary_table,
+};
+use kalmems::rigs::published;
+use kalmems::workflow::{RecordingOutcome, SegmentOutcome};
+use numpy::PyArray1;
+use numpy::ndarray::ArrayView1;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyList};
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+/// Recordings by their name or role; none where it is clear which is meant.
+pub type Recordings = Vec<(Option<String>, Py<Columns>)>;
+
+/// An experiment that is ready for work, with these recordings and references in the place of its files.
+pub fn ready(
+    text: &str,
+    path: &PathBuf,
+    (recordings, references): (&Recordings, &Recordings),
+    has_lines: bool,
+    watch: &Watch,
+) -> Result<Ready, DiagnoseError> {
+    let told = |error| DiagnoseError::from(without_lines(error, has_lines));
+    let mut given = Given::new(text, path).map_err(told)?;
+    for (of, columns) in recordings {
+        given.recording(of.as_deref(), columns.get().given()).map_err(told)?;
+    }
+    for (of, columns) in references {
+        given.reference(of.as_deref(), columns.get().given()).map_err(told)?;
+    }
+    given.ready(published(), watch).map_err(|error| match error {
+        DiagnoseError::Config(error) => told(error),
+        other => other,
+    })
+}
+
+/// Estimates an experiment.
+#[pyfunction]
+#[pyo3(signature = (text, path, has_lines, recordings, references, progress=None))]
+pub fn estimate(
+    py: Python<'_>,
+    text: String,
+    path: PathBuf,
+    has_lines: bool,
+    recordings: Recordings,
+    references: Recordings,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    let (started, clock, watch) = (SystemTime::now(), Instant::now(), Watch::new(progress));
+    let found = py.detach(|| {
+        let Ready { workbench, experiment, noise } =
+            ready(&text, &path, (&recordings, &references), has_lines, &watch)
+                .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
+        Estimated::of(&workbench, &experiment, noise, &watch)
+            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)
+    });
+    if let Some(error) = watch.error() {
+        return Err(error);
+    }
+    let estimated = found.map_err(|error| error.raise(py))?;
+    Ok(Outcome { estimated, info: RunInfo { started, took: clock.elapsed() } })
+}
+
+/// What came of an experiment; its arrays are views of what is held here.
+#[pyclass(frozen, module = "kalmems._kalmems")]
+pub struct Outcome {
+    estimated: Estimated,
+    info: RunInfo,
+}
+
+impl Outcome {
+    fn experiment(&self) -> &Experiment {
+        &self.estimated.outcome.experiment
+    }
+
+    fn stopped(error: WriteError, watch: &Watch, py: Python<'_>) -> PyErr {
+        match (watch.error(), error) {
+            (Some(error), _) => error,
+            (None, WriteError::Interrupted) => PyKeyboardInterrupt::new_err(()),
+            (None, error) => failed(py, &error),
+        }
+    }
+}
+
+#[pymethods]
+impl Outcome {
+    /// The figures, as `metrics.json` has them.
+    fn metrics_json(&self, py: Python<'_>) -> PyResult<String> {
+        serde_json::to_string(&self.estimated.metrics).map_err(|error| failed(py, &error))
+    }
+
+    /// What a reader must know before trusting a figure: how serious it is, and the sentence.
+    fn notices(&self) -> Vec<(String, String)> {
+        let severity = |severity| format!("{severity:?}").to_lowercase();
+        notices(&self.estimated.metrics)
+            .into_iter()
+            .map(|notice| (severity(notice.severity), notice.text))
+            .collect()
+    }
+
+    /// The filters whose answers cannot be trusted.
+    fn not_trusted(&self) -> Vec<String> {
+        self.estimated.metrics.estimators().filter(|e| !e.passes()).map(|e| e.name.clone()).collect()
+    }
+
+    /// The tables that the command prints: heads and rows of each.
+    fn tables(&self) -> Vec<(Vec<String>, Vec<Vec<String>>)> {
+        let metrics = &self.estimated.metrics;
+        let further = [parameters_table(metrics), budget_table(metrics)];
+        let all = std::iter::once(summary_table(metrics, true)).chain(further.into_iter().flatten());
+        all.map(|table| (table.columns.iter().map(kalmems::figures::Column::head).collect(), table.rows))
+            .collect()
+    }
+
+    /// The same as text.
+    fn summary(&self) -> String {
+        let metrics = &self.estimated.metrics;
+        let further = [parameters_table(metrics), budget_table(metrics)];
+        let all = std::iter::once(summary_table(metrics, true)).chain(further.into_iter().flatten());
+        all.map(|table| table.to_text()).collect::<Vec<String>>().join("\n")
+    }
+
+    /// The experiment as it was understood, every default written out.
+    fn experiment_toml(&self, py: Python<'_>) -> PyResult<String> {
+        self.experiment().to_toml().map_err(|error| failed(py, &error))
+    }
+
+    /// What was read: file, SHA-256 and number of bytes.
+    fn sources(&self) -> Vec<(String, String, u64)> {
+        let of = |source: &Source| (source.file.clone(), source.sha256.clone(), source.bytes);
+        let recordings = self.estimated.outcome.recordings.iter();
+        let each = recordings.flat_map(|recording| {
+            let reference = recording.reference.as_ref().map(|reference| reference.recording().source());
+            [Some(recording.recording.source()), reference]
+        });
+        each.flatten().map(of).collect()
+    }
+
+    /// The segments with their trajectories, as dictionaries; see `kalmems._result`.
+    fn segments<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyList>> {
+        let all = PyList::empty(slf.py());
+        for recording in &slf.get().estimated.outcome.recordings {
+            for segment in &recording.segments {
+                all.append(segment_of(slf, recording, segment)?)?;
+            }
+        }
+        Ok(all)
+    }
+
+    /// The report as a page of HTML.
+    fn report_html(&self, py: Python<'_>) -> PyResult<String> {
+        py.detach(|| self.estimated.report()).map(|(html, _)| html).map_err(|error| failed(py, &error))
+    }
+
+    /// The pictures of the report by their names, as SVG and as PNG.
+    fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let files = PyDict::new(py);
+        let (_, figures) = py.detach(|| self.estimated.report()).map_err(|error| failed(py, &error))?;
+        for figure in figures {
+            let mut made: Vec<(String, Vec<u8>)> = Vec::new();
+            let keep = |name: &str, content: &[u8]| {
+                made.push((name.trim_start_matches("figures/").to_owned(), content.to_vec()));
+                Ok::<(), kalmems::figures::ReportError>(())
+            };
+            figure.files(keep).map_err(|error| failed(py, &error))?;
+            for (name, content) in made {
+                files.set_item(name, PyBytes::new(py, &content))?;
+            }
+        }
+        Ok(files)
+    }
+
+    /// Writes all of it into a folder, as `kalmems estimate` does; where that is.
+    fn write(&self, py: Python<'_>, folder: PathBuf, trajectories: bool, force: bool) -> PyResult<PathBuf> {
+        let watch = Watch::new(None);
+        let written = py.detach(|| {
+            let experiment = self.experiment();
+            let work = Work::of_file("estimate", experiment.path(), experiment.files()).forced(force);
+            let output = Output::begin(&folder, &work)?;
+            let stop = || watch.stops(None);
+            self.estimated.write(&output, WriteOptions { trajectories }, self.info, &stop)?;
+            let target = output.target().to_owned();
+            output.commit()?;
+            Ok::<PathBuf, WriteError>(target)
+        });
+        written.map_err(|error| Self::stopped(error, &watch, py))
+    }
+}
+
+/// A segment as a dictionary.
+fn segment_of<'py>(
+    owner: &Bound<'py, Outcome>,
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+) -> PyResult<Bound<'py, PyDict>> {
+    let py = owner.py();
+    let (estimate, own) = (&segment.estimate, PyDict::new(py));
+    own.set_item("recording", &recording.name)?;
+    own.set_item("label", &estimate.segment.label)?;
+    own.set_item("stretch", estimate.segment.stretch.number)?;
+    own.set_item("signal", &estimate.signal_column)?;
+    own.set_item("skip", estimate.skip_s)?;
+    let column = recording.recording.column(&estimate.signal_column).ok();
+    let unit =
+        column.and_then(|column| column.header.unit).map_or_else(|| "1".to_owned(), |unit| unit.si_header());
+    own.set_item("signal_unit", unit)?;
+    let all = PyList::empty(py);
+    for trajectory in &estimate.trajectories {
+        all.append(trajectory_of(owner, trajectory)?)?;
+    }
+    own.set_item("trajectories", all)?;
+    Ok(own)
+}
+
+fn trajectory_of<'py>(owner: &Bound<'py, Outcome>, trajectory: &Trajectory) -> PyResult<Bound<'py, PyDict>> {
+    let py = owner.py();
+    let own = PyDict::new(py);
+    own.set_item("key", &trajectory.key)?;
+    own.set_item("name", &trajectory.name)?;
+    let kind = match trajectory.kind {
+        TrajectoryKind::ModelAlone => "model",
+        TrajectoryKind::LockIn => "lock_in",
+        TrajectoryKind::Filtered => "filtered",
+        TrajectoryKind::Smoothed => "smoothed",
+    };
+    own.set_item("kind", kind)?;
+    own.set_item("seconds_per_step", trajectory.seconds_per_step)?;
+    for (name, values) in [
+        ("time", &trajectory.time_s),
+        ("measured", &trajectory.signal),
+        ("innovation", &trajectory.innovation),
+        ("innovation_sd", &trajectory.innovation_sd),
+        ("nis", &trajectory.nis),
+        ("log_likelihood", &trajectory.log_likelihood),
+    ] {
+        own.set_item(name, view(owner, values)?)?;
+    }
+    let rejected: Vec<usize> =
+        trajectory.rejected.iter().filter(|one| one.signal == 0).map(|one| one.sample).collect();
+    own.set_item("rejected", rejected)?;
+    let states = PyList::empty(py);
+    for state in &trajectory.states {
+        let sd = if state.sd.is_empty() { None } else { Some(view(owner, &state.sd)?) };
+        states.append((state.name, state.unit, view(owner, &state.mean)?, sd))?;
+    }
+    own.set_item("states", states)?;
+    Ok(own)
+}
+
+/// Numbers of an outcome as an array that shares its memory and keeps it alive, and cannot be written to.
+fn view<'py>(owner: &Bound<'py, Outcome>, values: &[f64]) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let numbers = ArrayView1::from(values);
+    // SAFETY: the numbers are those of the outcome that the array holds as its base. It is frozen, so that nobody moves or changes them
+    // while that lives, and the array is made read-only before anybody else sees it.
+    let array = unsafe { PyArray1::borrow_from_array(&numbers, owner.clone().into_any()) };
+    array.getattr("flags")?.setattr("writeable", false)?;
+    Ok(array)
+}

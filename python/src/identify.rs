@@ -1,0 +1,66 @@
+//! What recordings tell of a device: its parameters, and what of an experiment is wrong.
+
+use crate::errors::{Raise, failed};
+use crate::estimate::{Recordings, ready};
+use crate::watch::Watch;
+use kalmems::diagnose::{DiagnoseError, diagnose as diagnosed, identify as identified, pasted};
+use kalmems::results::IdentificationSummary;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// Identifies parameters: what was found as JSON, as text, and the experiment with it.
+#[pyfunction]
+#[pyo3(signature = (text, path, has_lines, recordings, references, progress=None))]
+pub fn identify(
+    py: Python<'_>,
+    text: String,
+    path: PathBuf,
+    has_lines: bool,
+    recordings: Recordings,
+    references: Recordings,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, String, String)> {
+    let watch = Watch::new(progress);
+    let found = py.detach(|| {
+        let ready = ready(&text, &path, (&recordings, &references), has_lines, &watch)
+            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
+        identified(&ready.workbench, &ready.experiment, &watch)
+            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)
+    });
+    if let Some(error) = watch.error() {
+        return Err(error);
+    }
+    let found = found.map_err(|error| error.raise(py))?;
+    let summary = IdentificationSummary::of(&found);
+    let json = serde_json::to_string(&summary).map_err(|error| failed(py, &error))?;
+    let experiment = found.experiment.to_toml().map_err(|error| failed(py, &error))?;
+    Ok((json, summary.to_text(), experiment))
+}
+
+/// Finds what of an experiment is wrong: what was found as JSON, as text, and the experiment with the first cause that it could say.
+#[pyfunction]
+#[pyo3(signature = (text, path, has_lines, recordings, filter=None, progress=None))]
+pub fn diagnose(
+    py: Python<'_>,
+    text: String,
+    path: PathBuf,
+    has_lines: bool,
+    recordings: Recordings,
+    filter: Option<String>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, String, Option<String>)> {
+    let watch = Watch::new(progress);
+    let found = py.detach(|| {
+        let ready = ready(&text, &path, (&recordings, &Vec::new()), has_lines, &watch)?;
+        let found = diagnosed(&ready.workbench, &ready.experiment, filter.as_deref(), &watch)?;
+        Ok::<_, DiagnoseError>((ready.experiment, found))
+    });
+    if let Some(error) = watch.error() {
+        return Err(error);
+    }
+    let (experiment, found) = found.map_err(|error| error.raise(py))?;
+    let json = serde_json::to_string(&found).map_err(|error| failed(py, &error))?;
+    let first = found.causes.first().filter(|cause| !cause.edits.is_empty());
+    let corrected = first.and_then(|cause| pasted(&experiment, cause));
+    Ok((json, found.to_text(), corrected))
+}

@@ -1,0 +1,103 @@
+"""Filters over arrays, against the equations written out in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kalmems import filters
+
+RNG = np.random.default_rng(1)
+F = np.array([[1.0, 0.1], [-0.1, 0.98]])
+H = np.array([[1.0, 0.0]])
+Q = np.diag([1e-4, 1e-3])
+R = np.array([[0.04]])
+B = np.array([[0.0], [0.1]])
+X0, P0 = np.array([1.0, 0.0]), np.eye(2)
+U = np.sin(np.arange(400) * 0.1)[:, None]
+
+
+def measured() -> np.ndarray:
+    x, rows = X0.copy(), []
+    for u in U:
+        rows.append(H @ x + RNG.normal(0, 0.2, 1))
+        x = F @ x + B @ u + RNG.multivariate_normal([0, 0], Q)
+    return np.array(rows)
+
+
+def by_hand(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    x, p, means, covariances, likelihood = X0, P0, [], [], 0.0
+    for k, y in enumerate(z):
+        if k > 0:
+            x, p = F @ x + B @ U[k - 1], F @ p @ F.T + Q
+        if np.isfinite(y).all():
+            s = H @ p @ H.T + R
+            gain = p @ H.T @ np.linalg.inv(s)
+            residual = y - H @ x
+            x, p = x + gain @ residual, (np.eye(2) - gain @ H) @ p
+            likelihood -= 0.5 * float(np.log(2 * np.pi * s[0, 0]) + residual[0] ** 2 / s[0, 0])
+        means.append(x)
+        covariances.append(p)
+    return np.array(means), np.array(covariances), likelihood
+
+
+def test_the_linear_filter_is_that_of_the_equations_with_samples_missing() -> None:
+    z = measured()
+    z[[7, 100, 101]] = np.nan
+    found = filters.kalman(z, F, H, Q, R, X0, P0, B=B, u=U)
+    means, covariances, likelihood = by_hand(z)
+    assert np.allclose(found.x, means, atol=1e-13) and np.allclose(found.P, covariances, atol=1e-13)
+    assert np.isnan(found.nis[7]) and np.nansum(found.log_likelihood) == pytest.approx(likelihood, rel=1e-12)
+    assert np.array_equal(found.sd[:, 0], np.sqrt(found.P[:, 0, 0]))
+    masked = np.ma.MaskedArray(np.nan_to_num(z), np.isnan(z))
+    assert np.array_equal(filters.kalman(masked, F, H, Q, R, X0, P0, B=B, u=U).x, found.x)
+
+
+def test_nonlinear_filters_of_a_linear_model_are_the_linear_filter() -> None:
+    z = measured()
+    linear = filters.kalman(z, F, H, Q, R, X0, P0, B=B, u=U)
+    model = {"f": lambda x, u: F @ x + B @ u, "h": lambda x, u: H @ x, "Q": Q, "R": R}
+    exact = filters.Ekf(**model, F=lambda x, u: F, H=lambda x, u: H).run(z, X0, P0, U)
+    differences = filters.Ekf(**model).run(z, X0, P0, U)
+    unscented = filters.Ukf(**model).run(z, X0, P0, U)
+    assert np.allclose(exact.x, linear.x, atol=1e-13)
+    assert np.allclose(differences.x, linear.x, atol=1e-8)
+    assert np.allclose(unscented.x, linear.x, atol=1e-11)
+
+
+def test_compiled_functions_give_the_numbers_of_python_functions() -> None:
+    numba = pytest.importorskip("numba")
+    signature = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
+
+    @numba.cfunc(signature)
+    def move(x, u, out):
+        out[0] = x[0] + 0.1 * x[1]
+        out[1] = x[1] - 0.1 * np.sin(x[0]) + 0.1 * u[0]
+
+    @numba.cfunc(signature)
+    def see(x, u, out):
+        out[0] = x[0] * x[0]
+
+    z = 1 + 0.1 * RNG.normal(size=300)
+    u = np.zeros((300, 1))
+    python = {
+        "f": lambda x, u: [x[0] + 0.1 * x[1], x[1] - 0.1 * np.sin(x[0]) + 0.1 * u[0]],
+        "h": lambda x, u: [x[0] * x[0]],
+    }
+    for kind in (filters.Ekf, filters.Ukf):
+        native = kind(f=move, h=see, Q=Q, R=R).run(z, X0, P0, u)
+        assert np.allclose(native.x, kind(**python, Q=Q, R=R).run(z, X0, P0, u).x, atol=1e-9)
+
+
+def test_what_cannot_be_filtered_is_refused_with_its_reason() -> None:
+    z = measured()
+    with pytest.raises(ValueError, match="`F` has the shape"):
+        filters.kalman(z, np.eye(3), H, Q, R, X0, P0)
+    with pytest.raises(ValueError, match="1 to 6 states"):
+        filters.kalman(z, np.eye(7), np.ones((1, 7)), np.eye(7), R, np.zeros(7), np.eye(7))
+    with pytest.raises(ArithmeticError, match="stops at sample 0: the innovation covariance"):
+        filters.kalman(z, F, H, Q, [[-5.0]], X0, P0)
+    with pytest.raises(ZeroDivisionError):
+        filters.Ekf(lambda x: x / 0 if x[0] else 1 / 0, lambda x: 1 / 0, Q=Q, R=R).run(z, X0, P0)
+    with pytest.raises(ValueError, match="gave 3 numbers; expected 2"):
+        filters.Ekf(lambda x: [1, 2, 3], lambda x: x[:1], Q=Q, R=R).run(z, X0, P0)

@@ -1,0 +1,195 @@
+"""Results, errors and warnings: what they hold, and that they come back from another process."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import EXAMPLES
+
+import kalmems
+
+
+@pytest.fixture(scope="module")
+def result() -> kalmems.Result:
+    with pytest.warns(kalmems.VerdictWarning, match="EKF"):
+        return kalmems.Experiment.load(EXAMPLES / "shared_scanner/experiment.toml").estimate()
+
+
+def test_a_result_names_filters_states_and_figures(result: kalmems.Result) -> None:
+    ekf = result["EKF"]
+    assert ekf is result["ekf"] and len(result) == 3 and len(ekf) == len(ekf.time)
+    assert ekf.verdict == "overconfident" and ekf.grade == "doubtful"
+    assert ekf.metrics["errors"]["angle"]["rmse_deg"] < 0.05
+    assert {"angle", "angle_sd", "rate"} <= set(dir(ekf))
+    with pytest.raises(AttributeError, match="angle, rate"):
+        _ = ekf.position
+    with pytest.raises(KeyError, match="'UKF'"):
+        _ = result["LKF"]
+    assert result["Model alone"].states["angle"].sd is None
+    assert "EKF" in result.summary() and "<table>" in result._repr_html_()
+    assert kalmems.Experiment(result.experiment_toml()).name == "shared_scanner"
+
+
+def test_a_result_is_written_as_by_the_command(result: kalmems.Result, tmp_path: Path) -> None:
+    folder = result.write(tmp_path / "out")
+    assert {"trajectory_ekf.csv", "metrics.json", "report.html", "run.toml"} <= {file.name for file in folder.iterdir()}
+    assert (folder / "report.html").read_text(encoding="utf-8") == result.report_html()
+    figures = result.figures()
+    assert figures["shared_scanner_motion.svg" if "shared_scanner_motion.svg" in figures else next(iter(figures))][:4] in (b"<svg", b"<?xm")
+
+
+def test_results_and_their_parts_can_be_pickled(result: kalmems.Result) -> None:
+    copy = pickle.loads(pickle.dumps(result))
+    assert copy.metrics == result.metrics and copy.notices == result.notices
+    assert np.array_equal(copy["EKF"].angle_sd, result["EKF"].angle_sd)
+    assert copy.report_html() == result.report_html()
+    with pytest.raises(kalmems.KalmemsError, match="another process"):
+        copy.figures()
+
+
+def _estimated(task: tuple[kalmems.Experiment, kalmems.Recording]) -> kalmems.Result:
+    experiment, recording = task
+    return experiment.estimate(recording)
+
+
+def _refused(text: str) -> kalmems.Experiment:
+    return kalmems.Experiment(text, "somewhere/experiment.toml")
+
+
+@pytest.mark.filterwarnings("ignore::kalmems.VerdictWarning")
+def test_work_and_errors_come_back_from_another_process(
+    scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]
+) -> None:
+    recording = kalmems.Recording(recorded)
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(1) as pool:
+        found = pool.map(_estimated, [(scanner, recording)])[0]
+        with pytest.raises(kalmems.ExperimentError) as refused:
+            pool.map(_refused, [scanner.to_toml().replace("[[recording]]", "[[recordings]]")])
+        bad = kalmems.Recording({**recorded, "time_s": recorded["time_s"][::-1]})
+        with pytest.raises(kalmems.RecordingError) as unusable:
+            pool.map(_estimated, [(scanner, bad)])
+    assert np.array_equal(found["UKF"].angle, scanner.estimate(recording)["UKF"].angle)
+    assert refused.value.file == "somewhere/experiment.toml" and refused.value.line
+    (fatal, *_) = unusable.value.findings
+    assert fatal.severity == "fatal" and fatal.kind == "decreasing_time" and fatal.first == 1
+
+
+def test_errors_of_experiments_name_key_line_and_remedy(scanner: kalmems.Experiment) -> None:
+    with pytest.raises(kalmems.ExperimentError, match="did you mean `stiffness`") as error:
+        kalmems.Experiment(scanner.to_toml().replace("stiffness =", "stifness ="), "experiment.toml")
+    assert error.value.key == "device.shared_scanner.resonator.stifness"
+    assert (error.value.file, error.value.line) == ("experiment.toml", 7)
+    document = scanner.to_dict()
+    document["estimate"]["skip"] = "8 mm"
+    with pytest.raises(kalmems.ExperimentError, match="estimate.skip") as error:
+        kalmems.Experiment.from_dict(document)
+    assert (error.value.key, error.value.line) == ("estimate.skip", None)
+    with pytest.raises(kalmems.ExperimentError, match="no single recording") as error:
+        scanner.estimate({"training": kalmems.Recording({"time_s": [0.0], "cap_V": [0.0]})})
+    assert error.value.key == "recording"
+
+
+def test_experiments_are_values(scanner: kalmems.Experiment) -> None:
+    again = kalmems.Experiment.from_dict(scanner.to_dict())
+    assert again == scanner and pickle.loads(pickle.dumps(again)) == scanner
+    changed = scanner.replace({"estimate.skip": "9 ms", "recording[0].name": "first"})
+    assert changed != scanner and changed.to_dict()["estimate"]["skip"] == "9 ms"
+    assert changed.to_dict()["recording"][0]["name"] == "first"
+    alone = scanner.replace({"recording[0].reference": None, "recording[0].nothing": None, "description": None})
+    assert "reference" not in alone.to_dict()["recording"][0] and alone.description is None
+    with pytest.raises(ValueError, match="no way to a key"):
+        scanner.replace({"a..b": 1})
+
+
+def test_strict_raises_what_is_warned_of(scanner: kalmems.Experiment) -> None:
+    with pytest.raises(kalmems.VerdictError, match="EKF") as error:
+        scanner.estimate(strict=True)
+    assert error.value.result is not None and error.value.result["EKF"].grade == "doubtful"
+
+
+def test_a_wrong_unit_is_told_by_the_verdict(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
+    wrong = kalmems.Recording(recorded, units={"cap_V": "mV"})
+    with pytest.raises((kalmems.VerdictError, kalmems.EstimationError)):
+        scanner.estimate(wrong, strict=True)
+
+
+def test_what_is_simulated_can_be_estimated_and_identified() -> None:
+    simulation = kalmems.Experiment.load(EXAMPLES / "accelerometer/simulation.toml").simulate(seed=3)
+    other = kalmems.Experiment.load(EXAMPLES / "accelerometer/simulation.toml").simulate(seed=4)
+    assert simulation.recorded.keys() == other.recorded.keys()
+    assert any(not np.array_equal(values, other.recorded[name]) for name, values in simulation.recorded.items())
+    result = simulation.estimate()
+    assert result.trajectories[0].metrics["values"]
+    identified = kalmems.Experiment.load(EXAMPLES / "shared_scanner/ring_down.toml").identify()
+    stiffness = identified[next(one.name for one in identified if "stiffness" in one.name)]
+    assert stiffness.value == pytest.approx(1.10e-4, rel=1e-3)
+    assert identified.experiment.to_dict()["device"]["shared_scanner"]["resonator"]["stiffness"] != "1.1033e-4 N m"
+
+
+def test_trajectories_become_tables(result: kalmems.Result, tmp_path: Path) -> None:
+    ekf, done = result["EKF"], 0
+    for name, convert in [("pandas", ekf.to_pandas), ("polars", ekf.to_polars), ("pyarrow", ekf.to_arrow), ("xarray", ekf.to_xarray)]:
+        try:
+            __import__(name)
+        except ImportError:
+            continue
+        table = convert()
+        column = table["angle"] if name == "xarray" else table["angle_rad"]
+        assert np.array_equal(np.asarray(column), ekf.angle)
+        done += 1
+        if name == "pyarrow":
+            import pyarrow.parquet
+
+            ekf.to_parquet(tmp_path / "ekf.parquet")
+            assert pyarrow.parquet.read_table(tmp_path / "ekf.parquet").equals(table)
+    if not done:
+        pytest.skip("no library of tables is installed")
+
+
+def test_a_result_is_drawn(result: kalmems.Result) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    axes = result.plot()
+    assert axes.get_ylabel() == "angle (rad)" and len(axes.lines) == 3
+
+
+def test_a_wrong_stiffness_is_diagnosed_and_corrected(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
+    found = scanner.diagnose(kalmems.Recording(recorded))
+    assert "stiffness" in str(found) and found.experiment is not None
+    told = found.experiment.to_dict()["device"]["shared_scanner"]["resonator"]["stiffness"]
+    assert float(told.split()[0]) == pytest.approx(1.10e-4, rel=5e-4)
+
+
+def test_applications_give_arrays_and_figures() -> None:
+    calibration = kalmems.calibrate(EXAMPLES / "gyroscope/calibration.toml")
+    assert calibration.metrics and "scale factor" in str(calibration)
+    image = kalmems.image(EXAMPLES / "shared_scanner/image.toml")
+    assert image.values.ndim == 2 and np.isfinite(image.values).any()
+    with pytest.raises(kalmems.ExperimentError):
+        kalmems.spectrum(EXAMPLES / "shared_scanner/image.toml")
+
+
+def test_many_recordings_have_a_file_each_and_one_summary(
+    scanner: kalmems.Experiment, recorded: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    given = {
+        "file": EXAMPLES / "shared_scanner/recording.csv",
+        "arrays": kalmems.Recording(recorded),
+        "gone": tmp_path / "gone.csv",
+        "backwards": kalmems.Recording({**recorded, "time_s": recorded["time_s"][::-1]}),
+    }
+    first = scanner.estimate_many(given, tmp_path / "many")
+    assert (first.estimated, first.before, list(first.failures)) == (2, 0, ["gone", "backwards"])
+    again = scanner.estimate_many(given, tmp_path / "many")
+    assert (again.estimated, again.before) == (0, 2) and again.rows() == first.rows()
+    assert {(row["recording"], row["filter"], row["grade"]) for row in first.rows()} >= {("file", "EKF", "doubtful"), ("arrays", "UKF", "doubtful")}
+    tables = [parquet.read_table(tmp_path / "many" / f"{name}.parquet") for name in ("file", "arrays")]
+    assert tables[0].equals(tables[1]) and tables[0].num_rows == 3 * len(recorded["time_s"])
+    changed = scanner.replace({"estimate.skip": "9 ms"}).estimate_many(given, tmp_path / "many")
+    assert changed.estimated == 2
