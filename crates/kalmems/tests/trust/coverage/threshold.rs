@@ -4,7 +4,6 @@ use super::chance::Chance;
 use super::harm::{assert_no_harm, error, named};
 use super::rows::Rows;
 use kalmems::config::Experiment;
-use kalmems::diagnose::likeliest;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -46,19 +45,8 @@ fn decay(chance: &mut Chance, (amplitude, samples, noise): (f64, usize, f64), fo
     [angle + 5e-3 * chance.normal(), rate + 20.0 * chance.normal()]
 }
 
-fn told(
-    folder: &Path,
-    factors: [f64; 5],
-    [angle, rate]: [f64; 2],
-    reference: bool,
-    more: &str,
-) -> Experiment {
+fn told(folder: &Path, factors: [f64; 5], [angle, rate]: [f64; 2]) -> Experiment {
     let [hz, ratio, gain, steepness, threshold] = std::array::from_fn(|i| TRUTH[i] * factors[i]);
-    let reference = if reference {
-        "[recording.reference]\nchannels = { position = \"psd_V\" }\ndelay = \"0.114 ms\"\n"
-    } else {
-        ""
-    };
     let text = format!(
         r#"
 name = "threshold"
@@ -79,14 +67,14 @@ noise_variance = "1.89225e-3 V^2"
 gain = "0.5 mm/V"
 distance = "32.7 mm"
 noise_variance = "2.5e-5 V^2"
-[identify]
-{more}
 [[recording]]
 role = "ring_down"
 file = "decay.csv"
 clock = {{ column = "time_s" }}
 channels = {{ drive = "drive_V", signal = "cap_V" }}
-{reference}
+[recording.reference]
+channels = {{ position = "psd_V" }}
+delay = "0.114 ms"
 [estimate]
 skip = "3 ms"
 [estimate.process_noise]
@@ -115,7 +103,7 @@ fn identified(
         let start = decay(&mut chance, record, folder.path());
         let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong];
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder.path(), factors, start, true, "");
+        let told = told(folder.path(), factors, start);
         let before = error(&told, "angle");
         let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
             Ok(found) => found,
@@ -132,22 +120,6 @@ fn identified(
     (0..runs).map(run).collect()
 }
 
-/// Without a reference: resonance and damping by the likelihood, of a comb that is told right. The scale of the angle is the file's.
-fn without_reference(runs: u64, rows: &mut Rows) {
-    let folder = tempfile::tempdir().unwrap();
-    for seed in 0..runs {
-        let mut chance = Chance::new(12_000 + seed);
-        let start = decay(&mut chance, (0.15, 4000, NOISE_V), folder.path());
-        let factors = [chance.between(-5e-3, 5e-3).exp(), chance.between(-0.3, 0.3).exp(), 1.0, 1.0, 1.0];
-        let parameters = "parameters = [\"resonator.natural_frequency\", \"resonator.damping_ratio\"]";
-        let told = told(folder.path(), factors, start, false, parameters);
-        let found = likeliest(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
-        for (found, (name, truth)) in found.parameters.iter().zip(NAMES.into_iter().zip(TRUTH)) {
-            rows.push(&format!("threshold without a reference, {name}"), truth, found);
-        }
-    }
-}
-
 const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);
 /// A small motion behind much noise.
 const POOR: (f64, usize, f64) = (0.04, 2500, 4.0 * NOISE_V);
@@ -157,7 +129,6 @@ fn a_few_threshold_scanners() {
     let mut rows = Rows::default();
     let ratios = identified("threshold", 2, LONG, 0.3, &mut rows);
     assert_no_harm("threshold", ratios);
-    without_reference(1, &mut rows);
     rows.judge();
 }
 
@@ -167,7 +138,6 @@ fn slow_threshold_scanners() {
     let mut rows = Rows::default();
     let ratios = identified("threshold", 100, LONG, 0.3, &mut rows);
     assert_no_harm("threshold", ratios);
-    without_reference(100, &mut rows);
     let mut unjudged = Rows::default();
     assert_no_harm("threshold, little told, right", identified("poor", 60, POOR, 0.0, &mut unjudged));
     assert_no_harm("threshold, little told, wrong", identified("poor", 60, POOR, 0.3, &mut unjudged));
