@@ -4,9 +4,9 @@ use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
 use super::rest::Rest;
 use crate::calibration::file::GyroscopeCalibration;
-use crate::metrology::{Combined, Comparison, Input};
+use crate::metrology::{Combined, Comparison, Input, or_null};
 use crate::recording::Source;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 /// A calibration.
 #[derive(Clone, Debug)]
@@ -45,11 +45,6 @@ pub struct Estimate {
     pub coverage_factor: f64,
     /// The interval that holds it 95 times in 100: the number and its expanded uncertainty.
     pub interval: [f64; 2],
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
-fn or_null<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    if number.is_finite() { serializer.serialize_f64(*number) } else { serializer.serialize_none() }
 }
 
 impl Estimate {

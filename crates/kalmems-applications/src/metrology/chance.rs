@@ -84,6 +84,8 @@ mod tests {
     use super::super::Evaluation;
     use super::*;
 
+    const DRAWS: u32 = 200_000;
+
     fn input(distribution: Distribution, degrees_of_freedom: f64) -> Input {
         Input {
             name: "x".to_owned(),
@@ -109,7 +111,6 @@ mod tests {
             (Distribution::Arcsine, f64::INFINITY, 1.0, 1.5),
             (Distribution::Normal, 10.0, 1.25, 4.0),
         ];
-        const DRAWS: u32 = 200_000;
         let mut noise = WhiteNoise::new(5, 0);
         for (distribution, freedom, variance, kurtosis) in cases {
             let input = input(distribution, freedom);

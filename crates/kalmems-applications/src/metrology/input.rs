@@ -81,6 +81,7 @@ impl Input {
 }
 
 /// A number; `null` where it is infinite, which JSON cannot write.
-pub(super) fn or_null<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+pub(crate) fn or_null<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if number.is_finite() { serializer.serialize_f64(*number) } else { serializer.serialize_none() }
 }

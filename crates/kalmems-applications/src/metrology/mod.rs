@@ -15,6 +15,7 @@ mod trials;
 
 pub use budget::{Budget, Combined, coverage_factor};
 pub use chance::{chi_by_freedom, drawn, shared_error};
+pub(crate) use input::or_null;
 pub use input::{Distribution, Evaluation, Input};
 pub use stated::{Stated, StatedCorrelations};
 pub use trials::{Comparison, Propagated, compared, propagated};

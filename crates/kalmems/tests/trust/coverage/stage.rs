@@ -25,19 +25,20 @@ const DRIVE: f64 = 3782.5;
 const SAMPLES: u32 = 1200;
 const INTERVAL: f64 = 1.6e-6;
 
-/// dC/dθ = ε·b·(1 + t²)·∫ w/(D − w·t)² dw over the electrode, in closed form by partial fractions of u = D − w·t:
-/// ∫ w/(D − w·t)² dw = (1/t²)·[D/u + ln u], and the middle of its series where t is small.
+/// Places and weights of Gauss and Legendre's formula with five points.
+const POINTS: [(f64, f64); 5] = [
+    (0.0, 0.568_888_888_888_888_9),
+    (0.538_469_310_105_683, 0.478_628_670_499_366_5),
+    (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
+    (0.906_179_845_938_664, 0.236_926_885_056_189_1),
+    (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
+];
+
+/// dC/dθ = ε·b·(1 + t²)·∫ w/(D − w·t)² dw over the electrode, by Gauss and Legendre's formula on four parts: the closed form loses all digits
+/// near t = 0.
 fn slope(electrode: usize, angle: f64) -> f64 {
     let (gap, [from, to]) = (GAPS[electrode], ENDS[electrode]);
     let t = angle.tan();
-    // By Gauss and Legendre's five points on four parts: the closed form loses all digits near t = 0.
-    const POINTS: [(f64, f64); 5] = [
-        (0.0, 0.568_888_888_888_888_9),
-        (0.538_469_310_105_683, 0.478_628_670_499_366_5),
-        (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
-        (0.906_179_845_938_664, 0.236_926_885_056_189_1),
-        (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
-    ];
     let half = (to - from) / 8.0;
     let part = |k: f64| -> f64 {
         let middle = from + half * (2.0 * k + 1.0);
