@@ -95,7 +95,7 @@ impl NoBatchStart {
         let states: Vec<StateName> = states.iter().copied().chain(behind).collect();
         let size = |place: usize| of.sizes.get(place).copied().unwrap_or(1.0);
         let name = |place: &usize| states.get(*place).map_or("?", |(name, ..)| name);
-        let lasting = kalmems_figures::number(lasting_s);
+        let lasting = kalmems_figures::significant(lasting_s);
         match self {
             Self::NotFitted => format!(
                 "no motion of the device was found that its first {lasting} s follow from; the inputs, the noise or the device are not \
@@ -104,7 +104,7 @@ impl NoBatchStart {
             Self::Undetermined(lost) => {
                 let names: Vec<String> = lost.iter().map(|place| format!("`{}`", name(place))).collect();
                 format!(
-                    "its first {lasting} s do not tell {}; say in `start_sd` how far from rest that may be, or state the start",
+                    "its first {lasting} s do not tell {}; say in `start_sd` how far from rest that may be",
                     names.join(" and ")
                 )
             }

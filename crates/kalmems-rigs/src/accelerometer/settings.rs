@@ -3,7 +3,7 @@
 use super::filters::FilterSettings;
 use crate::accelerometer::device;
 use crate::config::{ConfigError, Experiment, Fault, Quantity};
-use kalmems_figures::number;
+use kalmems_figures::significant;
 use kalmems_models::capacitance::DifferentialPlates;
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use kalmems_models::dynamics::{Accelerometer, GaussMarkov, ProofMass, SensedAcceleration};
@@ -99,8 +99,8 @@ impl Hardware {
         let why = format!(
             "the spring holds with {} N/m and the carrier pulls the plates with {} N/m, so that the mass lies on a plate; expected a \
              stronger spring, a smaller `carrier_amplitude` or a feedback, `[device.accelerometer.feedback]`",
-            number(device.mass.spring),
-            number(device.electrostatic_spring(0.0))
+            significant(device.mass.spring),
+            significant(device.electrostatic_spring(0.0))
         );
         Err(experiment.error("device.accelerometer.proof_mass.spring", Fault::Value { why }))
     }
