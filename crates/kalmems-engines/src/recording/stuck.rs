@@ -103,9 +103,10 @@ impl Stuck {
         self.before.push_back(difference);
     }
 
-    /// The runs at neither the lowest nor the highest value, which may be those of a rail.
+    /// The runs at neither the lowest nor the highest value, which may be those of a rail, nor at 0, which is what a generator shows that is
+    /// switched off.
     pub(super) fn finish(self, [low, high]: [f64; 2]) -> Vec<Run> {
-        self.found.into_iter().filter(|run| run.value > low && run.value < high).collect()
+        self.found.into_iter().filter(|run| run.value > low && run.value < high && run.value != 0.0).collect()
     }
 }
 
@@ -118,7 +119,20 @@ fn is_moving(differences: impl Iterator<Item = f64>, step: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::WhiteNoise;
+
+    /// Nearly normal numbers of variance 1: sums of twelve that are uniform, by a linear congruence.
+    struct Chance(u64);
+
+    impl Chance {
+        fn sample(&mut self) -> f64 {
+            let mut uniform = || {
+                self.0 =
+                    self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                f64::from(u32::try_from(self.0 >> 32).unwrap()) / f64::from(u32::MAX)
+            };
+            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+        }
+    }
 
     fn found(values: &[f64]) -> Vec<(usize, usize)> {
         let mut stuck = Stuck::default();
@@ -134,7 +148,7 @@ mod tests {
 
     /// A sine with noise, rounded to steps of 1.
     fn rounded(amplitude: f64, noise: f64) -> Vec<f64> {
-        let mut chance = WhiteNoise::new(3, 1);
+        let mut chance = Chance(3);
         (0..20_000)
             .map(|k| (amplitude * (0.01 * f64::from(k)).sin() + noise * chance.sample()).round())
             .collect()
