@@ -85,6 +85,7 @@ const ALIGNMENT_NOT_STATED: &str = "the alignment of the reference's axes is not
     off by 1 mrad moves a cross-axis term by 0.001, so that their intervals are those of the records alone and no expanded uncertainties";
 
 impl Against<'_> {
+    #[allow(clippy::too_many_lines)] // the steps of a calibration in their order
     fn calibrate(&self, known: &[ReferenceRecord]) -> Result<Calibrated, CalibrationError> {
         let tones = self.tones_of(known)?;
         let axes_of_reference =

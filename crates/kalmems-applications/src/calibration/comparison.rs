@@ -98,7 +98,9 @@ fn compared(first: &Calibrated, second: &Calibrated) -> ReferenceComparison {
             None => keep(input, part),
         }
     }
-    others.iter().for_each(|input| keep(input, relative(input, b)));
+    for input in &others {
+        keep(input, relative(input, b));
+    }
     let combined = Budget { inputs: left, correlations: Vec::new() }.combined(PROBABILITY);
     let difference = b / a - 1.0;
     let limit = coverage_factor(CONTRADICTION, combined.degrees_of_freedom) * combined.standard_uncertainty;

@@ -121,8 +121,8 @@ impl Trials<'_> {
         for (_, by) in self.moved {
             let size = noise.sample();
             for (pair, by) in pairs.iter_mut().zip(by) {
-                for axis in 0..3 {
-                    pair.reference[axis] += by[axis] * size;
+                for (reference, by) in pair.reference.iter_mut().zip(by) {
+                    *reference += by * size;
                 }
             }
         }

@@ -39,16 +39,15 @@ pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Endin
         [topic] if TOPICS.iter().any(|(name, ..)| *name == topic) => {
             print(TOPICS.iter().find(|(name, ..)| *name == topic).map_or("", |(_, _, text)| text))
         }
-        _ => match command_of(&arguments.topic) {
-            Some(mut command) => print(&command.render_long_help().to_string()),
-            None => {
-                let found = words.join(" ");
-                Err(Ending::Wrong(format!(
-                    "found the topic `{found}`, which is no command and none of these:\n{}",
-                    topics()
-                )))
+        _ => {
+            if let Some(mut command) = command_of(&arguments.topic) {
+                return print(&command.render_long_help().to_string());
             }
-        },
+            let found = words.join(" ");
+            let all = topics();
+            let why = format!("found the topic `{found}`, which is no command and none of these:\n{all}");
+            Err(Ending::Wrong(why))
+        }
     }
 }
 

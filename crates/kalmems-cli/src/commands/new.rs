@@ -19,7 +19,7 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     let Some(device) = &arguments.device else { return list(workbench, arguments.json) };
     let Some(recording) = &arguments.recording else {
         let text = of_device(workbench, device).map_err(|e| wrong(&e))?;
-        return put(arguments, Draft { text, recognised: Vec::new(), assigned: Vec::new() }, "simulate");
+        return put(arguments, &Draft { text, recognised: Vec::new(), assigned: Vec::new() }, "simulate");
     };
     let further = further(&arguments.further)?;
     let here = Path::new("").to_owned();
@@ -46,7 +46,7 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     for one in &draft.assigned {
         tell!("`{}` is the column `{}`, {}", one.meaning, one.column, one.why);
     }
-    put(arguments, draft, "estimate")
+    put(arguments, &draft, "estimate")
 }
 
 fn wrong(e: &dyn std::fmt::Display) -> Ending {
@@ -125,7 +125,7 @@ fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
 }
 
 /// Writes the file, or prints it, and says what to do with it.
-fn put(arguments: &NewArguments, draft: Draft, next: &str) -> Result<(), Ending> {
+fn put(arguments: &NewArguments, draft: &Draft, next: &str) -> Result<(), Ending> {
     if let Some(path) = &arguments.write {
         write_file(path, &draft.text, arguments.force)?;
     }

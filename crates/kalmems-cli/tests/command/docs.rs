@@ -17,7 +17,9 @@ fn pages() -> Vec<String> {
         let entries = fs::read_dir(root().join(folder)).unwrap();
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect::<BTreeSet<_>>()
     };
-    let chapters = listed("book/src").into_iter().filter(|name| name.ends_with(".md"));
+    let chapters = listed("book/src")
+        .into_iter()
+        .filter(|name| Path::new(name).extension().is_some_and(|ext| ext == "md"));
     pages.extend(chapters.map(|name| format!("book/src/{name}")));
     let examples = listed("examples").into_iter().map(|name| format!("examples/{name}/README.md"));
     pages.extend(examples.filter(|page| root().join(page).is_file()));

@@ -23,7 +23,7 @@ fn with_values(text: &str, case: &Value, which: &str) -> String {
     let values = case["values"].as_array().unwrap();
     for line in text.lines() {
         if line.starts_with('[') {
-            table = line.trim_matches(['[', ']']).to_owned();
+            line.trim_matches(['[', ']']).clone_into(&mut table);
         }
         let key = line.split_once(" =").map(|(key, _)| key);
         let value = values

@@ -158,7 +158,7 @@ pub fn begun(left: Option<Known>, start: Option<&BatchStart>) -> Option<Known> {
 pub struct Started<C> {
     course: C,
     /// The row from which on samples correct the filter, and what is known there, where that is not what a prediction says.
-    started: Option<(usize, Option<TakenOverTo>)>,
+    begins: Option<(usize, Option<TakenOverTo>)>,
     /// What stands for the innovations of further signals before.
     none: Vec<[f64; 2]>,
     /// Whether the sample before was not used.
@@ -171,7 +171,7 @@ impl<C: Course> Started<C> {
         let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
         let none =
             if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
-        Self { course, started, none, is_silent: false }
+        Self { course, begins: started, none, is_silent: false }
     }
 
     /// The course itself.
@@ -216,7 +216,7 @@ impl<C: Course> Course for Started<C> {
         counts: &mut Counts,
     ) -> Result<(), FilterError> {
         self.course.advance(filter, to, counts)?;
-        match &self.started {
+        match &self.begins {
             Some((row, Some(known))) if *row == to => filter.take_over(known),
             _ => Ok(()),
         }
@@ -228,7 +228,7 @@ impl<C: Course> Course for Started<C> {
         k: usize,
         counts: &mut Counts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
-        self.is_silent = self.started.as_ref().is_some_and(|(row, _)| k < *row);
+        self.is_silent = self.begins.as_ref().is_some_and(|(row, _)| k < *row);
         if self.is_silent {
             counts.for_start += 1;
             return Ok(None);

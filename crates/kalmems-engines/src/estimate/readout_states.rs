@@ -346,7 +346,9 @@ impl Sensor for Through<'_> {
         let (of_device, of_constants) = slopes.split_at_mut(own);
         let given = self.sensor.linearize(&x[..own], of_device);
         let (recorded, scale) = self.recorded(given, &x[own..], of_constants);
-        of_device.iter_mut().for_each(|slope| *slope *= scale);
+        for slope in of_device {
+            *slope *= scale;
+        }
         recorded
     }
 }

@@ -59,7 +59,7 @@ pub struct Likeliest<'a> {
 /// Those of `sought`.
 pub fn standings_beside<E>(
     likeliest: &Likeliest,
-    sought: &mut dyn FnMut(&[bool]) -> Result<Vec<f64>, E>,
+    mut sought: impl FnMut(&[bool]) -> Result<Vec<f64>, E>,
 ) -> Result<Vec<Standing>, E> {
     let Likeliest { at, spread, is_told, correlation } = likeliest;
     let count = at.len();

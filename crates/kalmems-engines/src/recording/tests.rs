@@ -894,13 +894,13 @@ fn a_column_that_repeats_another_is_told_of_both() {
 /// A converter that hangs is told with its line and its rows; a rail is a rail.
 #[test]
 fn a_value_that_hangs_is_told_beside_saturation() {
-    let mut rows: Vec<i32> =
-        (0..4000).map(|i| (500.0 * (f64::from(i) * 0.05).sin()).round() as i32).collect();
+    let mut rows: Vec<f64> = (0..4000).map(|i| (500.0 * (f64::from(i) * 0.05).sin()).round()).collect();
     let held = rows[700];
     rows[700..730].fill(held);
-    let text = rows.iter().enumerate().fold("time_us,cap_V\n".to_owned(), |all, (i, code)| {
-        all + &format!("{i},{}\n", f64::from(*code) * 0.001)
-    });
+    let text = rows
+        .iter()
+        .enumerate()
+        .fold("time_us,cap_V\n".to_owned(), |all, (i, code)| all + &format!("{i},{}\n", code * 0.001));
     let recording = read(text.as_bytes(), &layout("time_us", "", &["cap_V"])).unwrap();
     let [finding] = recording.diagnosis.as_slice() else { panic!("{:?}", recording.diagnosis) };
     assert_eq!((finding.kind, finding.first_row, finding.count), (FindingKind::Stuck, 702, 30));

@@ -387,7 +387,7 @@ impl<const M: usize> FilterSettings<M> {
         for plant in &plants {
             let mut course = course(plant)?;
             let start =
-                if is_begun { None } else { self.from_signal::<D>(&mut course, natural_hz, (data, place))? };
+                if is_begun { None } else { self.batch_start::<D>(&mut course, natural_hz, (data, place))? };
             courses.push(Box::new(Started::new(course, start.as_ref())));
             starts.push(start);
         }
@@ -400,7 +400,7 @@ impl<const M: usize> FilterSettings<M> {
     }
 
     /// The start from the signal along a course; `None` where the file states one.
-    fn from_signal<D: DrivenDevice<M>>(
+    fn batch_start<D: DrivenDevice<M>>(
         &self,
         course: &mut dyn Course,
         natural_hz: f64,
@@ -440,7 +440,7 @@ impl<const M: usize> FilterSettings<M> {
         let (basics, interval_s) = (&self.basics, data.interval_s);
         let is_begun = past.left().is_some();
         let found =
-            if is_begun { None } else { self.from_signal::<D>(&mut course, natural_hz, (data, place))? };
+            if is_begun { None } else { self.batch_start::<D>(&mut course, natural_hz, (data, place))? };
         // The model alone is corrected by nothing, and an observer forgets its start.
         let corrects = basics.method != Method::Model && basics.gain().is_none();
         let mut course = Started::new(course, found.as_ref().filter(|_| corrects));

@@ -15,6 +15,7 @@ pub(super) enum Array {
 }
 
 /// Which of the arrays hold numbers of 64 bits.
+#[allow(clippy::struct_excessive_bools)] // one for each kind of array
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Widths {
     pub(super) mean: bool,

@@ -38,6 +38,7 @@ fn ungated(mut settings: Settings) -> Settings {
 }
 
 /// The source of a filter; see [`Rig::export`].
+#[allow(clippy::too_many_lines)] // one refusal after the other, each with its reason
 pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
     let place = place_of_filter(experiment, request)?;
     let settings = ungated(Settings::of(experiment)?);

@@ -60,7 +60,7 @@ impl Inverse {
             let slope = slopes.get(self.state).copied().unwrap_or(0.0);
             // Beyond a place where it turns back a signal means another value.
             ((slope > 0.0) == self.rises && slope != 0.0 && value.is_finite())
-                .then(|| [signal - value, slope])
+                .then_some([signal - value, slope])
         };
         let mut here = read(&x)?;
         for _ in 0..STEPS {
@@ -79,14 +79,12 @@ impl Inverse {
                 }
                 step *= 0.5;
             }
-            match next {
-                Some(next) => here = next,
+            let Some(next) = next else {
                 // Nearer than that numbers do not come, or the measurement ends before the signal.
-                None => {
-                    x[self.state] = from;
-                    return (left.abs() <= 1e-3 * noise_sd).then_some([from, slope]);
-                }
-            }
+                x[self.state] = from;
+                return (left.abs() <= 1e-3 * noise_sd).then_some([from, slope]);
+            };
+            here = next;
         }
         None
     }

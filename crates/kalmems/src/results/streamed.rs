@@ -51,7 +51,7 @@ impl StreamTracks {
         )
     }
 
-    fn figure(&self, id: &str, title: &str, caption: &str, panels: impl Iterator<Item = Panel>) -> Figure {
+    fn figure(id: &str, title: &str, caption: &str, panels: impl Iterator<Item = Panel>) -> Figure {
         let panels = panels.enumerate().map(|(k, panel)| if k > 0 { panel.sharing_x() } else { panel });
         panels.fold(Figure::new(id, title, caption), Figure::with)
     }
@@ -72,14 +72,14 @@ impl StreamTracks {
                 .iter()
                 .filter_map(|(label, unit, key)| self.panel((label, unit), key, &answer.name, Role::Estimate))
         });
-        let motion = self.figure("stream", "Motion", "What each filter said when the samples came.", states);
+        let motion = Self::figure("stream", "Motion", "What each filter said when the samples came.", states);
         let innovations = self.answers.iter().filter_map(|answer| {
             let (unit, key) = answer.innovation.as_ref()?;
             self.panel(("innovation", unit), key, &answer.name, Role::Bound)
         });
         let caption =
             "The signal minus what the filter predicted for it, with three standard deviations on each side.";
-        let innovations = self.figure("innovations", "Innovations", caption, innovations);
+        let innovations = Self::figure("innovations", "Innovations", caption, innovations);
         let counts =
             serde_json::to_string_pretty(summary).unwrap_or_else(|e| format!("cannot be written: {e}"));
         let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));

@@ -42,7 +42,7 @@ impl Tracks {
         }
         self.answers(estimate, recording.values.first().map(|value| value.name));
         for (trajectory, errors) in estimate.trajectories.iter().zip(&segment.errors) {
-            for errors in errors.iter().flat_map(|errors| errors.each()) {
+            for errors in errors.iter().flat_map(kalmems_engines::evaluate::MotionErrors::each) {
                 self.errors(&of_error(trajectory, errors.of), &errors.error, 1_f64.to_degrees());
             }
         }

@@ -78,7 +78,9 @@ impl Impairment {
         let interval_s = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
         if let Clipped(share) = self {
             let top = low + share * (high - low);
-            values.iter_mut().for_each(|y| *y = y.min(top));
+            for y in values.iter_mut() {
+                *y = y.min(top);
+            }
         }
         let fresh = &mut values[from..];
         match self {
@@ -95,7 +97,9 @@ impl Impairment {
             }
             SecondHarmonic(share) => {
                 let (middle, peak) = (f64::midpoint(low, high), 0.5 * (high - low));
-                fresh.iter_mut().for_each(|y| *y += share * (*y - middle).powi(2) / peak);
+                for y in fresh {
+                    *y += share * (*y - middle).powi(2) / peak;
+                }
             }
             Clipped(_) | NoiseTold(_) | Start(_) => {}
         }
@@ -254,7 +258,9 @@ fn slow_impairments_of_every_device() {
         let mut own = Vec::new();
         while let Some(of) = DEVICES.get(next.fetch_add(1, Ordering::Relaxed)) {
             let cells = of_device(*of, seeds.clone());
-            cells.iter().for_each(|(impairment, cell)| println!("{}", cell.row(*of, *impairment)));
+            for (impairment, cell) in &cells {
+                println!("{}", cell.row(*of, *impairment));
+            }
             own.extend(cells.into_iter().map(|(impairment, cell)| (*of, impairment, cell)));
         }
         own

@@ -10,7 +10,9 @@ use kalmems::simulate::Unwritten;
 use std::f64::consts::TAU;
 
 /// A device, its filter's further settings, and the unit of its signal.
-const DEVICES: [(&str, &[(&str, &str)], &str); 4] = [
+type Shown = (&'static str, &'static [(&'static str, &'static str)], &'static str);
+
+const DEVICES: [Shown; 4] = [
     ("shared scanner", &[], "V"),
     ("threshold scanner", &[], "V"),
     ("accelerometer", &[], "V"),

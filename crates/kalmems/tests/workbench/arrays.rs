@@ -55,12 +55,17 @@ fn bits(estimated: &Estimated) -> Vec<Vec<u64>> {
     series.map(|values| values.iter().map(|value| value.to_bits()).collect()).collect()
 }
 
+/// Columns with their names.
+type Columns = Vec<(String, Vec<f64>)>;
+
 /// A short recording of the scanner's example, and the experiment with it and its reference.
-fn short() -> (Given, Vec<(String, Vec<f64>)>, Vec<(String, Vec<f64>)>) {
+fn short() -> (Given, Columns, Columns) {
     let folder = example("shared_scanner");
     let shortened = |name: &str| {
         let mut columns = columns(&folder.join(name));
-        columns.iter_mut().for_each(|(_, values)| values.truncate(10_000));
+        for (_, values) in &mut columns {
+            values.truncate(10_000);
+        }
         columns
     };
     (of_experiment(&folder.join("experiment.toml")), shortened("recording.csv"), shortened("reference.csv"))

@@ -383,7 +383,7 @@ fn a_page_needs_nothing_else_and_escapes_everything() {
     let document = Document::parse_with_options(&html, options).unwrap();
     let all = |name: &str| document.descendants().filter(|n| n.has_tag_name(name)).collect::<Vec<_>>();
     let texts = |class: &str| {
-        let is_class = |n: &Node| n.attribute("class").is_some_and(|c| c.split(" ").next() == Some(class));
+        let is_class = |n: &Node| n.attribute("class").is_some_and(|c| c.split(' ').next() == Some(class));
         let inside = |n: &Node| is_class(n) && n.tag_name().name() == "td";
         document.descendants().filter(inside).filter_map(|n| n.text()).collect::<Vec<_>>()
     };

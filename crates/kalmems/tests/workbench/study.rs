@@ -141,7 +141,7 @@ fn with_another_figure(journal: &str) -> String {
     let digit = if &body[place..=place] == "1" { "2" } else { "1" };
     let body = format!("{}{digit}{}", &body[..place], &body[place + 1..]);
     let digest = Sha256::digest(&body);
-    let checksum: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    let checksum = digest.iter().take(8).fold(String::new(), |all, byte| format!("{all}{byte:02x}"));
     format!("{before}\n{body},\"checksum\":\"{checksum}\"}}\n")
 }
 

@@ -58,6 +58,7 @@ impl Histogram {
     /// Takes an innovation in.
     #[inline]
     pub(super) fn take(&mut self, z: f64) {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small whole number
         if self.counts.is_empty() {
             self.counts = vec![0.0; (2.0 * FARTHEST * PER_UNIT) as usize];
         }

@@ -32,6 +32,7 @@ use entered::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state
 use kalmems_core::{Covariance, Mat};
 
 /// Identifies what the recordings' roles allow.
+#[allow(clippy::too_many_lines)] // one role of recordings after the other
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
     let hardware = Hardware::of(experiment)?;
     let reference = ReferenceChannels::one_angle(Instruments::default());

@@ -79,7 +79,9 @@ impl Judgement {
         };
         for group in groups(&verdicts, &correlation) {
             if let Some(verdict) = refused(sought, suspects, found, &group) {
-                group.iter().for_each(|place| verdicts[*place] = verdict);
+                for place in &group {
+                    verdicts[*place] = verdict;
+                }
             }
         }
         let written: Vec<usize> = written(&verdicts);

@@ -78,8 +78,8 @@ fn write(chance: &mut Chance, drives: &[f64], noise_v: f64, folder: &Path) {
             write!(on, "r{record},{time:.7},{:.6}", shown + 3e-4 * chance.normal()).unwrap();
             write!(off, "r{record},{time:.7},{:.6}", shown + 3e-4 * chance.normal()).unwrap();
             let [angle, rate] = motion(time);
-            for electrode in 0..4 {
-                let signal = GAINS[electrode] * slope(electrode, angle) * rate;
+            for (electrode, gain) in GAINS.iter().enumerate() {
+                let signal = gain * slope(electrode, angle) * rate;
                 write!(on, ",{:e}", signal + through(electrode as f64) + noise_v * chance.normal()).unwrap();
                 write!(off, ",{:e}", through(electrode as f64) + noise_v * chance.normal()).unwrap();
             }
