@@ -104,7 +104,7 @@ mod tests {
             correlation: &|i, j| f64::from(u8::from(i == j)),
         };
         let mut asked = 0;
-        let found = standings_beside::<()>(&likeliest, &mut |kept| {
+        let found = standings_beside(&likeliest, |kept| -> Result<_, ()> {
             asked += 1;
             assert!(kept[0]);
             Ok(vec![0.0, 0.3, 0.01])

@@ -66,7 +66,7 @@ fn told(
         is_told: &|i| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING,
         correlation: &|i, j| found.correlation(i, j),
     };
-    standings_beside(&likeliest, &mut |kept| {
+    standings_beside(&likeliest, |kept| {
         let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| kept[i]);
         let start = std::array::from_fn(|i| if kept[i] { 0.0 } else { found.logs[i] });
         Ok(search_from(likelihood, start, kept, progress)?.logs.to_vec())

@@ -66,7 +66,7 @@ impl Judgement {
             is_told: &|i| spread(i) < DETERMINED,
             correlation: &correlation,
         };
-        let standings = standings_beside(&likeliest, &mut |kept| {
+        let standings = standings_beside(&likeliest, |kept| {
             let start: Vec<f64> =
                 (0..suspects.len()).map(|i| if kept[i] { 0.0 } else { found.at[i] }).collect();
             let free: Vec<bool> = kept.iter().map(|kept| !kept).collect();
