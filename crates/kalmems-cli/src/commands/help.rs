@@ -4,7 +4,7 @@ use crate::args::{Arguments, HelpArguments};
 use crate::{Ending, print, print_json};
 use clap::{Command, CommandFactory};
 use kalmems::draft::names_of;
-use kalmems::rigs::Workbench;
+use kalmems::rigs::{Rig, Workbench};
 
 /// The topics: a name, a line for the list, and the text.
 const TOPICS: [(&str, &str, &str); 8] = [
@@ -33,7 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Endin
         ["topics"] => print(&topics()),
         ["device" | "devices"] => {
             let rigs = workbench.rigs().filter(|rig| rig.template().is_some());
-            let names: Vec<&str> = rigs.map(|rig| rig.name()).collect();
+            let names: Vec<&str> = rigs.map(Rig::name).collect();
             print(&format!("Devices, for `kalmems help device NAME`: {}\n", names.join(", ")))
         }
         [topic] if TOPICS.iter().any(|(name, ..)| *name == topic) => {

@@ -110,7 +110,7 @@ mod tests {
             Ok(vec![0.0, 0.3, 0.01])
         });
         assert_eq!((found.unwrap(), asked), (vec![Untold, HangsOn(0), Told], 2));
-        assert_eq!(standings_beside(&likeliest, &mut |_| Err("stopped")), Err("stopped"));
+        assert_eq!(standings_beside(&likeliest, |_| Err("stopped")), Err("stopped"));
     }
 
     /// Five numbers: the last is not told; the fourth hangs on it, the third on the fourth; the first two on each other alone.
