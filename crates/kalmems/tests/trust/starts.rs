@@ -38,8 +38,8 @@ const BEGUN: [Begun; 3] = [
         // The example's motion is caught before its first sample; this one begins with it. From 19 ms on the drive turns the phase of
         // some of these motions by more than a quarter of a cycle, which the check of the lock takes for a loss.
         settings: &[
-            ("simulate.duration", "\"18 ms\""),
-            ("estimate.skip", "\"10 ms\""),
+            ("simulate.duration", "\"18.5 ms\""),
+            ("estimate.skip", "\"2 ms\""),
             (
                 "simulate.drive",
                 "{ sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1252 Hz\" } }",
