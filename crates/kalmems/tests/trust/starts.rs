@@ -35,15 +35,12 @@ const BEGUN: [Begun; 3] = [
     },
     Begun {
         device: "threshold scanner",
-        // The example's motion is caught before its first sample; this one begins with it. From 19 ms on the drive turns the phase of
-        // some of these motions by more than a quarter of a cycle, which the check of the lock takes for a loss.
+        // The example's motion is caught before its first sample; this one begins with it, and decays freely. A drive off the resonance would
+        // turn the phase of the motion, which the check of the lock takes for a loss.
         settings: &[
-            ("simulate.duration", "\"18.5 ms\""),
+            ("simulate.duration", "\"20 ms\""),
             ("estimate.skip", "\"2 ms\""),
-            (
-                "simulate.drive",
-                "{ sine = { offset = \"30 V\", amplitude = \"30 V\", frequency = \"1252 Hz\" } }",
-            ),
+            ("simulate.drive", "{ constant = { value = \"0 V\" } }"),
         ],
         states: [("angle", "rad"), ("rate", "rad/s")],
         draw: |chance| swing(chance, [0.03, 0.15], 3.92e3),
