@@ -40,7 +40,7 @@ const BEGUN: [Begun; 3] = [
         settings: &[
             ("simulate.duration", "\"20 ms\""),
             ("estimate.skip", "\"2 ms\""),
-            ("simulate.drive", "{ constant = { value = \"0 V\" } }"),
+            ("simulate.drive", "{ constant = { voltage = \"0 V\" } }"),
         ],
         states: [("angle", "rad"), ("rate", "rad/s")],
         draw: |chance| swing(chance, [0.03, 0.15], 3.92e3),
