@@ -119,7 +119,8 @@ fn what_the_book_shows_of_other_files_is_what_they_hold() {
             let (path, anchor) = path.split_once(':').unwrap_or((&path, ""));
             let at = root().join(&page).parent().unwrap().join(path);
             let file = fs::read_to_string(&at).unwrap_or_else(|e| panic!("{page}: {}: {e}", at.display()));
-            let part = file.split_once(&format!("ANCHOR: {anchor}\n")).map_or(file.as_str(), |(_, rest)| rest);
+            let part =
+                file.split_once(&format!("ANCHOR: {anchor}\n")).map_or(file.as_str(), |(_, rest)| rest);
             let part = part.split_once(&format!("// ANCHOR_END: {anchor}")).map_or(part, |(part, _)| part);
             assert_eq!(shown, part.trim(), "{page} shows another text than {path} has");
         }

@@ -47,7 +47,7 @@ fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
     assert!(failures[2].contains(worst), "{failures:#?}");
     // With units that fit.
     assert!(
-        failures[2].contains("and 890 ns too late") && failures[2].contains("a line at 1.6276 kHz"),
+        failures[2].contains("and 887 ns too late") && failures[2].contains("a line at 1.6276 kHz"),
         "{failures:#?}"
     );
     assert!(hints.contains("kalmems diagnose examples/micro_stage/experiment.toml"), "{hints}");
@@ -134,4 +134,38 @@ fn every_topic_in_the_list_has_a_text_that_names_chapters_and_topics_that_are_th
             assert!(names.contains(&topic.as_str()), "{name} names {topic}");
         }
     }
+}
+
+#[test]
+fn a_ring_down_of_an_amplifier_that_inverts_is_refused_with_the_resistance_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = |name: &str| root().join("examples/shared_scanner").join(name);
+    let rows = std::fs::read_to_string(example("ring_down_recording.csv")).unwrap();
+    let mut turned = String::new();
+    // Enough cycles, and as few as a test needs.
+    for line in rows.lines().take(6000) {
+        turned += &match line
+            .rsplit_once(',')
+            .and_then(|(before, volts)| Some((before, volts.parse::<f64>().ok()?)))
+        {
+            Some((before, volts)) => format!("{before},{}\n", -volts),
+            None => format!("{line}\n"),
+        };
+    }
+    std::fs::write(folder.path().join("turned.csv"), turned).unwrap();
+    let text = std::fs::read_to_string(example("ring_down.toml")).unwrap();
+    let (device, _) = text.split_once("# Simulated by").unwrap();
+    let recording = "[[recording]]\nrole = \"ring_down\"\nfile = \"turned.csv\"\nclock = { column = \"time_s\" }\nchannels = { current_signal = \"vo1_V\" }\n\
+         [identify.ring_down]\nbias = \"23.76 V\"\nfeedback_resistance = \"17.86 kohm\"\n";
+    let experiment = folder.path().join("turned.toml");
+    std::fs::write(&experiment, format!("{device}{recording}")).unwrap();
+    let out = folder.path().join("out");
+    let output = run(&["identify", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let said = text_of(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("write `feedback_resistance = \"-17860 ohm\"`"), "{said}");
+}
+
+fn text_of(output: &Output) -> String {
+    text(&output.stderr) + &text(&output.stdout)
 }
