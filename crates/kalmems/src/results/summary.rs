@@ -186,13 +186,13 @@ fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
     let found = metrics.values.iter().find_map(|v| compared(v.name).map(|errors| (v.name, errors.unit)));
     let (name, si) = found.unwrap_or((first.name, "1"));
     let (unit, factor) = shown(si);
-    // In the middle of the largest and the smallest, as ratios.
-    let sizes = metrics.estimators().filter_map(|e| e.values.get(name)).map(|errors| errors.rmse.ln());
-    let ends = sizes.filter(|size| size.is_finite()).fold(None, |ends: Option<[f64; 2]>, size| {
+    let sizes = metrics.estimators().filter_map(|e| e.values.get(name)).map(|errors| errors.rmse);
+    let ends = sizes.filter(|size| size.is_finite() && *size > 0.0).fold(None, |ends: Option<[f64; 2]>, size| {
         let [low, high] = ends.unwrap_or([size, size]);
         Some([low.min(size), high.max(size)])
     });
-    let middle = ends.map_or(0.0, |[low, high]| f64::midpoint(low, high).exp());
+    // In the middle of the largest and the smallest, as ratios.
+    let middle = ends.map_or(0.0, |[low, high]| low.sqrt() * high.sqrt());
     let reads_well = middle == 0.0 || READABLE.contains(&(middle * factor));
     let (unit, factor) = if reads_well || si == "m_per_s2" {
         (unit.to_owned(), factor)
