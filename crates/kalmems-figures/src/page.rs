@@ -192,7 +192,7 @@ impl Page {
         let explanations: Vec<Value> = (named.iter().enumerate())
             .map(|(index, one)| {
                 // The heading says what the first line of the text says.
-                let text = one.text.strip_prefix(one.title.as_str()).unwrap_or(&one.text).trim();
+                let text = one.text.strip_prefix(one.title.as_str()).unwrap_or(&one.text).trim_matches('\n');
                 context! { anchor => explanation_anchor(index), title => one.title.as_str(), text }
             })
             .collect();
