@@ -1,5 +1,6 @@
 //! What a test of innovations finds.
 
+use kalmems_core::Portable;
 use serde::Serialize;
 
 /// The probability below which a finding is not by chance: a filter that is right fails a test once in a million times.
@@ -244,7 +245,7 @@ impl std::fmt::Display for Place {
 
 /// A number with five digits.
 fn digits(value: f64) -> String {
-    let exponent = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
+    let exponent = if value == 0.0 { 0.0 } else { value.abs().portable_log10().floor() };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 12
     let decimals = (4.0 - exponent).clamp(0.0, 12.0) as usize;
     let text = format!("{value:.decimals$}");
