@@ -5,6 +5,7 @@ use super::figure_files::write_figure;
 use super::{Output, RUN_FILE, WriteError, way_from};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::recording::Source;
+use kalmems_core::Portable;
 use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
 use serde::Serialize;
 use std::io;
@@ -132,7 +133,7 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
 
 /// Decimals behind the first digit of a value that its standard error leaves sense in: two digits of the error.
 fn decimals(value: f64, error: f64) -> usize {
-    let digits = (value.abs() / error).log10().floor() + 2.0;
+    let digits = (value.abs() / error).portable_log10().floor() + 2.0;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
     let digits = if digits.is_finite() { digits.clamp(1.0, 12.0) as usize } else { 3 };
     digits
