@@ -194,6 +194,21 @@ for (const name of Object.keys(pages)) {
   await page.context().close();
 }
 
+// ---- What is missing is seen ------------------------------------------------------------------------------------------
+{
+  const page = await open("gap");
+  const shaded = await page.evaluate(() =>
+    window.figures.shown.flatMap(({ panels }) =>
+      panels.flatMap((panel) => panel.series.filter((one) => one.label === "no samples").map((one) => [panel.label, Math.min(...one.samples.x), Math.max(...one.samples.x)])),
+    ),
+  );
+  check("a gap is shaded in innovations and errors", ["innovation", "angle error"].every((wanted) => shaded.some(([label]) => label === wanted)), JSON.stringify(shaded));
+  check("where the samples are missing", shaded.every(([, from, to]) => Math.abs(from - 14.997e-3) < 3e-6 && Math.abs(to - 15.498e-3) < 3e-6), JSON.stringify(shaded));
+  await page.locator('.live').filter({ hasText: "no samples" }).first().scrollIntoViewIfNeeded();
+  await page.screenshot({ path: join(shots, "gap.png") });
+  await page.context().close();
+}
+
 // ---- Touch -----------------------------------------------------------------------------------------------------------
 {
   const page = await open("estimate", { width: 400, touch: true });

@@ -195,7 +195,7 @@ pub struct NewArguments {
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long, requires = "write")]
     pub force: bool,
-    /// Print the experiment, or the list, as JSON with what was found in the recording.
+    /// Print the experiment, or the list, as JSON with what was found in the recording; where a column is not known, the questions.
     #[arg(long)]
     pub json: bool,
 }
@@ -280,6 +280,10 @@ pub struct StreamArguments {
     /// Write estimates as frames in binary to this file; `-` for standard output.
     #[arg(long, value_name = "FILE")]
     pub frames: Option<PathBuf>,
+    /// Send estimates and events as JSON to a program that draws them, such as PlotJuggler: `udp-json://HOST:PORT`, a datagram for each
+    /// line; `udp-json://` alone is port 9870 of this machine. Lines are then written only where `--lines` is given as well.
+    #[arg(long, value_name = "ADDRESS")]
+    pub to: Option<String>,
     /// Put aside, as FILE.previous, also files that no stream wrote; what one wrote is always kept so.
     #[arg(long)]
     pub force: bool,

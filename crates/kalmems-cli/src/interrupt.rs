@@ -1,63 +1,19 @@
 //! Interruption: a flag that long work looks at, and an end for work that does not look in time.
 
-use crate::tell::tell;
-use std::io::Write as _;
-use std::process::exit;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::{Duration, Instant};
+
+// A browser ends the worker that a command runs in.
+#[cfg(not(target_family = "wasm"))]
+mod handler;
+#[cfg(not(target_family = "wasm"))]
+pub use handler::listen;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// How long a command has to end by itself, which leaves nothing half done and says what it has.
-const PATIENCE: Duration = Duration::from_millis(800);
-
-/// How long after an interruption another one is the same: an impatient key, or a signal that comes by two ways.
-const SAME: Duration = Duration::from_millis(300);
-
-/// How long a message has to be written; what standard error goes to may take none.
-const TELLING: Duration = Duration::from_millis(50);
 
 /// The exit code of a command that was interrupted.
 pub const EXIT_CODE: u8 = 130;
 
-/// From now on an interruption or a request to end sets the flag. A command that has not ended by itself soon after is ended
-/// where it is, and at once after another one: results are put in their place whole, so that this leaves none of them half
-/// written.
-pub fn listen() {
-    let mut first = None;
-    let handler = move || {
-        let begun = *first.get_or_insert_with(Instant::now);
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            if begun.elapsed() < SAME {
-                return;
-            }
-            end("interrupted again; ended at once: what was not finished is not there");
-        }
-        let guard = thread::Builder::new().name("interruption".to_owned()).spawn(|| {
-            thread::sleep(PATIENCE);
-            end("interrupted; ended in the middle of its work: what was not finished is not there");
-        });
-        if guard.is_err() {
-            // There is no thread to wait in.
-            end("interrupted; what was not finished is not there");
-        }
-    };
-    if let Err(e) = ctrlc::set_handler(handler) {
-        tell!("warning: interruptions will not be handled: {e}");
-    }
-}
-
 /// Whether the work shall end.
 pub fn requested() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
-}
-
-/// Ends the process, whatever its threads wait for.
-fn end(why: &'static str) -> ! {
-    let told = thread::Builder::new().spawn(move || writeln!(std::io::stderr(), "error: {why}"));
-    if told.is_ok() {
-        thread::sleep(TELLING);
-    }
-    exit(EXIT_CODE.into())
 }

@@ -58,6 +58,7 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
         }
     };
     tell::set_quiet(arguments.quiet);
+    #[cfg(not(target_family = "wasm"))]
     interrupt::listen();
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),

@@ -1,62 +1,52 @@
-//! A bar on a terminal, for work that takes long.
+//! How far long work is: a bar on a terminal, and in a browser lines for the page that the command runs in.
 
 use crate::interrupt;
 use crate::tell::is_quiet;
-use indicatif::{ProgressBar, ProgressStyle};
 use kalmems::progress::Progress;
 use std::cell::RefCell;
-use std::io::IsTerminal;
 use std::ops::ControlFlow;
 
-/// Work below this many units is over before a bar could be read.
-const LONG: u64 = 2_000_000;
+#[cfg_attr(target_family = "wasm", path = "progress/lines.rs")]
+#[cfg_attr(not(target_family = "wasm"), path = "progress/terminal.rs")]
+mod shown;
+use shown::Shown;
 
-/// Shows a bar on standard error if that is a terminal, and passes interruptions on.
+/// Work below this many units is over before a bar could be read; a browser takes longer, and has no cursor that blinks.
+const LONG: u64 = if cfg!(target_family = "wasm") { 100_000 } else { 2_000_000 };
+
+/// Shows progress where somebody sees it, and passes interruptions on.
 pub struct Bar {
-    bar: RefCell<Option<ProgressBar>>,
+    shown: RefCell<Option<Shown>>,
     shortest: u64,
 }
 
 impl Default for Bar {
     fn default() -> Self {
-        Self { bar: RefCell::default(), shortest: LONG }
+        Self { shown: RefCell::default(), shortest: LONG }
     }
 }
 
 impl Bar {
     /// For work of which every single unit takes time.
     pub fn of_large_units() -> Self {
-        Self { bar: RefCell::default(), shortest: 1 }
+        Self { shown: RefCell::default(), shortest: 1 }
     }
 }
 
 impl Progress for Bar {
     fn begin(&self, what: &str, total: u64) {
-        let mut bar = self.bar.borrow_mut();
-        if let Some(old) = bar.take() {
-            old.finish_and_clear();
-        }
-        if total >= self.shortest && !is_quiet() && std::io::stderr().is_terminal() {
-            let new = ProgressBar::new(total).with_message(what.to_owned());
-            if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
-                new.set_style(style);
-            }
-            *bar = Some(new);
+        let mut shown = self.shown.borrow_mut();
+        // One is gone before the next is there.
+        *shown = None;
+        if total >= self.shortest && !is_quiet() {
+            *shown = Shown::begin(what, total);
         }
     }
 
     fn reached(&self, done: u64) -> ControlFlow<()> {
-        if let Some(bar) = &*self.bar.borrow() {
-            bar.set_position(done);
+        if let Some(shown) = &*self.shown.borrow() {
+            shown.reached(done);
         }
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        if let Some(bar) = self.bar.get_mut().take() {
-            bar.finish_and_clear();
-        }
     }
 }

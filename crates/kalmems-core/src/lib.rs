@@ -76,6 +76,7 @@ pub use filter::{
     OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
 };
 pub use linalg::{Cholesky, Ldl, Lu, Mat, Svd};
+pub use math::Portable;
 pub use measurement::{Delayed, LinearMeasurement, Measurement, NumericMeasurement};
 pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Direction, Observability};

@@ -48,8 +48,8 @@ impl Range {
     }
 
     fn log(low: f64, high: f64, margin: f64) -> Self {
-        let decades = high.log10() - low.log10();
-        let factor = 10_f64.powf(if decades < 1e-6 { 0.5 } else { margin * decades });
+        let decades = libm::log10(high) - libm::log10(low);
+        let factor = libm::pow(10.0, if decades < 1e-6 { 0.5 } else { margin * decades });
         // The margin of hundreds of decades must not leave the numbers.
         Self { scale: Scale::Log, low: (low / factor).max(1e-302), high: (high * factor).min(1e302) }
     }
@@ -60,8 +60,8 @@ impl Range {
             Scale::Linear => (value - self.low) / (self.high - self.low),
             Scale::Log if value <= 0.0 => f64::NEG_INFINITY,
             Scale::Log => {
-                let start = self.low.log10();
-                (value.log10() - start) / (self.high.log10() - start)
+                let start = libm::log10(self.low);
+                (libm::log10(value) - start) / (libm::log10(self.high) - start)
             }
         }
     }
@@ -112,7 +112,7 @@ struct Step {
 impl Step {
     /// The smallest of 1, 2 and 5 times a power of ten that is at least `size`.
     fn at_least(size: f64) -> Self {
-        let exponent = whole(size.log10().floor());
+        let exponent = whole(libm::log10(size).floor());
         for mantissa in [1, 2, 5] {
             if mantissa as f64 * ten(exponent) >= size * (1.0 - 1e-9) {
                 return Self { mantissa, exponent };
@@ -183,7 +183,7 @@ fn with_offset(axis: &Axis, offset: i64, exponent: i32) -> String {
 }
 
 fn log_ticks(axis: &Axis, range: Range, count: f64) -> Ticks {
-    let (start, end) = (range.low.log10(), range.high.log10());
+    let (start, end) = (libm::log10(range.low), libm::log10(range.high));
     let (first, last) = (whole((start - 1e-9).ceil()), whole((end + 1e-9).floor()));
     let inside = |v: f64| v >= range.low * (1.0 - 1e-9) && v <= range.high * (1.0 + 1e-9);
     let all = |mantissas: &[i64]| -> Vec<(i64, i32)> {

@@ -131,6 +131,8 @@ pub enum Block {
         alt: String,
         /// The line below it.
         caption: String,
+        /// A bar to measure it by: its share of the width, and what that is.
+        bar: Option<(f64, String)>,
     },
     /// Text to be shown as it is, folded away until it is asked for.
     Preformatted {
@@ -296,7 +298,20 @@ impl Section {
     /// Adds a picture of pixels, a PNG file.
     #[must_use]
     pub fn raster(self, png: Vec<u8>, alt: impl Into<String>, caption: impl Into<String>) -> Self {
-        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into() })
+        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into(), bar: None })
+    }
+
+    /// Adds the same with a bar that is this share of its width, between 0 and 1, and stands for what the text says.
+    #[must_use]
+    pub fn raster_with_bar(
+        self,
+        png: Vec<u8>,
+        alt: impl Into<String>,
+        caption: impl Into<String>,
+        (share, length): (f64, String),
+    ) -> Self {
+        let bar = Some((share, length));
+        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into(), bar })
     }
 
     /// Adds text that is folded away.
@@ -383,12 +398,13 @@ impl Numbers {
                     numbers => is_live.then(|| table_value(&numbers_of(figure))),
                 }
             }
-            Block::Raster { png, alt, caption } => context! {
+            Block::Raster { png, alt, caption, bar } => context! {
                 kind => "raster",
                 // Letters, digits, `+`, `/` and `=`.
                 data => Value::from_safe_string(STANDARD.encode(png)),
                 alt,
                 caption => with_code(caption),
+                bar => bar.as_ref().map(|(share, length)| (format!("{:.3}", 100.0 * share), length)),
             },
             Block::Preformatted { summary, text } => context! { kind => "preformatted", summary, text },
         }

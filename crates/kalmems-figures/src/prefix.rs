@@ -27,7 +27,7 @@ impl Prefixed {
     /// The unit times the power of ten of the first digit of a value.
     pub(crate) fn power(unit: &str, value: f64) -> Self {
         #[allow(clippy::cast_possible_truncation)] // a cast saturates, and exponents lie within ±400
-        let exponent = (value.abs().log10() + 1e-9).floor() as i32;
+        let exponent = (libm::log10(value.abs()) + 1e-9).floor() as i32;
         Self { unit: times_ten_to(exponent, &unit_sign(unit)), exponent, is_power: true }
     }
 
@@ -52,7 +52,7 @@ pub(crate) fn prefixed(unit: &str, largest: f64) -> Prefixed {
     }
     let sign = unit_sign(unit);
     let plain = Prefixed { unit: sign.clone(), exponent: 0, is_power: false };
-    let decade = largest.abs().log10();
+    let decade = libm::log10(largest.abs());
     if !decade.is_finite() {
         return plain;
     }

@@ -281,7 +281,7 @@ impl Values {
         let largest = (high - offset).abs().max((low - offset).abs());
         #[allow(clippy::cast_possible_truncation)] // the exponent of a number
         let unit = if largest > 0.0 {
-            2_f64.powi(largest.log2().floor().clamp(-1000.0, 1000.0) as i32)
+            2_f64.powi(libm::log2(largest).floor().clamp(-1000.0, 1000.0) as i32)
         } else {
             1.0
         };

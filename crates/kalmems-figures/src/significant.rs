@@ -12,7 +12,7 @@ pub fn significant(value: f64) -> String {
         return format!("{value:.2e}");
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
-    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = (2.0 - libm::log10(value.abs()).floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.decimals$}")
 }
 

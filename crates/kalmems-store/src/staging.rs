@@ -250,10 +250,11 @@ fn lock(root: &Path, make: bool) -> io::Result<Lock> {
     };
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Ok(Lock::Busy),
-        Err(TryLockError::Error(e)) => Err(e),
+        // A browser's sandbox has no locks, and nobody else in it.
+        Err(TryLockError::Error(e)) if e.kind() != ErrorKind::Unsupported => Err(e),
         // Whoever held it may have removed it before it was let go of.
-        Ok(()) if !is_there(&file, &path) => Ok(Lock::Gone),
-        Ok(()) => Ok(Lock::Held(file)),
+        _ if !is_there(&file, &path) => Ok(Lock::Gone),
+        _ => Ok(Lock::Held(file)),
     }
 }
 

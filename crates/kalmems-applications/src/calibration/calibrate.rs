@@ -18,6 +18,7 @@ use crate::metrology::Combined;
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::Purpose;
+use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 use statrs::distribution::ContinuousCDF;
 use std::collections::BTreeMap;
@@ -288,11 +289,11 @@ impl Against<'_> {
         let figures = records.filter_map(|((record, shown), (tone, pair))| {
             let (reference, amplitude) = (pair.reference[main].norm(), pair.shown[main]?.norm());
             let scale_factor = amplitude / reference;
-            let relative =
-                (pair.reference_deviation[main] / reference).hypot(pair.shown_deviation[main] / amplitude);
+            let relative = (pair.reference_deviation[main] / reference)
+                .portable_hypot(pair.shown_deviation[main] / amplitude);
             let sample_rate_hz = rate_hz * tone.frequency_hz / shown.frequency_hz;
             let of_clock = (tone.frequency_deviation_hz / tone.frequency_hz)
-                .hypot(shown.frequency_deviation_hz / shown.frequency_hz);
+                .portable_hypot(shown.frequency_deviation_hz / shown.frequency_hz);
             Some(RecordFigures {
                 record: record.name.clone(),
                 frequency_hz: tone.frequency_hz,
@@ -378,7 +379,9 @@ impl Against<'_> {
             let [low, high] = ends.unwrap_or([*rate; 2]);
             Some([if rate.0 < low.0 { *rate } else { low }, if rate.0 > high.0 { *rate } else { high }])
         });
-        if let Some([low, high]) = ends.filter(|[low, high]| high.0 - low.0 > 5.0 * high.1.hypot(low.1)) {
+        if let Some([low, high]) =
+            ends.filter(|[low, high]| high.0 - low.0 > 5.0 * high.1.portable_hypot(low.1))
+        {
             warnings.push(format!(
                 "the gyroscope's clock changes between records, from {:.3} to {:.3} samples per second: amplitudes do not hang \
                  on it, but let the unit warm up where its clock matters",
@@ -436,7 +439,7 @@ fn moved_by_device(
             number.is_some_and(|number| number.parse::<usize>().is_ok())
         };
         match contributions.iter_mut().find(is_first) {
-            Some(group) => group.1 = group.1.hypot(part),
+            Some(group) => group.1 = group.1.portable_hypot(part),
             None => contributions.push((source.clone(), part)),
         }
     }
@@ -509,7 +512,7 @@ fn changes(results: &[Calibrated]) -> Vec<Change> {
             from: first.clone(),
             to: later.condition.clone(),
             ppm,
-            deviation_ppm: 1e6 * (old.by_records / old.value).hypot(new.by_records / new.value),
+            deviation_ppm: 1e6 * (old.by_records / old.value).portable_hypot(new.by_records / new.value),
             ppm_per_k: warmer.filter(|k| *k != 0.0).map(|k| ppm / k),
         });
     }

@@ -8,6 +8,7 @@ use super::results::{at_rest, budget, comparisons, matrix};
 use super::tone::AXES;
 use crate::metrology::Input;
 use crate::recording::Source;
+use kalmems_core::Portable;
 use kalmems_figures::{Column, Figure, Page, Section, Severity, Table};
 use serde::Serialize;
 
@@ -297,7 +298,7 @@ const LARGEST_DISTORTION: f64 = 0.01;
 
 /// A number with an uncertainty: as many digits as two of the uncertainty.
 fn with_uncertainty(found: &CertifiedValue) -> [String; 2] {
-    let digits = (1.0 - found.expanded_uncertainty.abs().log10().floor()).clamp(0.0, 12.0);
+    let digits = (1.0 - found.expanded_uncertainty.abs().portable_log10().floor()).clamp(0.0, 12.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
     let digits = if digits.is_finite() { digits as usize } else { 6 };
     [format!("{:.digits$}", found.value), format!("{:.digits$}", found.expanded_uncertainty)]

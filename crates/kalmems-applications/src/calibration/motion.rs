@@ -12,6 +12,7 @@
 //! record, as long and as slow as the bias wanders, not from that.
 
 use crate::inspect::spectrum_magnitudes;
+use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::ops::Range;
 
@@ -98,7 +99,7 @@ fn variance(piece: &[f64]) -> f64 {
 fn line(values: &[f64]) -> Option<Motion> {
     let (bins, amplitude_of) = spectrum_magnitudes(values)?;
     let last = bins.len().saturating_sub(3);
-    let power = SLOPE * (bins.len() as f64 / FALSE_ALARMS).ln() / std::f64::consts::LN_2;
+    let power = SLOPE * (bins.len() as f64 / FALSE_ALARMS).portable_ln() / std::f64::consts::LN_2;
     let mut strongest: Option<(usize, f64)> = None;
     let mut from = FIRST_BIN;
     while from < last {

@@ -2,6 +2,7 @@
 
 use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
 use crate::simulate::WhiteNoise;
+use kalmems_core::Portable;
 use kalmems_core::{Mat, Over};
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::TorsionalResonator;
@@ -77,7 +78,7 @@ impl NoiseStudy {
     /// The waveform of a channel: η·C′(θ)·θ̇ of θ = a·sin(ωt).
     fn signal<S: Over<f64>>(&self, plate: &TiltingPlate<S>, gain: S, amplitude: S, sample: usize) -> S {
         let rate = TAU * self.frequency_hz;
-        let (s, c) = (rate * sample as f64 / self.rate_hz).sin_cos();
+        let (s, c) = (rate * sample as f64 / self.rate_hz).portable_sin_cos();
         plate.slope(amplitude * s) * gain * amplitude * (rate * c)
     }
 
@@ -98,7 +99,7 @@ impl NoiseStudy {
                 carried + b.0[i][0] * self.drive_variance * b.0[j][0]
             };
             p = Mat([[at(0, 0), at(0, 1)], [at(1, 0), at(1, 1)]]);
-            let (s, c) = (rate * k / self.rate_hz).sin_cos();
+            let (s, c) = (rate * k / self.rate_hz).portable_sin_cos();
             let (angle, speed) = (self.test_rad * s, self.test_rad * rate * c);
             for (plate, gain) in &self.channels {
                 let slope = plate.slope(kalmems_core::Dual::<f64, 1>::variable(angle, 0));

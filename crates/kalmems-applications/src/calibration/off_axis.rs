@@ -1,6 +1,7 @@
 //! How much of a motion about the other axis a tilting plate's signal holds.
 
 use kalmems_core::Dual;
+use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::TAU;
 
@@ -31,7 +32,7 @@ impl OffAxisMotion {
             let turn = TAU * k as f64 / SAMPLES as f64;
             // Rates in units of the frequency, which cancels.
             let at = |amplitude: f64, phase: f64| {
-                [amplitude * (turn + phase).sin(), amplitude * (turn + phase).cos()]
+                [amplitude * (turn + phase).portable_sin(), amplitude * (turn + phase).portable_cos()]
             };
             let [angle_y, rate_y] = at(self.amplitude_rad, 0.0);
             let [angle_x, rate_x] = at(self.ratio * self.amplitude_rad, self.phase_rad);

@@ -2,6 +2,7 @@
 
 use super::tone::Signals;
 use crate::simulate::WhiteNoise;
+use kalmems_core::Portable;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};
 use std::f64::consts::TAU;
 
@@ -49,7 +50,7 @@ impl Vibration {
         let turn = TAU * self.frequency_hz;
         let at = |shift: f64| {
             std::array::from_fn(|axis| {
-                self.amplitude[axis] * (turn * time_s + self.phase_rad[axis] + shift).cos()
+                self.amplitude[axis] * (turn * time_s + self.phase_rad[axis] + shift).portable_cos()
             })
         };
         let quarter = std::f64::consts::FRAC_PI_2;
@@ -59,7 +60,9 @@ impl Vibration {
     /// The small angles in rad, of which the rates are the derivatives.
     pub fn tilt(&self, time_s: f64) -> [f64; 3] {
         let turn = TAU * self.frequency_hz;
-        std::array::from_fn(|axis| self.amplitude[axis] / turn * (turn * time_s + self.phase_rad[axis]).sin())
+        std::array::from_fn(|axis| {
+            self.amplitude[axis] / turn * (turn * time_s + self.phase_rad[axis]).portable_sin()
+        })
     }
 
     /// Samples of the rates with white noise of this standard deviation, for the axes that are wanted.

@@ -2,6 +2,7 @@
 
 use crate::identify::Whiteness;
 use crate::signal::{fit_sine, fit_sine_at, least_squares};
+use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::TAU;
@@ -221,9 +222,9 @@ fn component(time_s: &[f64], values: &[f64], frequency_hz: f64, interval: f64) -
     let turn = |t: f64| TAU * frequency_hz * (t - middle);
     let basis = |t: f64| {
         let mut row = [1.0; 7];
-        (row[2], row[1]) = turn(t).sin_cos();
+        (row[2], row[1]) = turn(t).portable_sin_cos();
         for (k, order) in HARMONICS.iter().enumerate() {
-            (row[4 + 2 * k], row[3 + 2 * k]) = (order * turn(t)).sin_cos();
+            (row[4 + 2 * k], row[3 + 2 * k]) = (order * turn(t)).portable_sin_cos();
         }
         row
     };
@@ -231,7 +232,7 @@ fn component(time_s: &[f64], values: &[f64], frequency_hz: f64, interval: f64) -
         least_squares(time_s, values, basis)?
     } else {
         let [offset, c, s] = least_squares(time_s, values, |t| {
-            let (s, c) = turn(t).sin_cos();
+            let (s, c) = turn(t).portable_sin_cos();
             [1.0, c, s]
         })?;
         [offset, c, s, 0.0, 0.0, 0.0, 0.0]
@@ -276,7 +277,7 @@ fn beside(residuals: &[f64], cycles_per_sample: f64) -> f64 {
     let line = |cycles: f64| {
         let (mut re, mut im) = (0.0, 0.0);
         for (k, r) in residuals.iter().enumerate().filter(|(_, r)| r.is_finite()) {
-            let (s, c) = (TAU * cycles * k as f64).sin_cos();
+            let (s, c) = (TAU * cycles * k as f64).portable_sin_cos();
             re += r * c;
             im += r * s;
         }
@@ -302,7 +303,7 @@ fn clipped(values: &[f64], full_scale: Option<f64>) -> Option<(usize, f64)> {
     let at = |level: f64| {
         let samples = finite().filter(|v| *v == level).count();
         let step = finite().map(|v| (v - level).abs()).filter(|d| *d > 0.0).reduce(f64::min).unwrap_or(0.0);
-        let part = (1.0 - (2.0 * step / (high - low)).min(2.0)).acos() / std::f64::consts::PI;
+        let part = (1.0 - (2.0 * step / (high - low)).min(2.0)).portable_acos() / std::f64::consts::PI;
         (samples > 8 && samples as f64 > 3.0 * part * count).then_some((samples, level))
     };
     at(high).or_else(|| at(low))

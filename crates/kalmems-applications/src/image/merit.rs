@@ -1,6 +1,7 @@
 //! How good an image is.
 
 use super::picture::Picture;
+use kalmems_core::Portable;
 
 /// The peak signal-to-noise ratio in dB of a picture against the true one, where white is 1 and black 0:
 /// −10·log₁₀ of the mean square of the difference, over the pixels that both have. Infinite where none differs; `None`
@@ -10,7 +11,7 @@ use super::picture::Picture;
 pub fn psnr_db(picture: &Picture, truth: &Picture) -> Option<f64> {
     let pairs = pairs(picture, truth)?;
     let (sum, count) = pairs.fold((0.0, 0_usize), |(sum, n), (a, b)| (sum + (a - b) * (a - b), n + 1));
-    (count > 0).then(|| -10.0 * (sum / count as f64).log10())
+    (count > 0).then(|| -10.0 * (sum / count as f64).portable_log10())
 }
 
 fn pairs<'a>(a: &'a Picture, b: &'a Picture) -> Option<impl Iterator<Item = (f64, f64)> + 'a> {

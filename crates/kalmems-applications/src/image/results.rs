@@ -6,9 +6,10 @@ use crate::WriteError;
 use crate::image::file::Fill;
 use crate::image::{Counts, ImageOutcome, PhaseAccuracy, Picture, psnr_db, structural_similarity};
 use crate::recording::Source;
+use kalmems_core::Portable;
 use kalmems_engines::inspect::quantity;
 use kalmems_engines::topics::{explained, link};
-use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
+use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io;
@@ -324,20 +325,26 @@ pub fn image_page(
         })
         .collect();
     let caption = format!(
-        "The image, {}. Black is an intensity of {:.4e}, white one of {:.4e}.",
+        "The image, {}. Black is an intensity of {}, white one of {}.",
         field.join(", "),
-        metrics.black,
-        metrics.white
+        significant(metrics.black),
+        significant(metrics.white)
     );
-    let answer = Section::new("Image").raster(preview(&developed.picture), "The image", caption);
+    let (picture, alt) = (preview(&developed.picture), "The image");
+    let answer = Section::new("Image");
+    let answer = match metrics.axes.iter().find(|axis| axis.name == "x").and_then(bar) {
+        Some(bar) => answer.raster_with_bar(picture, alt, caption, bar),
+        None => answer.raster(picture, alt, caption),
+    };
     let mut evidence = Section::new("What it rests on").part(Part::Evidence);
-    let most = f64::from(outcome.passes.together().counts().iter().copied().max().unwrap_or(1).max(1));
-    let counts: Vec<f64> =
-        outcome.passes.together().counts().iter().map(|count| f64::from(*count) / most).collect();
+    let all = outcome.passes.together();
+    let white = white_of(all.counts());
+    let counts: Vec<f64> = all.counts().iter().map(|count| f64::from(*count) / white).collect();
+    let most = all.counts().iter().copied().max().unwrap_or(0);
     evidence = evidence.raster(
-        preview_of(&counts, outcome.passes.together().size()),
+        preview_of(&counts, all.size()),
         "Samples of each pixel",
-        format!("How many samples each pixel has: white is {most:.0}, black none."),
+        format!("How many samples each pixel has: black is none, white {white:.0} or more, and the most are {most}."),
     );
     for (name, picture) in [("grows", &developed.forward), ("falls", &developed.backward)] {
         let caption = format!(
@@ -360,6 +367,27 @@ pub fn image_page(
                 .preformatted("The image file as it was understood", file),
         );
     explained(page).to_html()
+}
+
+/// A bar of 1, 2 or 5 times a power of ten of degrees, a fifth of the field or less.
+fn bar(axis: &AxisMetrics) -> Option<(f64, String)> {
+    let field = 2.0 * axis.half_field_deg;
+    if !(field.is_finite() && field > 0.0) {
+        return None;
+    }
+    let decade = 10_f64.portable_powf((field / 5.0).portable_log10().floor());
+    let length =
+        [5.0, 2.0, 1.0].map(|steps| steps * decade).into_iter().find(|length| *length <= field / 5.0)?;
+    Some((length / field, format!("{} deg", significant(length))))
+}
+
+/// The number of samples that is shown as white: what 95 of 100 pixels have at most, since the turning points of a scan have so
+/// many that all others would be black.
+fn white_of(counts: &[u32]) -> f64 {
+    let mut sorted = counts.to_vec();
+    sorted.sort_unstable();
+    let place = sorted.len().saturating_sub(1) * 95 / 100;
+    f64::from(sorted.get(place).copied().unwrap_or(1).max(1))
 }
 
 /// What is said of the axes.

@@ -2,6 +2,7 @@
 
 use super::budget::Combined;
 use crate::simulate::WhiteNoise;
+use kalmems_core::Portable;
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -105,7 +106,7 @@ fn tolerance(standard_uncertainty: f64) -> f64 {
     if standard_uncertainty <= 0.0 || !standard_uncertainty.is_finite() {
         return 0.0;
     }
-    0.5 * 10.0_f64.powf(standard_uncertainty.log10().floor() - 1.0)
+    0.5 * 10.0_f64.portable_powf(standard_uncertainty.portable_log10().floor() - 1.0)
 }
 
 fn moments(values: &[f64]) -> (f64, f64) {

@@ -1,5 +1,6 @@
 //! How an interferogram is brought to an end.
 
+use kalmems_core::Portable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -51,7 +52,7 @@ impl Apodisation {
             return 0.0;
         }
         let rest = 1.0 - u * u;
-        let cosine = |order: f64| (order * PI * u).cos();
+        let cosine = |order: f64| (order * PI * u).portable_cos();
         match self {
             Self::Boxcar => 1.0,
             Self::Triangular => 1.0 - u,
@@ -81,7 +82,7 @@ impl Apodisation {
                         2.0
                     };
                     let u = i as f64 / STEPS as f64;
-                    factor * self.weight(u) * (2.0 * PI * nu * u).cos()
+                    factor * self.weight(u) * (2.0 * PI * nu * u).portable_cos()
                 })
                 .sum();
             sum / (3.0 * STEPS as f64)

@@ -5,6 +5,7 @@ use super::line::Line;
 use super::process::Processed;
 use crate::config::Quantity;
 use crate::spectrum::file::PathErrors;
+use kalmems_core::Portable;
 use kalmems_core::Scalar;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -114,7 +115,10 @@ pub fn systematic_error(
             let line = Line { wavenumber_per_m: grid.first_per_m + grid.step_per_m * place, height: 1.0 };
             let contributions =
                 budget(Some(errors), processed, Some(MeasuredLine { line, standard_error: None }));
-            contributions.iter().map(|one| [one.shift_per_m.hypot(one.sd_per_m), 1.0 - one.height]).collect()
+            contributions
+                .iter()
+                .map(|one| [one.shift_per_m.portable_hypot(one.sd_per_m), 1.0 - one.height])
+                .collect()
         })
         .collect();
     let at = |index: usize| -> f64 {
@@ -145,7 +149,7 @@ fn height_by_time_errors(processed: &Processed, wavenumber_per_m: f64, error_s: 
         sine += sample.weight * Scalar::sin(angle);
         total += sample.weight;
     }
-    if total > 0.0 { cosine.hypot(sine) / total } else { 1.0 }
+    if total > 0.0 { cosine.portable_hypot(sine) / total } else { 1.0 }
 }
 
 /// The largest wavenumber in 1/m that a detector sampled at a rate in Hz can see while the mirror moves at a speed in
@@ -164,7 +168,7 @@ pub fn detector_limit(sampling_rate_hz: f64, mirror_speed_m_per_s: f64) -> f64 {
 /// What is left of a line's height at a wavenumber in 1/m when the mirror's position has white errors of a standard
 /// deviation in m: exp(−(4π·ν·σ)²/2).
 pub fn line_height(wavenumber_per_m: f64, position_sd_m: f64) -> f64 {
-    (-0.5 * (4.0 * PI * wavenumber_per_m * position_sd_m).powi(2)).exp()
+    (-0.5 * (4.0 * PI * wavenumber_per_m * position_sd_m).powi(2)).portable_exp()
 }
 
 /// How far a line at a wavenumber in 1/m is shifted, in 1/m, when the amplitude of the motion is taken δA too large

@@ -18,6 +18,7 @@ use crate::progress::Progress;
 use crate::recording::{Finding, Purpose, ReadError, Source};
 use crate::signal::cubic_between;
 use crate::spectrum::file::{Band, PathDifference, SpectrumFile, SpectrumLine, SpectrumReference};
+use kalmems_core::Portable;
 use kalmems_engines::rig::{LengthScale, Workbench};
 
 /// A spectrum, and what is known of it.
@@ -216,7 +217,7 @@ pub fn measure(
     let skew = errors.and_then(|e| e.clock_skew.as_ref()).map_or(0.0, Quantity::si);
     let known = file.lines.iter().zip(&lines).filter_map(|(asked, found)| known(asked, found.as_ref()?));
     let NamedFiles { sources, findings, .. } = input.files;
-    let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle, scale_sd.hypot(skew));
+    let recalibration = recalibrate(&known.collect::<Vec<_>>(), half_angle, scale_sd.portable_hypot(skew));
     let correction = match recalibration {
         Some(recalibration) => correction(workbench, file, recalibration)?,
         None => None,

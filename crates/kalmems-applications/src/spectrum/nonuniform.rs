@@ -1,6 +1,7 @@
 //! The spectrum of an interferogram with samples at any path differences.
 
 use super::Apodisation;
+use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -31,7 +32,7 @@ pub fn spectrum_at(
 ) -> Complex64 {
     let mut sum = Complex64::new(0.0, 0.0);
     for ((x, y), w) in position_m.iter().zip(value).zip(weight) {
-        let (s, c) = (TAU * wavenumber_per_m * x).sin_cos();
+        let (s, c) = (TAU * wavenumber_per_m * x).portable_sin_cos();
         let size = y * w * apodisation.weight(x / largest_m);
         sum += Complex64::new(size * c, -size * s);
     }

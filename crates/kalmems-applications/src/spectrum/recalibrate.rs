@@ -1,5 +1,6 @@
 //! The scale of positions from lines that are known.
 
+use kalmems_core::Portable;
 use serde::Serialize;
 
 /// A line where it was found and where it is.
@@ -41,9 +42,9 @@ pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64, scale_sd: f64) -> O
         .iter()
         .map(|line| {
             let scale = line.found_per_m / (line.known_per_m * cone);
-            let sd = line
-                .found_sd_per_m
-                .map(|sd| scale * (sd / line.found_per_m).hypot(line.known_sd_per_m / line.known_per_m));
+            let sd = line.found_sd_per_m.map(|sd| {
+                scale * (sd / line.found_per_m).portable_hypot(line.known_sd_per_m / line.known_per_m)
+            });
             (scale, sd.filter(|sd| *sd > 0.0))
         })
         .collect();
@@ -57,7 +58,7 @@ pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64, scale_sd: f64) -> O
     let square: f64 = each.iter().map(|(found, sd)| (found - scale).powi(2) * weight(*sd)).sum();
     Some(Recalibration {
         scale,
-        scale_sd: known.then(|| total.sqrt().recip().hypot(scale * scale_sd)),
+        scale_sd: known.then(|| total.sqrt().recip().portable_hypot(scale * scale_sd)),
         lines: each.len(),
         disagreement: (known && each.len() > 1).then_some(square),
     })

@@ -39,6 +39,10 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
         answers.push(answer);
         sorted = sort(workbench, &Wanted { channels: &answers, ..wanted.clone() })?;
     }
+    if arguments.json && !sorted.questions.is_empty() {
+        // For a program that asks in its own way and comes again with `--channel`.
+        print_json(&json!({ "questions": sorted.questions, "channels": sorted.assigned }))?;
+    }
     let draft = draft::write(sorted, &wanted).map_err(|e| wrong(&e))?;
     for sentence in &draft.recognised {
         tell!("{sentence}");

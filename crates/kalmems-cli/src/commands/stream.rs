@@ -9,16 +9,17 @@ use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
-    AheadSummary, Break, Connection, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream,
-    stream_with_page,
+    AheadSummary, Break, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream, stream_with_page,
 };
-use serial2::SerialPort;
-use socket2::{SockRef, TcpKeepalive};
-use std::fs::File;
-use std::io::{self, BufWriter, ErrorKind, IsTerminal, Read, Write};
-use std::net::{TcpListener, TcpStream, ToSocketAddrs};
+use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+mod source;
+#[cfg(not(target_family = "wasm"))]
+mod viewer;
+#[cfg(not(target_family = "wasm"))]
+mod wires;
 
 /// The exit code where the connection broke.
 const BROKEN: u8 = 4;
@@ -35,6 +36,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     let own_folder = Path::new("out").join("streams");
     let own_file = own_folder.join(format!("{}.txt", experiment.name));
     let lines = lines.or(match (frames, io::stdout().is_terminal()) {
+        _ if arguments.to.is_some() => None,
         (Some(_), _) => None,
         (None, false) => Some(standard),
         (None, true) => Some(&*own_file),
@@ -47,22 +49,23 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
         let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
+    let written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
     let outputs = Outputs {
-        lines: lines.map(|to| output(to, is_lines, arguments.force)).transpose()?,
+        lines: watched(written, arguments.to.as_deref())?,
         frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
         notices: Some(Box::new(StandardError)),
     };
     let state = arguments.state.as_deref();
     let unreadable =
         |e: &io::Error| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from));
-    let source = Source::of(&arguments.from, arguments.baud).map_err(|e| unreadable(&e))?;
+    let source = source::open(&arguments.from, arguments.baud).map_err(|e| unreadable(&e))?;
     if experiment.stream.as_ref().is_some_and(|stream| stream.reconnect.is_some()) && !source.reopens() {
         tell!(
             "note: `{}` is read once: `reconnect` is for `tcp://`, `listen://` and serial devices",
             arguments.from
         );
     }
-    let (source, stop) = (Box::new(source), &interrupt::requested);
+    let stop = &interrupt::requested;
     let ended = match &arguments.report {
         Some(_) => stream_with_page(workbench, &experiment, source, outputs, state, stop)
             .map(|(summary, html)| (summary, Some(html))),
@@ -98,141 +101,24 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     }
 }
 
-/// How long a read or the acceptance of a connection waits at once, so that the stream can be stopped in between.
-const PATIENCE: Duration = Duration::from_millis(100);
-
-/// How long an address that does not answer is waited for.
-const CONNECTING: Duration = Duration::from_secs(2);
-
-/// A peer that says nothing is asked after so long whether it is there, and then this often; after some five questions without
-/// an answer the connection is broken.
-const ASKED_AFTER: Duration = Duration::from_secs(10);
-const ASKED_EVERY: Duration = Duration::from_secs(2);
-
-/// Where samples come from.
-enum Source {
-    Standard,
-    /// A file or a named pipe.
-    File(String),
-    Connect(String),
-    Listen(TcpListener),
-    Serial {
-        device: String,
-        baud: u32,
-    },
+/// What takes the lines: a file, and a program that draws them.
+#[cfg(not(target_family = "wasm"))]
+fn watched(written: Option<Box<dyn Write>>, to: Option<&str>) -> Result<Option<Box<dyn Write>>, Ending> {
+    let Some(to) = to else { return Ok(written) };
+    let viewer = viewer::open(to).map_err(|e| Ending::Wrong(format!("`--to`: {e}")))?;
+    Ok(Some(match written {
+        Some(written) => Box::new(viewer::Both(written, viewer)),
+        None => Box::new(viewer),
+    }))
 }
 
-impl Source {
-    /// As the user names it.
-    fn of(from: &str, baud: Option<u32>) -> io::Result<Self> {
-        if let Some(baud) = baud {
-            return Ok(Self::Serial { device: from.to_owned(), baud });
-        }
-        if from == "-" {
-            return Ok(Self::Standard);
-        }
-        if let Some(address) = from.strip_prefix("tcp://") {
-            return Ok(Self::Connect(address.to_owned()));
-        }
-        if let Some(address) = from.strip_prefix("listen://") {
-            let listener = TcpListener::bind(address)?;
-            listener.set_nonblocking(true)?;
-            tell!("waiting for samples at {}", listener.local_addr()?);
-            return Ok(Self::Listen(listener));
-        }
-        Ok(Self::File(from.to_owned()))
+/// A browser sends nothing.
+#[cfg(target_family = "wasm")]
+fn watched(written: Option<Box<dyn Write>>, to: Option<&str>) -> Result<Option<Box<dyn Write>>, Ending> {
+    if to.is_some() {
+        return Err(Ending::Wrong("`--to`: a browser has no connections here".to_owned()));
     }
-}
-
-impl Connection for Source {
-    fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
-        Ok(match self {
-            Self::Standard => Some(Box::new(io::stdin())),
-            Self::File(path) => Some(Box::new(File::open(path)?)),
-            Self::Connect(address) => Some(Box::new(connected(connect(address)?)?)),
-            Self::Listen(listener) => match accept(listener)? {
-                Some(stream) => Some(Box::new(connected(stream)?)),
-                None => None,
-            },
-            Self::Serial { device, baud } => {
-                let mut port = SerialPort::open(device.as_str(), *baud)?;
-                port.set_read_timeout(PATIENCE)?;
-                Some(Box::new(Device(port)))
-            }
-        })
-    }
-
-    fn reopens(&self) -> bool {
-        matches!(self, Self::Connect(_) | Self::Listen(_) | Self::Serial { .. })
-    }
-}
-
-fn connect(address: &str) -> io::Result<TcpStream> {
-    let mut failed = io::Error::new(ErrorKind::NotFound, "the name has no address");
-    for address in address.to_socket_addrs()? {
-        match TcpStream::connect_timeout(&address, CONNECTING) {
-            Ok(stream) => return Ok(stream),
-            Err(e) => failed = e,
-        }
-    }
-    Err(failed)
-}
-
-/// A connection that somebody made, if that happens soon.
-fn accept(listener: &TcpListener) -> io::Result<Option<TcpStream>> {
-    let begun = Instant::now();
-    loop {
-        match listener.accept() {
-            Ok((stream, _)) => {
-                // Some systems hand down that the listener does not wait.
-                stream.set_nonblocking(false)?;
-                return Ok(Some(stream));
-            }
-            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
-                if begun.elapsed() >= PATIENCE {
-                    return Ok(None);
-                }
-                std::thread::sleep(PATIENCE / 10);
-            }
-            // Who wanted to connect has gone already.
-            Err(e) if e.kind() == ErrorKind::ConnectionAborted => {}
-            Err(e) => return Err(e),
-        }
-    }
-}
-
-/// A connection whose reads return in between, and which notices that its other end has died.
-fn connected(stream: TcpStream) -> io::Result<Peer> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    let asked = TcpKeepalive::new().with_time(ASKED_AFTER).with_interval(ASKED_EVERY);
-    SockRef::from(&stream).set_tcp_keepalive(&asked)?;
-    Ok(Peer(stream))
-}
-
-/// The other end of a connection.
-struct Peer(TcpStream);
-
-impl Read for Peer {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        match self.0.read(bytes) {
-            // On Windows a read that returns in between says so; elsewhere it means that the other end does not answer.
-            Err(e) if cfg!(windows) && e.kind() == ErrorKind::TimedOut => Err(ErrorKind::WouldBlock.into()),
-            read => read,
-        }
-    }
-}
-
-/// A serial device; one that is unplugged is a connection that broke.
-struct Device(SerialPort);
-
-impl Read for Device {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        match self.0.read(bytes) {
-            Ok(0) => Err(io::Error::new(ErrorKind::NotConnected, "the device is not connected any more")),
-            Err(e) if e.kind() == ErrorKind::TimedOut => Err(ErrorKind::WouldBlock.into()),
-            read => read,
-        }
-    }
+    Ok(written)
 }
 
 /// Opens what estimates go to; what another stream wrote there is kept beside it.

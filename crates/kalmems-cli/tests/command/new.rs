@@ -136,3 +136,24 @@ fn a_column_that_its_name_does_not_tell_is_asked_for_on_a_terminal() {
     let text = std::fs::read_to_string(folder.path().join("new.toml")).unwrap();
     assert!(text.contains("channels = { drive = \"CH1_V\", signal = \"CH2_V\" }"), "{text}");
 }
+
+/// What a page with a form needs to ask.
+#[test]
+fn open_questions_are_json_for_a_program_that_asks_and_an_answer_closes_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("scope.csv"), "time_s,CH1_V,CH2_V\n0,1,2\n1e-6,2,1\n2e-6,1,2\n").unwrap();
+    let asked = |channels: &[&str]| {
+        let mut arguments = vec!["new", "scope.csv", "--device", "shared_scanner", "--json"];
+        channels.iter().for_each(|channel| arguments.extend(["--channel", channel]));
+        let output = run(&arguments, folder);
+        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), told)
+    };
+    let (code, told) = asked(&[]);
+    assert_eq!(code, Some(1));
+    assert_eq!(told["questions"][0]["meaning"], "drive");
+    assert_eq!(told["questions"][0]["candidates"], serde_json::json!(["CH1_V", "CH2_V"]));
+    let (code, told) = asked(&["drive=CH2_V"]);
+    assert_eq!((code, told["questions"].is_null()), (Some(0), true), "{told}");
+}

@@ -9,6 +9,7 @@ mod constants;
 mod exp;
 mod ln;
 mod polynomial;
+mod portable;
 mod register;
 mod trig;
 
@@ -17,5 +18,6 @@ pub(crate) use atanh::atanh;
 pub(crate) use constants::Constants;
 pub(crate) use exp::exp;
 pub(crate) use ln::ln;
+pub use portable::Portable;
 pub(crate) use register::Register;
 pub(crate) use trig::{cos, sin};

@@ -19,6 +19,7 @@ mod long_run;
 mod math;
 mod nile;
 mod pair;
+mod portable;
 mod scaling;
 mod schmidt;
 mod sequential;

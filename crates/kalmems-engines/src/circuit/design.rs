@@ -1,6 +1,7 @@
 //! Orders and cut-offs from what is demanded of them.
 
 use super::HighPass;
+use kalmems_core::Portable;
 use kalmems_models::circuit::Cascade;
 
 /// What the high-pass must keep out, and what it must not take.
@@ -82,7 +83,7 @@ pub enum DesignError {
 
 /// (10^{dB/10} − 1)^{1/2n}: how far from the cut-off Butterworth's gain has fallen by this.
 fn distance(decibels: f64, order: usize) -> f64 {
-    (10_f64.powf(decibels / 10.0) - 1.0).powf(0.5 / order as f64)
+    (10_f64.portable_powf(decibels / 10.0) - 1.0).portable_powf(0.5 / order as f64)
 }
 
 impl DriveRejection {
@@ -106,7 +107,7 @@ impl DriveRejection {
         }
         let cutoff_hz = self.side_band_hz * distance(self.loss_db, highest);
         let gain = HighPass::new(highest, cutoff_hz).map_or(1.0, |h| h.response(self.drive_hz).norm());
-        let reached_db = -20.0 * gain.log10();
+        let reached_db = -20.0 * gain.portable_log10();
         Err(DesignError::HighPass { order: highest, reached_db, rejection_db: self.rejection_db })
     }
 }
@@ -116,10 +117,10 @@ impl Demodulation {
     ///
     /// Each pole takes 10·lg(1 + (f/p)²) dB and arctan(f/p) of the line.
     pub fn design(&self) -> Result<LowPassDesign, DesignError> {
-        let per_stage = |decibels: f64| (10_f64.powf(decibels / 20.0) - 1.0).sqrt();
+        let per_stage = |decibels: f64| (10_f64.portable_powf(decibels / 20.0) - 1.0).sqrt();
         let for_loss = self.signal_hz / per_stage(self.loss_db);
         let for_lag =
-            if self.lag_deg < 90.0 { self.signal_hz / self.lag_deg.to_radians().tan() } else { 0.0 };
+            if self.lag_deg < 90.0 { self.signal_hz / self.lag_deg.to_radians().portable_tan() } else { 0.0 };
         let (above_hz, below_hz) = (for_loss.max(for_lag), self.ripple_hz / per_stage(self.ripple_db));
         if above_hz <= below_hz {
             Ok(LowPassDesign { pole_hz: [above_hz, below_hz] })

@@ -1,5 +1,6 @@
 //! What the electrodes are under: voltages and a motion.
 
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// V = offset + amplitude·sin(ω_dr·t) + carrier·sin(ω_c·t).
@@ -19,7 +20,7 @@ pub struct Excitation {
 
 /// sin and cos of 2πx.
 pub(super) fn turned(x: f64) -> (f64, f64) {
-    (TAU * (x - x.floor())).sin_cos()
+    (TAU * (x - x.floor())).portable_sin_cos()
 }
 
 impl Excitation {

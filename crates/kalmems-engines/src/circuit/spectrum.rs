@@ -1,5 +1,6 @@
 //! Signals that are sums of lines at n·f_dr + m·f_c.
 
+use kalmems_core::Portable;
 pub use realfft::num_complex::Complex;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -154,7 +155,7 @@ impl Spectrum {
     pub fn lines_above(&self, decibels_down: f64) -> Vec<Line> {
         let mut lines = self.lines();
         let largest = lines.iter().map(|line| line.amplitude).fold(0.0, f64::max);
-        let least = largest * 10_f64.powf(-decibels_down / 20.0);
+        let least = largest * 10_f64.portable_powf(-decibels_down / 20.0);
         lines.retain(|line| line.amplitude >= least && line.amplitude > 0.0);
         lines
     }

@@ -7,6 +7,7 @@ use super::linked::Linked;
 use super::transition::{Numbers, Seen, Sensor, Transition};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
+use kalmems_core::Portable;
 use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
 use kalmems_core::{
@@ -235,7 +236,7 @@ fn constant_gain<const N: usize>(
 pub fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>> {
     let pairs = (0..order / 2).map(move |k| {
         let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
-        Pole::Pair { real: -corner * angle.sin(), imaginary: corner * angle.cos() }
+        Pole::Pair { real: -corner * angle.portable_sin(), imaginary: corner * angle.portable_cos() }
     });
     pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
 }

@@ -9,6 +9,7 @@ use super::{
     follow,
 };
 use crate::progress::Progress;
+use kalmems_core::Portable;
 use kalmems_core::{FilterError, Innovation};
 
 /// The most models side by side: three values of each of three parameters.
@@ -49,7 +50,7 @@ struct Models {
 impl Models {
     /// All equally likely at first.
     fn new(filters: Vec<AnyFilter>, watch: &Watch) -> Self {
-        let log_weights = vec![-(filters.len() as f64).ln(); filters.len()];
+        let log_weights = vec![-(filters.len() as f64).portable_ln(); filters.len()];
         let on_its_way = |filter: AnyFilter| filter.on_its_way(watch.clone());
         Self { filters: filters.into_iter().map(on_its_way).collect(), log_weights }
     }
@@ -65,7 +66,8 @@ impl Models {
         let n = mean.len();
         mean.fill(0.0);
         covariance.fill(0.0);
-        let members = || self.filters.iter().zip(&self.log_weights).map(|(filter, l)| (filter, l.exp()));
+        let members =
+            || self.filters.iter().zip(&self.log_weights).map(|(filter, l)| (filter, l.portable_exp()));
         for (filter, weight) in members() {
             mean.iter_mut().zip(filter.mean()).for_each(|(mean, x)| *mean += weight * x);
         }
@@ -83,7 +85,8 @@ impl Models {
         let likelihoods = innovations.iter().map(Innovation::log_likelihood);
         self.log_weights.iter_mut().zip(likelihoods).for_each(|(weight, more)| *weight += more);
         let largest = self.log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let total = largest + self.log_weights.iter().map(|l| (l - largest).exp()).sum::<f64>().ln();
+        let total = largest
+            + self.log_weights.iter().map(|l| (l - largest).portable_exp()).sum::<f64>().portable_ln();
         self.log_weights.iter_mut().for_each(|l| *l -= total);
     }
 }
@@ -154,7 +157,7 @@ impl Course for BankCourse<'_> {
         let mut mean = 0.0;
         for (course, log_weight) in self.courses.iter().zip(&self.models.log_weights) {
             course.conclude(trajectory);
-            mean += log_weight.exp() * trajectory.crossings_log_likelihood;
+            mean += log_weight.portable_exp() * trajectory.crossings_log_likelihood;
         }
         trajectory.crossings_log_likelihood = mean;
     }
@@ -200,7 +203,7 @@ impl Course for BankCourse<'_> {
             // Without this signal; another one may have corrected them.
             return self.lead(filter).map(|()| None);
         }
-        let weights = || self.models.log_weights.iter().map(|l| l.exp());
+        let weights = || self.models.log_weights.iter().map(|l| l.portable_exp());
         let found = || self.innovations.iter().zip(weights());
         let residual: f64 = found().map(|(one, w)| w * one.residual[0]).sum();
         let spread =

@@ -5,6 +5,7 @@ use super::foretell::{Foreteller, Onwards};
 use super::transition::{Seen, Sensor, Transition};
 use super::{Counts, Known, MOST_STATES};
 use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
+use kalmems_core::Portable;
 use kalmems_core::update::Gate;
 use kalmems_core::{Covariance, Ekf, Filter, FilterError, Innovation};
 use std::cell::RefCell;
@@ -389,7 +390,7 @@ fn deviation(found: &Fit<MOST_STATES>, i: usize) -> f64 {
 
 /// A start with a free oscillation of this shape, amplitude and phase more.
 fn oscillating(from: &Start, [real, imaginary]: &[Vec<f64>; 2], amplitude: f64, phase: f64) -> Start {
-    let (sine, cosine) = phase.sin_cos();
+    let (sine, cosine) = phase.portable_sin_cos();
     std::array::from_fn(|i| {
         let part = |of: &[f64]| of.get(i).copied().unwrap_or(0.0);
         from[i] + amplitude * (part(real) * cosine - part(imaginary) * sine)

@@ -1,6 +1,7 @@
 //! The lock-in: the sinusoidal motion that the lines of a signal show, window by window.
 
 use super::{FilterBasics, FilterPast, Samples, StateName, Trajectory, TrajectoryKind};
+use kalmems_core::Portable;
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
@@ -21,7 +22,7 @@ impl Swing {
     /// The coordinate and its rate per second, at a time in s.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
         let phase = self.rate * time_s + self.phase;
-        [self.rest + self.amplitude * phase.sin(), self.amplitude * self.rate * phase.cos()]
+        [self.rest + self.amplitude * phase.portable_sin(), self.amplitude * self.rate * phase.portable_cos()]
     }
 
     /// The same swing or the opposite one, A → −A, whichever is nearer to the swing of the window before. For signals
@@ -161,10 +162,10 @@ const POINTS: u32 = 256;
 pub fn current_line(current: impl Fn(f64, f64) -> f64, harmonic: u32, rate: f64, amplitude: f64) -> f64 {
     let term = |point: u32| {
         let phase = TAU * f64::from(point) / f64::from(POINTS);
-        let (sine, cosine) = phase.sin_cos();
+        let (sine, cosine) = phase.portable_sin_cos();
         let y = current(amplitude * sine, amplitude * rate * cosine);
         let turned = f64::from(harmonic) * phase;
-        y * if harmonic % 2 == 1 { turned.cos() } else { turned.sin() }
+        y * if harmonic % 2 == 1 { turned.portable_cos() } else { turned.portable_sin() }
     };
     (0..POINTS).map(term).sum::<f64>() * 2.0 / f64::from(POINTS)
 }

@@ -10,6 +10,7 @@ use super::gate::Watch;
 use super::{Counts, MOST_STATES, Prior, Sensor, StateName, TakenOverTo, Trajectory, Transition};
 use crate::config::{ConfigError, Experiment, Filter, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
+use kalmems_core::Portable;
 use kalmems_core::{FilterError, Innovation};
 use std::f64::consts::TAU;
 
@@ -322,8 +323,8 @@ impl Through<'_> {
             *slope = match state.enters {
                 Enters::Offset => 1.0,
                 Enters::Scale => given,
-                Enters::Cosine(rate) => (rate * self.time_s).cos(),
-                Enters::Sine(rate) => (rate * self.time_s).sin(),
+                Enters::Cosine(rate) => (rate * self.time_s).portable_cos(),
+                Enters::Sine(rate) => (rate * self.time_s).portable_sin(),
             };
             match state.enters {
                 Enters::Scale => scale += value,

@@ -3,6 +3,7 @@
 use super::{Claim, PartErrors, Reference, ReferenceLag};
 use crate::estimate::{Trajectory, is_the_only_one};
 use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
+use kalmems_core::{Portable, Scalar};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -227,10 +228,10 @@ fn mean_shift(extremes: &[Extreme], extent: Extent) -> Option<f64> {
     let (mut c, mut s) = (0.0, 0.0);
     for extreme in extremes.iter().filter(|e| e.time_s >= extent.from_s) {
         let phase = TAU * drive.frequency_hz * extreme.time_s + drive.phase_rad;
-        c += phase.cos();
-        s += phase.sin();
+        c += Scalar::cos(phase);
+        s += Scalar::sin(phase);
     }
-    let turns = s.atan2(c) / TAU;
+    let turns = s.portable_atan2(c) / TAU;
     (!extremes.is_empty()).then(|| (turns - turns.floor()) / drive.frequency_hz * extent.motion_hz * 360.0)
 }
 

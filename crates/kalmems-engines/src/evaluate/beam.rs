@@ -1,5 +1,6 @@
 //! The angle of a mirror, from where its beam falls.
 
+use kalmems_core::Portable;
 use kalmems_core::Scalar;
 
 /// y·G = L·tan(m·θ): what a position-sensing detector of gain G at the distance L makes of a mirror's angle θ.
@@ -25,7 +26,7 @@ pub struct BeamPosition {
 impl BeamPosition {
     /// θ in rad.
     pub fn angle(&self, volts: f64) -> f64 {
-        (volts * self.gain / self.distance).atan() / self.multiple
+        (volts * self.gain / self.distance).portable_atan() / self.multiple
     }
 
     /// y in V.

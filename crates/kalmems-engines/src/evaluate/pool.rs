@@ -4,6 +4,7 @@
 //! one begins is in neither.
 
 use super::{AngleErrors, MotionErrors, ValueErrors};
+use kalmems_core::Portable;
 
 /// The mean of two, each of so many.
 fn mean((a, of_a): (f64, usize), (b, of_b): (f64, usize)) -> f64 {
@@ -87,12 +88,13 @@ impl ValueErrors {
     pub fn pool(&mut self, later: &Self) {
         let of = |e: &Self, x: f64| (x, e.samples);
         // The root mean square of the reference, from its ratio to that of the error.
-        let signal = |e: &Self| e.snr_db.map(|db| e.rmse * 10_f64.powf(db / 20.0));
+        let signal = |e: &Self| e.snr_db.map(|db| e.rmse * 10_f64.portable_powf(db / 20.0));
         let signals = of_both((signal(self), self.samples), (signal(later), later.samples), rms);
         self.bias = mean(of(self, self.bias), of(later, later.bias));
         self.rmse = rms(of(self, self.rmse), of(later, later.rmse));
         self.largest = self.largest.max(later.largest);
-        self.snr_db = signals.map(|signal| 20.0 * (signal / self.rmse).log10()).filter(|db| db.is_finite());
+        self.snr_db =
+            signals.map(|signal| 20.0 * (signal / self.rmse).portable_log10()).filter(|db| db.is_finite());
         self.scale_factor = None;
         self.offset = None;
         self.claim = match (self.claim, later.claim) {

@@ -3,6 +3,7 @@
 use super::innovations::{WRONG, normal_tail};
 use crate::estimate::{GateTurn, SegmentEstimate, Trajectory};
 use crate::inspect::quantity;
+use kalmems_core::Portable;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -132,7 +133,7 @@ const FEW: usize = 5;
 fn percent(share: f64) -> String {
     let percent = 100.0 * share;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 9
-    let decimals = (1.0 - percent.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = (1.0 - percent.max(1e-9).portable_log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{percent:.decimals$} %")
 }
 
@@ -191,7 +192,8 @@ impl Cycle {
         }
         self.events += 1.0;
         for (k, sum) in self.sums.iter_mut().enumerate() {
-            let (sine, cosine) = (TAU * ((k + 1) as f64 * self.frequency_hz * time_s).fract()).sin_cos();
+            let (sine, cosine) =
+                (TAU * ((k + 1) as f64 * self.frequency_hz * time_s).fract()).portable_sin_cos();
             sum[0] += cosine;
             sum[1] += sine;
         }
@@ -200,7 +202,7 @@ impl Cycle {
     /// How probable the most concentrated of the harmonics is of events that come at random: |Σ e^{ikφ}|²/n is exponential (Rayleigh).
     fn p_value(&self) -> Option<f64> {
         let largest = self.sums.iter().map(|[re, im]| (re * re + im * im) / self.events).fold(0.0, f64::max);
-        (self.events >= FEWEST).then(|| (HARMONICS as f64 * (-largest).exp()).min(1.0))
+        (self.events >= FEWEST).then(|| (HARMONICS as f64 * (-largest).portable_exp()).min(1.0))
     }
 }
 

@@ -5,6 +5,7 @@ use super::{Accuracy, Claim, ErrorSeries};
 use crate::estimate::{StateSeries, Trajectory};
 use crate::signal::{cubic_between, hermite, usual_interval};
 use crate::units::Kind;
+use kalmems_core::Portable;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -128,7 +129,7 @@ fn errors(
     let samples = truth.len();
     let average = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / samples as f64;
     let square = average(&mut series.error.iter().map(|e| e * e));
-    let snr_db = 10.0 * (average(&mut truth.iter().map(|t| t * t)) / square).log10();
+    let snr_db = 10.0 * (average(&mut truth.iter().map(|t| t * t)) / square).portable_log10();
     let line = line(&truth, &series.error);
     let place = trajectory.states.iter().position(|own| own.name == state.name);
     let claim = place.and_then(|place| Claim::of(&series, &truth, (trajectory, place), reference.accuracy));

@@ -1,6 +1,7 @@
 //! Maximum likelihood of innovations.
 
 use super::triangle::Triangle;
+use kalmems_core::Portable;
 
 /// Innovations ν of a filter and their variances S, in the order of time; what is not finite is no update.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,7 +16,7 @@ impl Innovations {
     /// Σ ln p(ν) = −½ Σ (ν²/S + ln 2πS) over those that are updates.
     pub fn log_likelihood(&self) -> f64 {
         let each = self.value.iter().zip(&self.variance).map(|(value, variance)| {
-            -0.5 * (value * value / variance + (2.0 * std::f64::consts::PI * variance).ln())
+            -0.5 * (value * value / variance + (2.0 * std::f64::consts::PI * variance).portable_ln())
         });
         each.filter(|l| l.is_finite()).sum()
     }

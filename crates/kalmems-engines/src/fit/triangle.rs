@@ -4,6 +4,7 @@
 ///
 /// Rows enter by Givens rotations. Unlike normal equations that loses no digits, and it needs P² numbers however
 /// many rows there are.
+use kalmems_core::Portable;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Triangle<const P: usize> {
     /// Upper triangular.
@@ -24,7 +25,7 @@ impl<const P: usize> Triangle<P> {
             if row[i] == 0.0 {
                 continue;
             }
-            let length = self.r[i][i].hypot(row[i]);
+            let length = self.r[i][i].portable_hypot(row[i]);
             let (c, s) = (self.r[i][i] / length, row[i] / length);
             for (upper, lower) in self.r[i][i..].iter_mut().zip(&mut row[i..]) {
                 let (above, below) = (*upper, *lower);

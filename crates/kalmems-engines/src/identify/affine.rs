@@ -2,6 +2,7 @@
 
 use super::Whiteness;
 use crate::fit::Derived;
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Mat};
 
 /// y = slope·x + intercept by least squares, with what its noise makes of it.
@@ -95,7 +96,7 @@ fn bandwidth(neighbours: f64, n: f64) -> usize {
     let rho = neighbours.clamp(-0.97, 0.97);
     let alpha = 4.0 * rho * rho / (1.0 - rho * rho).powi(2);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // at most the number of samples
-    let lags = (1.1447 * (alpha * n).cbrt()).ceil().min(n - 1.0) as usize;
+    let lags = (1.1447 * (alpha * n).portable_cbrt()).ceil().min(n - 1.0) as usize;
     lags
 }
 

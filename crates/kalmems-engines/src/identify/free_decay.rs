@@ -2,6 +2,7 @@
 
 use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
 use crate::signal::largest_line;
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Dual, Ldl, Mat, Over, Scalar};
 use std::f64::consts::TAU;
 
@@ -90,7 +91,7 @@ impl DampedSine<'_> {
         for i in -8..=8 {
             let rate = line + 0.25 * width * f64::from(i);
             for j in 0..=12 {
-                let decay = 0.1 / span * 300_f64.powf(f64::from(j) / 12.0);
+                let decay = 0.1 / span * 300_f64.portable_powf(f64::from(j) / 12.0);
                 if let Some((cost, [c, a, b])) = self.linear(rate, decay)
                     && cost < best.0
                 {
@@ -106,8 +107,8 @@ impl DampedSine<'_> {
         let stride = self.y.len().div_ceil(SEARCH);
         let samples = || self.time_s.iter().zip(self.y).step_by(stride).filter(|(_, y)| y.is_finite());
         let basis = |t: f64| {
-            let (s, c) = (rate * (t - self.start_s)).sin_cos();
-            let envelope = (-decay * (t - self.start_s)).exp();
+            let (s, c) = (rate * (t - self.start_s)).portable_sin_cos();
+            let envelope = (-decay * (t - self.start_s)).portable_exp();
             [1.0, envelope * c, envelope * s]
         };
         let mut normal = Mat::<f64, 3, 3>::zero();

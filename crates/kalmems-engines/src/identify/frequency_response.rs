@@ -1,6 +1,7 @@
 //! A resonance in a measured frequency response.
 
 use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
+use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
 use std::f64::consts::TAU;
 
@@ -73,7 +74,7 @@ pub fn fit_response(points: &[ResponsePoint], model: ResponseModel) -> Result<Re
 }
 
 fn start(points: &[ResponsePoint]) -> Option<[f64; 6]> {
-    let magnitude = |p: &ResponsePoint| p.re.hypot(p.im);
+    let magnitude = |p: &ResponsePoint| p.re.portable_hypot(p.im);
     let finite = || points.iter().filter(|p| magnitude(p).is_finite());
     if finite().count() < 4 {
         return None;

@@ -1,6 +1,7 @@
 //! The noise of a device that does not move.
 
 use super::{Whiteness, fit_affine};
+use kalmems_core::Portable;
 use realfft::RealFftPlanner;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -174,7 +175,7 @@ fn drift(stretches: &[Stretch]) -> [f64; 2] {
         information += from_s * from_s / stretch.level[1] + 1.0 / stretch.slope[1];
         sum += from_s * stretch.level[0] / stretch.level[1] + stretch.slope[0] / stretch.slope[1];
     }
-    [sum / information, information.powf(-0.5)]
+    [sum / information, information.portable_powf(-0.5)]
 }
 
 /// The sum of the periodograms of stretches of one length.

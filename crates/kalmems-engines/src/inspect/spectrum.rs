@@ -6,6 +6,7 @@
 //! F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform",
 //! Proc. IEEE 66 (1978) 51.
 
+use kalmems_core::Portable;
 use realfft::RealFftPlanner;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -126,7 +127,8 @@ pub fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
     }
     let window = |i: usize| {
         let angle = TAU * i as f64 / values.len() as f64;
-        TERMS[0] - TERMS[1] * angle.cos() + TERMS[2] * (2.0 * angle).cos() - TERMS[3] * (3.0 * angle).cos()
+        TERMS[0] - TERMS[1] * angle.portable_cos() + TERMS[2] * (2.0 * angle).portable_cos()
+            - TERMS[3] * (3.0 * angle).portable_cos()
     };
     let weights: Vec<f64> = (0..values.len()).map(window).collect();
     // With the mean under the window no offset is left that could leak into the first bins.
@@ -155,7 +157,7 @@ fn is_peak(bins: &[f64], bin: usize, least: f64) -> bool {
 
 /// The transform of the window at a distance from its centre in bins, per row.
 fn lobe(distance: f64) -> f64 {
-    let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+    let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).portable_sin() / (PI * x) };
     let mut sum = TERMS[0] * sinc(distance);
     for (order, term) in [1.0, 2.0, 3.0].into_iter().zip(&TERMS[1..]) {
         sum += term / 2.0 * (sinc(distance - order) + sinc(distance + order));

@@ -6,7 +6,7 @@ mod threads;
 
 pub use pace::Pace;
 pub use reader::Reader;
-pub use threads::map_on_threads;
+pub use threads::{HAS_THREADS, each_on_threads, map_on_threads, processors};
 
 use std::ops::ControlFlow;
 

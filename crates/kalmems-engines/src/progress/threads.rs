@@ -1,6 +1,7 @@
-//! Points of a computation over threads.
+//! Points of a computation over threads, or in turn where there are none.
 
 use super::Progress;
+use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -8,6 +9,14 @@ use std::time::Duration;
 
 /// How often an interruption is looked for.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// Whether a program has threads here; one in a browser's sandbox (WebAssembly) has none.
+pub const HAS_THREADS: bool = !cfg!(target_family = "wasm");
+
+/// How many threads the machine can run at once, at least 1.
+pub fn processors() -> usize {
+    if HAS_THREADS { std::thread::available_parallelism().map_or(1, NonZero::get) } else { 1 }
+}
 
 /// What `point` makes of 0 to `count` − 1, in this order, whatever thread computed which; `None` where the work was stopped.
 ///
@@ -19,9 +28,46 @@ pub fn map_on_threads<T: Send>(
     (count, units): (usize, u64),
     point: impl Fn(usize, &dyn Progress) -> Option<T> + Sync,
 ) -> Option<Vec<T>> {
-    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
     progress.begin(what, units * count as u64);
+    let take = |index: usize, result| {
+        results[index] = Some(result);
+        Ok::<(), NeverFails>(())
+    };
+    let whole = each_on_threads(progress, threads, (count, units), point, take);
+    matches!(whole, Ok(true)).then(|| results.into_iter().collect()).flatten()
+}
+
+/// The error of taking a result where there is none.
+enum NeverFails {}
+
+/// Has `point` make something of 0 to `count` − 1 on threads, and gives each result to `take` on this thread as soon as it is
+/// there, in any order; whether the work came to its end.
+///
+/// The work ends where `progress` or a result that is not taken ends it. A target without threads computes one point after
+/// the other on this thread. The caller begins the progress.
+pub fn each_on_threads<T: Send, E>(
+    progress: &dyn Progress,
+    threads: usize,
+    (count, units): (usize, u64),
+    point: impl Fn(usize, &dyn Progress) -> Option<T> + Sync,
+    take: impl FnMut(usize, T) -> Result<(), E>,
+) -> Result<bool, E> {
+    if HAS_THREADS {
+        side_by_side(progress, threads, (count, units), point, take)
+    } else {
+        in_turn(progress, (count, units), point, take)
+    }
+}
+
+fn side_by_side<T: Send, E>(
+    progress: &dyn Progress,
+    threads: usize,
+    (count, units): (usize, u64),
+    point: impl Fn(usize, &dyn Progress) -> Option<T> + Sync,
+    mut take: impl FnMut(usize, T) -> Result<(), E>,
+) -> Result<bool, E> {
+    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
         let (send, receive) = mpsc::channel();
         for _ in 0..threads.clamp(1, count.max(1)) {
@@ -39,13 +85,17 @@ pub fn map_on_threads<T: Send>(
             });
         }
         drop(send);
-        let mut done = 0;
+        let (mut done, mut whole) = (0, true);
         loop {
             match receive.recv_timeout(LOOK) {
-                Ok((index, result)) => {
-                    results[index] = result;
+                Ok((index, Some(result))) => {
+                    if let Err(e) = take(index, result) {
+                        stopped.store(true, Ordering::Relaxed);
+                        return Err(e);
+                    }
                     done += 1;
                 }
+                Ok((_, None)) => whole = false,
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => break,
             }
@@ -53,11 +103,28 @@ pub fn map_on_threads<T: Send>(
                 stopped.store(true, Ordering::Relaxed);
             }
         }
-    });
-    if stopped.load(Ordering::Relaxed) {
-        return None;
+        Ok(whole && !stopped.load(Ordering::Relaxed))
+    })
+}
+
+fn in_turn<T, E>(
+    progress: &dyn Progress,
+    (count, units): (usize, u64),
+    point: impl Fn(usize, &dyn Progress) -> Option<T>,
+    mut take: impl FnMut(usize, T) -> Result<(), E>,
+) -> Result<bool, E> {
+    let mut whole = true;
+    for index in 0..count {
+        let within = Within { progress, done: units * index as u64 };
+        match point(index, &within) {
+            Some(result) => take(index, result)?,
+            None => whole = false,
+        }
+        if progress.reached(units * (index as u64 + 1)).is_break() {
+            return Ok(false);
+        }
     }
-    results.into_iter().collect()
+    Ok(whole)
 }
 
 /// Tells a point that the work was stopped.
@@ -70,6 +137,20 @@ impl Progress for Watch<'_> {
 
     fn reached(&self, _: u64) -> ControlFlow<()> {
         if self.stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// Tells a point the same where nothing else runs meanwhile.
+struct Within<'a> {
+    progress: &'a dyn Progress,
+    done: u64,
+}
+
+impl Progress for Within<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn reached(&self, _: u64) -> ControlFlow<()> {
+        self.progress.reached(self.done)
     }
 }
 
@@ -111,5 +192,36 @@ mod tests {
         });
         assert!(result.is_none());
         assert!(computed.load(Ordering::Relaxed) < 1000);
+    }
+
+    #[test]
+    fn points_in_turn_give_what_threads_give_and_stop_where_the_progress_stops() {
+        struct Until(u64);
+        impl Progress for Until {
+            fn begin(&self, _: &str, _: u64) {}
+            fn reached(&self, done: u64) -> ControlFlow<()> {
+                if done < self.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            }
+        }
+        let run = |until, threads: bool| {
+            let mut taken = vec![None; 14];
+            let square = |i: usize, watch: &dyn Progress| watch.reached(0).is_continue().then_some(i * i);
+            let take = |i: usize, square| {
+                taken[i] = Some(square);
+                if square == 144 && until == 99 { Err(i) } else { Ok(()) }
+            };
+            let whole = if threads {
+                side_by_side(&Until(until), 3, (14, 1), square, take)
+            } else {
+                in_turn(&Until(until), (14, 1), square, take)
+            };
+            (whole, taken.iter().flatten().count())
+        };
+        assert_eq!(run(100, false), (Ok(true), 14));
+        assert_eq!(run(100, true), (Ok(true), 14));
+        assert_eq!(run(5, false), (Ok(false), 5));
+        // A result that is not taken ends it too.
+        assert_eq!(run(99, false), (Err(12), 13));
+        assert_eq!(run(99, true).0, Err(12));
     }
 }

@@ -1,7 +1,9 @@
-//! The blocks of a file, read and parsed on a thread of their own, so that reading and computing overlap.
+//! The blocks of a file, read and parsed on a thread of their own, so that reading and computing overlap; where there are no
+//! threads, when they are asked for.
 
 use super::ReadError;
 use super::read::Progress;
+use crate::progress::HAS_THREADS;
 use kalmems_formats::{Block, Digest, FormatError, Table, Wanted};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
@@ -33,9 +35,10 @@ enum Message {
 /// The blocks of a table, one after the other.
 pub(crate) struct Blocks {
     path: PathBuf,
-    filled: Option<Receiver<Message>>,
-    emptied: Sender<Block>,
-    thread: Option<JoinHandle<()>>,
+    /// `None` after the end.
+    reader: Option<Reader>,
+    /// Rows of a block.
+    capacity: usize,
     /// What has been read of how much, when it was last heard.
     extent: Extent,
     /// When the caller was asked last.
@@ -45,29 +48,28 @@ pub(crate) struct Blocks {
 
 impl Blocks {
     /// Begins to read the wanted columns of a table that was opened at `path`.
-    pub(crate) fn start(
+    pub(crate) fn start(table: Box<dyn Table>, path: &Path, wanted: &[Wanted]) -> Result<Self, ReadError> {
+        Self::start_on(table, path, wanted, HAS_THREADS)
+    }
+
+    fn start_on(
         mut table: Box<dyn Table>,
         path: &Path,
         wanted: &[Wanted],
+        thread: bool,
     ) -> Result<Self, ReadError> {
         table.want(wanted).map_err(|source| ReadError::of_format(path, source))?;
         let capacity = (NUMBERS / wanted.len().max(1)).clamp(64, ROWS);
-        let (filled_in, filled) = sync_channel(AHEAD);
-        let (emptied, emptied_in) = channel();
-        for _ in 0..AHEAD + 2 {
-            // The other end is in this function.
-            let _ = emptied.send(Block::with_capacity(capacity));
-        }
-        let of = path.to_owned();
-        let thread = std::thread::Builder::new()
-            .name("reading".to_owned())
-            .spawn(move || work(table.as_mut(), &of, &filled_in, &emptied_in))
-            .map_err(|source| ReadError::Io { file: path.display().to_string(), source })?;
+        let reader = if thread {
+            Reader::on_thread(table, path, capacity)
+                .map_err(|source| ReadError::Io { file: path.display().to_string(), source })?
+        } else {
+            Reader::Here { table, free: None }
+        };
         Ok(Self {
             path: path.to_owned(),
-            filled: Some(filled),
-            emptied,
-            thread: Some(thread),
+            reader: Some(reader),
+            capacity,
             extent: (0, 0),
             asked: Instant::now(),
             digest: None,
@@ -77,16 +79,22 @@ impl Blocks {
     /// The next block; `None` after the last.
     pub(crate) fn next(&mut self, progress: Progress) -> Result<Option<Block>, ReadError> {
         loop {
-            let Some(filled) = &self.filled else { return Ok(None) };
             if self.asked.elapsed() >= PATIENCE {
                 self.asked = Instant::now();
                 self.report(progress)?;
             }
-            let message = match filled.recv_timeout(PATIENCE) {
-                Ok(message) => message,
-                Err(RecvTimeoutError::Timeout) => continue,
-                // The thread always says how it ended.
-                Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            let message = match &mut self.reader {
+                None => return Ok(None),
+                Some(Reader::Thread { filled, .. }) => match filled.recv_timeout(PATIENCE) {
+                    Ok(message) => message,
+                    Err(RecvTimeoutError::Timeout) => continue,
+                    // The thread always says how it ended.
+                    Err(RecvTimeoutError::Disconnected) => return Ok(None),
+                },
+                Some(Reader::Here { table, free }) => {
+                    let block = free.take().unwrap_or_else(|| Block::with_capacity(self.capacity));
+                    read(table.as_mut(), &self.path, block)
+                }
             };
             match message {
                 Message::Block(block, extent) => {
@@ -96,7 +104,7 @@ impl Blocks {
                 Message::End(digest, extent) => {
                     self.extent = extent;
                     self.digest = Some(digest);
-                    self.filled = None;
+                    self.close();
                     return Ok(None);
                 }
                 Message::Failed(source) => return Err(ReadError::of_format(&self.path, source)),
@@ -105,9 +113,25 @@ impl Blocks {
     }
 
     /// Gives a block back, for its memory to be used again.
-    pub(crate) fn reuse(&self, block: Block) {
-        // Where the thread has ended it needs none.
-        let _ = self.emptied.send(block);
+    pub(crate) fn reuse(&mut self, block: Block) {
+        match &mut self.reader {
+            // Where the thread has ended it needs none.
+            Some(Reader::Thread { emptied, .. }) => drop(emptied.send(block)),
+            Some(Reader::Here { free, .. }) => *free = Some(block),
+            None => {}
+        }
+    }
+
+    /// Ends the thread, which hears of it when it has read its block. One that waits for a pipe ends when the pipe does: it is
+    /// not waited for.
+    fn close(&mut self) {
+        let Some(Reader::Thread { filled, thread, .. }) = self.reader.take() else { return };
+        drop(filled);
+        let file = std::fs::metadata(&self.path).is_ok_and(|metadata| metadata.is_file());
+        if file || thread.is_finished() {
+            // It has said what went wrong; it does not panic.
+            let _ = thread.join();
+        }
     }
 
     /// Tells how far the reading is, and asks whether to go on.
@@ -125,34 +149,56 @@ impl Blocks {
     }
 }
 
-impl Drop for Blocks {
-    /// Ends the thread, which hears of it when it has read its block. One that waits for a pipe ends when the pipe does: it is
-    /// not waited for.
-    fn drop(&mut self) {
-        self.filled = None;
-        let file = std::fs::metadata(&self.path).is_ok_and(|metadata| metadata.is_file());
-        if let Some(thread) = self.thread.take().filter(|thread| file || thread.is_finished()) {
-            // It has said what went wrong; it does not panic.
-            let _ = thread.join();
+/// Where the table is read.
+enum Reader {
+    /// On a thread of its own, some blocks ahead.
+    Thread { filled: Receiver<Message>, emptied: Sender<Block>, thread: JoinHandle<()> },
+    /// Where the blocks are taken, when they are.
+    Here { table: Box<dyn Table>, free: Option<Block> },
+}
+
+impl Reader {
+    fn on_thread(mut table: Box<dyn Table>, path: &Path, capacity: usize) -> std::io::Result<Self> {
+        let (filled_in, filled) = sync_channel(AHEAD);
+        let (emptied, emptied_in) = channel();
+        for _ in 0..AHEAD + 2 {
+            // The other end is in this function.
+            let _ = emptied.send(Block::with_capacity(capacity));
         }
+        let of = path.to_owned();
+        let thread = std::thread::Builder::new()
+            .name("reading".to_owned())
+            .spawn(move || work(table.as_mut(), &of, &filled_in, &emptied_in))?;
+        Ok(Self::Thread { filled, emptied, thread })
+    }
+}
+
+impl Drop for Blocks {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 
 /// Reads until the end or until nobody listens.
 fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<Message>, emptied: &Receiver<Block>) {
-    while let Ok(mut block) = emptied.recv() {
-        let message = match table.read(&mut block) {
-            Err(error) => Message::Failed(error),
-            Ok(()) if block.is_end() => match table.digest().map_or_else(|| digest(path), Ok) {
-                Ok(digest) => Message::End(digest, table.progress()),
-                Err(error) => Message::Failed(error.into()),
-            },
-            Ok(()) => Message::Block(block, table.progress()),
-        };
+    while let Ok(block) = emptied.recv() {
+        let message = read(table, path, block);
         let last = !matches!(message, Message::Block(..));
         if filled.send(message).is_err() || last {
             return;
         }
+    }
+}
+
+/// Fills a block, or says how the table ended.
+fn read(table: &mut dyn Table, path: &Path, mut block: Block) -> Message {
+    match table.read(&mut block) {
+        Err(error) => Message::Failed(error),
+        Ok(()) if block.is_end() => match table.digest().map_or_else(|| digest(path), Ok) {
+            Ok(digest) => Message::End(digest, table.progress()),
+            Err(error) => Message::Failed(error.into()),
+        },
+        Ok(()) => Message::Block(block, table.progress()),
     }
 }
 

@@ -1,6 +1,7 @@
 //! How the numbers of a column become SI.
 
 use crate::units::Unit;
+use kalmems_core::Portable;
 
 /// How the numbers of a column become SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +38,7 @@ impl Scale {
     }
 
     fn of_factor(factor: f64) -> Self {
-        let power = factor.log10().round();
+        let power = factor.portable_log10().round();
         if power.is_nan() || power.abs() > 300.0 {
             return Self::Factor(factor);
         }

@@ -1,5 +1,6 @@
 //! What a signal was between its samples.
 
+use kalmems_core::Portable;
 use std::f64::consts::PI;
 
 /// How many samples on each side have a say.
@@ -29,14 +30,14 @@ pub fn band_limited(samples: &[f64], position: f64) -> f64 {
     let below = position.floor();
     let fraction = position - below;
     // sin(π(x − n)) alternates in sign from sample to sample.
-    let sine = (PI * fraction).sin() / PI;
+    let sine = (PI * fraction).portable_sin() / PI;
     let (mut total, mut weights) = (0.0, 0.0);
     for n in 1 - REACH..=REACH {
         let distance = fraction - f64::from(n);
         let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
         let sinc = if distance == 0.0 { 1.0 } else { sign * sine / distance };
         let inside = (1.0 - (distance / f64::from(REACH)).powi(2)).max(0.0);
-        let weight = sinc * (SHARPNESS * (inside.sqrt() - 1.0)).exp();
+        let weight = sinc * (SHARPNESS * (inside.sqrt() - 1.0)).portable_exp();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates: held beyond the ends
         let index = (below + f64::from(n)) as usize;
         total += weight * samples[index.min(last)];

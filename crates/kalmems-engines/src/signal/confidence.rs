@@ -1,6 +1,7 @@
 //! How well an Allan deviation is known.
 
 use super::{Averaged, Deviation};
+use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// A deviation with the interval that holds the true one so often.
@@ -178,7 +179,7 @@ fn phase_covariance(t: f64, factor: f64, exponent: i32) -> f64 {
 /// s_w(t).
 fn integrated(t: f64, exponent: i32) -> f64 {
     let t = t.abs();
-    let logarithm = if t > 0.0 { t.ln() } else { 0.0 };
+    let logarithm = if t > 0.0 { t.portable_ln() } else { 0.0 };
     match exponent {
         2 => -t,
         1 => t * t * logarithm,

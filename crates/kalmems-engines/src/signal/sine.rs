@@ -1,6 +1,8 @@
 //! Least-squares sine fits with three and four parameters.
+//!
+//! Sines and arcs are those of `kalmems_core`, since those of platforms differ in the last digit.
 
-use kalmems_core::{Covariance, Ldl, Mat};
+use kalmems_core::{Covariance, Ldl, Mat, Portable, Scalar};
 use realfft::RealFftPlanner;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -23,7 +25,7 @@ pub struct Sine {
 impl Sine {
     /// The value at a time in s.
     pub fn at(&self, time_s: f64) -> f64 {
-        self.offset + self.amplitude * (TAU * self.frequency_hz * time_s + self.phase_rad).cos()
+        self.offset + self.amplitude * Scalar::cos(TAU * self.frequency_hz * time_s + self.phase_rad)
     }
 
     /// The first maximum at or after a time in s.
@@ -44,8 +46,8 @@ pub fn fit_sine_at(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine>
     // Times are taken from the middle, so that the phase is not multiplied by a large number.
     let middle = middle(time_s)?;
     let [offset, c, s] = least_squares(time_s, y, |t| {
-        let (s, c) = (TAU * frequency_hz * (t - middle)).sin_cos();
-        [1.0, c, s]
+        let phase = TAU * frequency_hz * (t - middle);
+        [1.0, Scalar::cos(phase), Scalar::sin(phase)]
     })?;
     Some(finish(time_s, y, [offset, c, s], frequency_hz, middle))
 }
@@ -58,7 +60,10 @@ pub fn fit_sine_at(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine>
 pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
     let n = time_s.len().min(y.len());
     let mut window = n.min(4096);
-    let mut frequency = largest_line(&on_a_grid(&time_s[..window], &y[..window], interval_s))? / interval_s;
+    // The last digits of a transform are the platform's, and would be those of the fit.
+    #[allow(clippy::cast_possible_truncation)]
+    let line = largest_line(&on_a_grid(&time_s[..window], &y[..window], interval_s))? as f32;
+    let mut frequency = f64::from(line) / interval_s;
     loop {
         let (t, v) = (&time_s[..window], &y[..window]);
         frequency = refine(t, v, frequency)?;
@@ -84,9 +89,9 @@ fn refine(time_s: &[f64], y: &[f64], start: f64) -> Option<f64> {
         let fit = fit_sine_at(time_s, y, frequency)?;
         let phase = fit.phase_rad + TAU * frequency * middle;
         let [_, _, _, change] = least_squares(time_s, y, |t| {
-            let (s, c) = (TAU * frequency * (t - middle)).sin_cos();
-            let (sp, _) = (TAU * frequency * (t - middle) + phase).sin_cos();
-            [1.0, c, s, -fit.amplitude * TAU * (t - middle) * sp]
+            let turn = TAU * frequency * (t - middle);
+            let slope = -fit.amplitude * TAU * (t - middle) * Scalar::sin(turn + phase);
+            [1.0, Scalar::cos(turn), Scalar::sin(turn), slope]
         })?;
         frequency += change;
         // A hundred-thousandth of the width of a spectral line.
@@ -105,10 +110,10 @@ fn middle(time_s: &[f64]) -> Option<f64> {
 }
 
 fn finish(time_s: &[f64], y: &[f64], [offset, c, s]: [f64; 3], frequency_hz: f64, middle: f64) -> Sine {
-    let phase = (-s).atan2(c) - TAU * frequency_hz * middle;
+    let phase = (-s).portable_atan2(c) - TAU * frequency_hz * middle;
     let mut sine = Sine {
         offset,
-        amplitude: c.hypot(s),
+        amplitude: c.portable_hypot(s),
         frequency_hz,
         phase_rad: phase - TAU * (phase / TAU).round(),
         residual_rms: 0.0,
@@ -181,7 +186,7 @@ pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
         .iter()
         .enumerate()
         .map(|(i, v)| {
-            let window = 0.5 - 0.5 * (TAU * i as f64 / n as f64).cos();
+            let window = 0.5 - 0.5 * Scalar::cos(TAU * i as f64 / n as f64);
             if v.is_finite() { (v - mean) * window } else { 0.0 }
         })
         .collect();
@@ -195,7 +200,7 @@ pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
     }
     let shift = match (power.get(bin - 1), power.get(bin + 1)) {
         (Some(&below), Some(&above)) if below > 0.0 && above > 0.0 => {
-            let (a, b, c) = (below.ln(), largest.ln(), above.ln());
+            let (a, b, c) = (below.portable_ln(), largest.portable_ln(), above.portable_ln());
             let curvature = a - 2.0 * b + c;
             if curvature < 0.0 { (0.5 * (a - c) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
         }

@@ -2,6 +2,7 @@
 
 use crate::config::{CutOff, Quantity};
 use crate::signal::cubic_between;
+use kalmems_core::Portable;
 use kalmems_core::{Nodes, Scalar};
 use std::f64::consts::{PI, TAU};
 
@@ -270,7 +271,7 @@ impl Drive {
             }
             Self::Square { low, high, duty, .. } => {
                 let m = f64::from(harmonic);
-                let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).sin();
+                let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).portable_sin();
                 Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
             }
             Self::Tones { .. }

@@ -1,9 +1,9 @@
 //! Amplitudes of a driven motion: over the drive's frequency, and from a small start.
 
 use super::{Drive, Simulator};
+use crate::progress::{Progress, Silent, map_on_threads, processors};
 use kalmems_core::Dynamics;
 use serde::Serialize;
-use std::thread;
 
 /// How to hold each frequency of a [`stepped_sweep`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +84,7 @@ impl Sweeps {
 
 /// The amplitude at each of these rising frequencies of a drive, sweeping down and sweeping up, as
 /// [`stepped_sweep`] has it; the two ways are computed at the same time. `None` where the drive does not repeat.
-pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send>(
+pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send + Sync>(
     dynamics: D,
     drive: &Drive,
     frequencies_hz: &[f64],
@@ -93,12 +93,15 @@ pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send>(
     let drives: Option<Vec<(f64, Drive)>> =
         frequencies_hz.iter().map(|hz| Some((*hz, drive.held_at(*hz)?))).collect();
     let drives = drives?;
-    let upwards = drives.iter().cloned();
-    thread::scope(|scope| {
-        let up = scope.spawn(move || held_in_turn(dynamics, upwards, hold));
-        let down = held_in_turn(dynamics, drives.iter().rev().cloned(), hold);
-        Some(Sweeps { down, up: up.join().ok()? })
-    })
+    let work = (&Silent as &dyn Progress, "sweeps");
+    let ways = map_on_threads(work, processors(), (2, 1), |way, _| {
+        Some(match way {
+            0 => held_in_turn(dynamics, drives.iter().rev().cloned(), hold),
+            _ => held_in_turn(dynamics, drives.iter().cloned(), hold),
+        })
+    })?;
+    let [down, up] = ways.try_into().ok()?;
+    Some(Sweeps { down, up })
 }
 
 /// One drive after the other, each from the motion before.

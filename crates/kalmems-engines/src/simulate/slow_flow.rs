@@ -1,6 +1,7 @@
 //! How a steady motion of a parametric scanner answers to its drive, and the loops that hold it.
 
 use super::{Balance, Drive};
+use kalmems_core::Portable;
 use kalmems_core::Scalar;
 use kalmems_models::control::{Complex, PiController};
 use kalmems_models::dynamics::ParametricScanner;
@@ -228,7 +229,7 @@ fn fold(balance: &Balance, from: f64) -> Option<Fold> {
 /// The margins of a loop by its response at ω in rad/s.
 fn margins_of(open_loop: &dyn Fn(f64) -> Complex<f64>) -> LoopMargins {
     let count = PER_DECADE * DECADES;
-    let hz = |k: u32| LOWEST_HZ * 10_f64.powf(f64::from(k) / f64::from(PER_DECADE));
+    let hz = |k: u32| LOWEST_HZ * 10_f64.portable_powf(f64::from(k) / f64::from(PER_DECADE));
     let mut margins = LoopMargins { crossover_hz: f64::NAN, phase: f64::NAN, gain: f64::INFINITY };
     for k in 1..=count {
         let [before, after] = [hz(k - 1), hz(k)].map(|hz| open_loop(TAU * hz));

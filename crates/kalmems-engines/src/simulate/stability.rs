@@ -1,6 +1,7 @@
 //! Whether a drive can make a parametric scanner oscillate, and by how much it misses.
 
 use super::Drive;
+use kalmems_core::Portable;
 use kalmems_models::dynamics::ParametricScanner;
 use std::f64::consts::TAU;
 use std::fmt;
@@ -131,7 +132,7 @@ pub fn starting_factor(scanner: &ParametricScanner<f64>, drive: &Drive) -> Optio
 /// A frequency in kHz with the digits that a width in Hz asks for: a tenth of it, and hundredths of a kHz at least.
 fn khz(hz: f64, width_hz: f64) -> String {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 2 to 9
-    let digits = (4.0 - width_hz.log10().floor()).clamp(2.0, 9.0) as usize;
+    let digits = (4.0 - width_hz.portable_log10().floor()).clamp(2.0, 9.0) as usize;
     format!("{:.digits$}", hz / 1e3)
 }
 

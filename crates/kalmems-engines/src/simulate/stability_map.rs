@@ -6,16 +6,15 @@
 use super::Drive;
 use super::floquet::exponent_of;
 use super::waveform::PeriodStep;
+use crate::progress::{Progress, Silent, map_on_threads, processors};
 use kalmems_core::lanes::{Isa, Kernel, Lane};
 use kalmems_core::{Covariance, Dynamics, Mat, Nodes, Process, ProcessNoise, Rk4};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use serde::Serialize;
-use std::num::NonZero;
-use std::thread;
 
 /// A device that can be computed several times side by side.
-pub trait SideBySide: Copy + Send {
+pub trait SideBySide: Copy + Send + Sync {
     /// It, with its parameters in lanes.
     type In<L: Lane<f64>>: Dynamics<L, 2, Input = L> + Copy;
 
@@ -86,15 +85,15 @@ impl StabilityMap {
         // One period at factor 1, which all points share.
         let steps = drive.period_steps(steps_per_period)?;
         let points: Vec<[f64; 2]> = factor.iter().flat_map(|s| drive_hz.iter().map(|f| [*f, *s])).collect();
-        let mut growth = vec![0.0; points.len()];
-        let workers = thread::available_parallelism().map_or(1, NonZero::get);
-        let share = points.len().div_ceil(workers).max(1);
-        thread::scope(|scope| {
-            for (points, growth) in points.chunks(share).zip(growth.chunks_mut(share)) {
-                let work = Grow { device, steps: &steps, points, growth };
-                scope.spawn(move || Isa::best().run(work));
-            }
-        });
+        let shares: Vec<&[[f64; 2]]> = points.chunks(points.len().div_ceil(processors()).max(1)).collect();
+        let work = (&Silent as &dyn Progress, "stability");
+        let growth = map_on_threads(work, shares.len(), (shares.len(), 1), |share, _| {
+            let points = shares[share];
+            let mut growth = vec![0.0; points.len()];
+            Isa::best().run(Grow { device, steps: &steps, points, growth: &mut growth });
+            Some(growth)
+        })?
+        .concat();
         let growth_rate = growth.chunks(drive_hz.len().max(1)).map(<[f64]>::to_vec).collect();
         Some(Self { drive_hz, factor, growth_rate })
     }

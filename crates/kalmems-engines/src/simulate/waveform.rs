@@ -1,6 +1,7 @@
 //! A drive that repeats: other sizes and frequencies of it, the harmonics of its square, its steps over a period.
 
 use super::Drive;
+use kalmems_core::Portable;
 use std::f64::consts::{PI, TAU};
 
 /// One step of a period in which the drive does not jump.
@@ -102,7 +103,7 @@ impl Drive {
             }
             Self::Square { low, high, duty, .. } => {
                 let n = f64::from(harmonic);
-                let (sine, cosine) = (TAU * n * duty).sin_cos();
+                let (sine, cosine) = (TAU * n * duty).portable_sin_cos();
                 let size = (high * high - low * low) / (PI * n);
                 Some([size * sine, size * (1.0 - cosine)])
             }

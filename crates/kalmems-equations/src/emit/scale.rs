@@ -7,6 +7,7 @@ use super::request::EmitRequest;
 use super::rewrite::{rescaled, scalable};
 use crate::device::Device;
 use crate::graph::{Node, Variable};
+use kalmems_core::Portable;
 
 /// How far a unit may be from the typical size of its state.
 const FARTHEST: f64 = 1e4;
@@ -125,7 +126,7 @@ fn natural(model: &Model, state: usize, scale: f64) -> Vec<f64> {
                 },
                 _ => continue,
             };
-            let natural = scale * coefficient.get().abs().powf(-1.0 / f64::from(power));
+            let natural = scale * coefficient.get().abs().portable_powf(-1.0 / f64::from(power));
             if natural.is_finite() && natural > 0.0 && !found.contains(&natural) {
                 found.push(natural);
             }

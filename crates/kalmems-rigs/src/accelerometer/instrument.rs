@@ -7,6 +7,7 @@ use super::data::Input;
 use super::settings::Hardware;
 use crate::estimate::{HeldSamples, butterworth, kalman_bucy};
 use crate::simulate::SimulateError;
+use kalmems_core::Portable;
 use kalmems_core::filter::{ObserverError, Pole};
 use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{
@@ -106,7 +107,7 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
         let own: Vec<Pole<f64>> = match self.eigenvalues {
             [(re, im), _] if im != 0.0 => {
                 let pair = Pole::Pair { real: re, imaginary: im };
-                (re.hypot(im) > corner && re < 0.0).then_some(pair).into_iter().collect()
+                (re.portable_hypot(im) > corner && re < 0.0).then_some(pair).into_iter().collect()
             }
             both => both.into_iter().filter(|(re, _)| -re > corner).map(|(re, _)| Pole::Real(re)).collect(),
         };
@@ -139,7 +140,7 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
 
     /// The fastest motion of the mass at rest in 1/s.
     pub fn fastest(&self) -> f64 {
-        self.eigenvalues.iter().map(|(re, im)| re.hypot(*im)).fold(0.0, f64::max)
+        self.eigenvalues.iter().map(|(re, im)| re.portable_hypot(*im)).fold(0.0, f64::max)
     }
 }
 

@@ -9,6 +9,7 @@ use crate::config::{Experiment, Quantity};
 use crate::inspect::quantity;
 use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
 use crate::simulate::SimulateError;
+use kalmems_core::Portable;
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use kalmems_models::noise::Mosfet;
@@ -81,7 +82,7 @@ fn over_frequency(
     let open = without(closed);
     // To 1 GHz at most.
     (0..=9 * PER_DECADE)
-        .map(|k| 10_f64.powf(f64::from(k) / f64::from(PER_DECADE)))
+        .map(|k| 10_f64.portable_powf(f64::from(k) / f64::from(PER_DECADE)))
         .take_while(|hz| *hz <= highest)
         .map(|frequency_hz| {
             let rate = TAU * frequency_hz;
@@ -289,8 +290,8 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
     let topic = match margins.gain {
         Some(gain) => topic.with(
             "gain_margin_db",
-            [20.0 * gain.log10()],
-            format!("The gain margin is {:.1} dB.", 20.0 * gain.log10()),
+            [20.0 * gain.portable_log10()],
+            format!("The gain margin is {:.1} dB.", 20.0 * gain.portable_log10()),
         ),
         None => topic.with(
             "gain_margin_db",
@@ -400,7 +401,7 @@ fn bounds(
         )
         .with(
             "dynamic_range_db",
-            [20.0 * (largest / causal).log10(), largest / STANDARD_GRAVITY],
+            [20.0 * (largest / causal).portable_log10(), largest / STANDARD_GRAVITY],
             format!(
                 "From there to the {:.1} g at which {} are {:.0} dB.",
                 largest / STANDARD_GRAVITY,
@@ -409,7 +410,7 @@ fn bounds(
                 } else {
                     "the mass is pulled in"
                 },
-                20.0 * (largest / causal).log10()
+                20.0 * (largest / causal).portable_log10()
             ),
         )
 }
@@ -424,7 +425,7 @@ fn non_causal(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) ->
     // Evenly in the logarithm, from far below the acceleration's band to half the sampling rate.
     let (from, to) = (1e-4 * prior.rate / TAU, 0.5 * rate_hz);
     let steps = 20_000_u32;
-    let step = (to / from).ln() / f64::from(steps);
+    let step = (to / from).portable_ln() / f64::from(steps);
     let left = |hz: f64| {
         let noise = brownian + readout * closed.input_referred(TAU * hz).powi(2);
         let signal = prior.spectrum(TAU * hz);
@@ -433,7 +434,7 @@ fn non_causal(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) ->
     let below = left(from) * from;
     let above: f64 = (0..steps)
         .map(|k| {
-            let hz = from * ((f64::from(k) + 0.5) * step).exp();
+            let hz = from * ((f64::from(k) + 0.5) * step).portable_exp();
             left(hz) * hz * step
         })
         .sum();

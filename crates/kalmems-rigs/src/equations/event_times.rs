@@ -4,6 +4,7 @@ use super::events::{EventSettings, EventUse};
 use crate::config::Timing;
 use crate::crossings::{Crossing, Telling};
 use crate::estimate::{self, Passed};
+use kalmems_core::Portable;
 use std::ops::Range;
 
 /// The times of an event in a part of a segment.
@@ -83,7 +84,7 @@ impl EventTimes<'_> {
     pub fn said(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::Crossing)> {
         let one = |row, time_s, sd_s: f64| {
             let (of, sd_s) =
-                (Passed::Event(self.settings.name), sd_s.hypot(self.settings.time_variance.sqrt()));
+                (Passed::Event(self.settings.name), sd_s.portable_hypot(self.settings.time_variance.sqrt()));
             (row, estimate::Crossing { of, time_s, sd_s, is_fallback: false })
         };
         match &self.found {

@@ -1,6 +1,7 @@
 //! The sine of the drive while a record goes on.
 
 use crate::signal::{Sine, fit_sine};
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Ldl, Mat};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -41,7 +42,7 @@ struct Block {
 
 impl Block {
     fn add(&mut self, sine: &Sine, time_s: f64, volts: f64) {
-        let (s, c) = (TAU * sine.frequency_hz * time_s + sine.phase_rad).sin_cos();
+        let (s, c) = (TAU * sine.frequency_hz * time_s + sine.phase_rad).portable_sin_cos();
         let r = volts - (sine.offset + sine.amplitude * c);
         if self.rows == 0 {
             self.first_s = time_s;
@@ -120,7 +121,7 @@ impl DriveSine {
         let Some([offset, cosine, sine_part]) = block.fitted() else { return *sine };
         let (along, k) = (sine.amplitude + cosine, self.blocks);
         // (A + a)·cos ψ + b·sin ψ.
-        let ahead = (-sine_part).atan2(along);
+        let ahead = (-sine_part).portable_atan2(along);
         let (position, rate) =
             (2.0 * (2.0 * k + 1.0) / ((k + 1.0) * (k + 2.0)), 6.0 / ((k + 1.0) * (k + 2.0)));
         let frequency_hz = sine.frequency_hz + rate * ahead / (TAU * (middle_s - self.middle_s));
@@ -128,7 +129,7 @@ impl DriveSine {
         let phase_rad = sine.phase_rad + position * ahead + TAU * turns;
         Sine {
             offset: sine.offset + offset / (k + 1.0),
-            amplitude: sine.amplitude + (along.hypot(sine_part) - sine.amplitude) / (k + 1.0),
+            amplitude: sine.amplitude + (along.portable_hypot(sine_part) - sine.amplitude) / (k + 1.0),
             frequency_hz,
             phase_rad: phase_rad - TAU * (phase_rad / TAU).round(),
             residual_rms: block.residual_rms(),

@@ -1,6 +1,7 @@
 //! What reaches a signal of the drive beside the motion, taken away.
 
 use crate::signal::{Sine, fit_sine_at};
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// A record with the bias off: its drive, and the sine of the drive's frequency in each signal.
@@ -49,7 +50,7 @@ impl BiasOff {
     pub fn gain_and_slope(&self, electrode: usize) -> Option<[f64; 2]> {
         let alone = self.signals.get(electrode)?;
         let ratio = alone.amplitude / self.drive.amplitude;
-        let (sine, cosine) = (alone.phase_rad - self.drive.phase_rad).sin_cos();
+        let (sine, cosine) = (alone.phase_rad - self.drive.phase_rad).portable_sin_cos();
         Some([ratio * cosine, ratio * sine / (TAU * self.drive.frequency_hz)])
     }
 }
@@ -58,7 +59,7 @@ impl BiasOff {
 pub fn without_drive(time_s: &[f64], drive: &Sine, signal: &[f64], [gain, slope]: [f64; 2]) -> Vec<f64> {
     let rate = TAU * drive.frequency_hz;
     let part = |t: f64| {
-        let (sine, cosine) = (rate * t + drive.phase_rad).sin_cos();
+        let (sine, cosine) = (rate * t + drive.phase_rad).portable_sin_cos();
         drive.amplitude * (gain * cosine - slope * rate * sine)
     };
     time_s.iter().zip(signal).map(|(t, y)| y - part(*t)).collect()

@@ -3,6 +3,7 @@
 use super::course::Channel;
 use crate::estimate::{Swing, amplitude_of_line, current_line};
 use crate::signal::fit_sine_at;
+use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::{PI, TAU};
 
@@ -27,11 +28,14 @@ pub fn swing<'a>(
         let volts = line(amplitude);
         let phase = sine.phase_rad + if volts < 0.0 { PI } else { 0.0 };
         let weight = (volts / amplitude).powi(2) / noise_variance;
-        sum = [sum[0] + weight * amplitude * phase.cos(), sum[1] + weight * amplitude * phase.sin()];
+        sum = [
+            sum[0] + weight * amplitude * phase.portable_cos(),
+            sum[1] + weight * amplitude * phase.portable_sin(),
+        ];
         weights += weight;
     }
-    let amplitude = sum[0].hypot(sum[1]) / weights;
-    let swing = Swing { rest: 0.0, amplitude, rate, phase: sum[1].atan2(sum[0]) };
+    let amplitude = sum[0].portable_hypot(sum[1]) / weights;
+    let swing = Swing { rest: 0.0, amplitude, rate, phase: sum[1].portable_atan2(sum[0]) };
     (weights > 0.0 && amplitude.is_finite()).then_some(swing)
 }
 
@@ -42,7 +46,7 @@ const UNITS: f64 = 8.0;
 
 /// The tilt at which the far edge of the plate touches, in rad.
 fn contact(plate: &TiltingPlate<f64>) -> f64 {
-    (plate.gap / plate.w1.abs().max(plate.w2.abs())).atan()
+    (plate.gap / plate.w1.abs().max(plate.w2.abs())).portable_atan()
 }
 
 #[cfg(test)]

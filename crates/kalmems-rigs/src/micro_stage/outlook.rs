@@ -5,6 +5,7 @@ use crate::config::{DriveSource, Experiment};
 use crate::inspect::quantity;
 use crate::outlook::{Outlook, Topic};
 use crate::simulate::SimulateError;
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// The resonance, what each electrode says of a motion, and the angles at which an outer and an inner one balance.
@@ -32,7 +33,7 @@ fn resonance(hardware: &Hardware) -> Topic {
     let hz = hardware.natural_hz();
     let quality = 0.5 / resonator.damping_ratio;
     let (re, im) = hardware.stage.response(resonator.natural_rate);
-    let peak = resonator.natural_rate * re.hypot(im);
+    let peak = resonator.natural_rate * re.portable_hypot(im);
     Topic::new("Resonance").with(
         "resonance_hz_quality_rad_per_s_per_v",
         [hz, quality, peak],
@@ -49,7 +50,7 @@ const NEAR: f64 = 0.2;
 fn driven(hardware: &Hardware, volts: f64, frequency_hz: f64) -> Topic {
     let rate = TAU * frequency_hz;
     let (re, im) = hardware.stage.response(rate);
-    let angle = volts * re.hypot(im);
+    let angle = volts * re.portable_hypot(im);
     let mut topic = Topic::new("Under the drive").with(
         "motion_rad_and_rad_per_s",
         [angle, angle * rate],

@@ -17,6 +17,7 @@ use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
 use kalmems_core::Nodes;
+use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -295,6 +296,6 @@ fn start_from(
         why: "no signal has samples in the first two cycles".to_owned(),
     })?;
     let rate = TAU * frequency_hz;
-    let (sine, cosine) = (rate * first + motion.phase_rad).sin_cos();
+    let (sine, cosine) = (rate * first + motion.phase_rad).portable_sin_cos();
     Ok([motion.amplitude * cosine, -motion.amplitude * rate * sine])
 }

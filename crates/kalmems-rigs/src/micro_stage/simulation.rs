@@ -5,6 +5,7 @@ use super::settings::noise_of;
 use crate::config::{ConfigError, DriveSource, Experiment, Fault, Key, Quantity, StageConditions};
 use crate::recording::Source;
 use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::PiezoStage;
 use kalmems_models::readout::PlateCurrent;
@@ -155,7 +156,7 @@ impl StageSimulation {
     /// Amplitude and phase against the drive's of what a mode does under it.
     fn steady(&self, mode: &PiezoStage<f64>) -> (f64, f64) {
         let (re, im) = mode.response(TAU * self.drive[2]);
-        (self.drive[1] * re.hypot(im), im.atan2(re))
+        (self.drive[1] * re.portable_hypot(im), im.portable_atan2(re))
     }
 }
 
@@ -194,12 +195,12 @@ impl Simulation for StageSimulation {
             // The drive is a sine, so that a mode's motion is one too.
             let phase = rate * time_s + self.drive[3];
             let wave = |(size, late): (f64, f64)| {
-                let (sine, cosine) = (phase + late).sin_cos();
+                let (sine, cosine) = (phase + late).portable_sin_cos();
                 [size * sine, size * rate * cosine]
             };
             let ([angle, speed], other) = (wave(tilt), wave((ratio * tilt.0, tilt.1 + off_phase)));
             let [height, height_rate] = rise.map_or([0.0; 2], &wave);
-            let (sine, cosine) = phase.sin_cos();
+            let (sine, cosine) = phase.portable_sin_cos();
             let drive = [self.drive[0] + self.drive[1] * sine, self.drive[1] * rate * cosine];
             let aged = time_s / self.duration_s;
             let mut recorded = [drive[0], 0.0, 0.0, 0.0, 0.0];

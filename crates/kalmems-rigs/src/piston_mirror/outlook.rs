@@ -10,6 +10,7 @@ use crate::outlook::{Outlook, Recorded, Topic};
 use crate::piston_mirror::device::CarrierFrontEnd;
 use crate::piston_mirror::device::PistonMirror;
 use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, FixedGain};
 use kalmems_models::dynamics::ParametricScanner;
 use kalmems_models::readout::{CarrierDivider, PhasorDetector};
@@ -244,14 +245,14 @@ fn third_harmonic(device: &ParametricScanner<f64>, drive: &Drive, motion: &Stead
     for point in 0..POINTS {
         // The middle of a part, so that none lies on a jump.
         let angle = TAU * (f64::from(point) + 0.5) / f64::from(POINTS);
-        let displacement = motion.amplitude * (angle - motion.phase).cos();
+        let displacement = motion.amplitude * (angle - motion.phase).portable_cos();
         let force = 0.5 * device.comb.slope(displacement) * drive.at(angle / rate).powi(2);
-        let (s, c) = (3.0 * angle).sin_cos();
+        let (s, c) = (3.0 * angle).portable_sin_cos();
         cosine += 2.0 / f64::from(POINTS) * force * c;
         sine += 2.0 / f64::from(POINTS) * force * s;
     }
     let stiffness = 9.0 * device.resonator.inertia * rate * rate - device.resonator.stiffness;
-    cosine.hypot(sine) / stiffness
+    cosine.portable_hypot(sine) / stiffness
 }
 
 fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)) -> Topic {
@@ -374,7 +375,7 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
 fn amplitude_information(hardware: &Hardware, &[amplitude, _, _, rest, _]: &[f64; 5], density: f64) -> f64 {
     const POINTS: u32 = 256;
     let square = |k: u32| {
-        let cosine = (TAU * f64::from(k) / f64::from(POINTS)).cos();
+        let cosine = (TAU * f64::from(k) / f64::from(POINTS)).portable_cos();
         (hardware.plates.slope(rest + amplitude * cosine) * cosine).powi(2)
     };
     let mean = (0..POINTS).map(square).sum::<f64>() / f64::from(POINTS);

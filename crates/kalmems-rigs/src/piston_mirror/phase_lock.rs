@@ -3,6 +3,7 @@
 use super::phasor::{Drifting, Phasor};
 use super::plates::COEFFICIENTS;
 use crate::estimate::{GainOf, Never, butterworth};
+use kalmems_core::Portable;
 use kalmems_core::filter::{Pole, place_poles};
 use kalmems_core::riccati::{continuous_riccati, kalman_bucy_gain};
 use kalmems_core::update::Policy;
@@ -89,7 +90,7 @@ fn placed(point: &OperatingPoint<f64, 5, 3>, corner: f64, interval_s: f64) -> Re
         let Mat([[of_state], [of_rate]]) = lu.solve(&placed.gain);
         (gain.0[state][seen], gain.0[rate][seen]) = (of_state, of_rate);
     }
-    gain.0[3][2] = 1.0 - (-corner * interval_s).exp();
+    gain.0[3][2] = 1.0 - (-corner * interval_s).portable_exp();
     Ok(gain.times(&apart.inverse()))
 }
 

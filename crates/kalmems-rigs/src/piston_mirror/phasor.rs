@@ -3,6 +3,7 @@
 use super::plates::{COEFFICIENTS, Plates};
 use crate::estimate::{Derived, StateName};
 use crate::units::kind;
+use kalmems_core::Portable;
 use kalmems_core::{Measurement, NoiseDensity, Process};
 use kalmems_models::dynamics::{DriftingPhasor, SteadyPhasor};
 use kalmems_models::readout::{
@@ -128,7 +129,7 @@ impl Phasor<5> for Drifting {
 
 /// d = d₀ + A·cos φ in m and ḋ = Ȧ·cos φ − 2π·f·A·sin φ in m/s, and their derivatives by [A, f, φ, d₀, Ȧ].
 pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2], [[f64; 5]; 2]) {
-    let (s, c) = phase.sin_cos();
+    let (s, c) = phase.portable_sin_cos();
     let rate = TAU * f;
     let values = [rest + a * c, drift * c - rate * a * s];
     let gradients =

@@ -6,6 +6,7 @@ use super::plates::{capacitance_range, last_term_m};
 use super::range::Beyond;
 use super::settings::Hardware;
 use crate::estimate::Trajectory;
+use kalmems_core::Portable;
 use kalmems_figures::significant;
 
 /// The gain error that stands for others: the effect goes with it.
@@ -100,7 +101,7 @@ impl Followed {
             |name: &str| trajectory.state(name)?.mean.last().copied().filter(|value| value.is_finite());
         let (amplitude, phase, position) = (last("amplitude")?, last("phase")?, last("position")?);
         let position_sd = *trajectory.state("position")?.sd.last()?;
-        let rest = position - amplitude * phase.cos();
+        let rest = position - amplitude * phase.portable_cos();
         Some(Self { amplitude, rest, position_sd, updates })
     }
 }

@@ -17,6 +17,7 @@ use crate::estimate::{
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
 use crate::units::kind;
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Gaussian, Mat};
 use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -385,14 +386,14 @@ impl Held {
         let (phases, frequencies) = (state("phase"), state("frequency"));
         for state in &mut trajectory.states {
             for ((sd, phase), frequency) in state.sd.iter_mut().zip(&phases).zip(&frequencies) {
-                let (sine, cosine) = phase.sin_cos();
+                let (sine, cosine) = phase.portable_sin_cos();
                 let per_metre = match state.name {
                     "amplitude" => self.taken_up,
                     "position" => 1.0 + self.taken_up * cosine,
                     "velocity" => -TAU * frequency * self.taken_up * sine,
                     _ => continue,
                 };
-                *sd = sd.hypot(per_metre * self.rest_sd);
+                *sd = sd.portable_hypot(per_metre * self.rest_sd);
             }
         }
     }

@@ -7,6 +7,7 @@ use super::settings::Hardware;
 use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Quantity, Sign, Simulate};
 use crate::recording::Source;
 use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
@@ -94,7 +95,7 @@ impl PhasorSimulation {
         let turns = frequency * time_s;
         let now = [amplitude + drift * time_s, frequency, phase + TAU * (turns - turns.floor()), rest, drift];
         let ([position, velocity], _) = position_and_velocity(&now);
-        let (s, c) = (2.0 * now[2] + self.harmonic[1]).sin_cos();
+        let (s, c) = (2.0 * now[2] + self.harmonic[1]).portable_sin_cos();
         let second = self.harmonic[0];
         [position + second * c, velocity - 2.0 * TAU * frequency * second * s]
     }

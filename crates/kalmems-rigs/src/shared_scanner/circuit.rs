@@ -9,6 +9,7 @@ use crate::config::{ConfigError, Experiment, Fault, Key, Quantity, Simulate};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::device::{DetectorSource, ModulatedCircuit};
 use crate::simulate::{Drive, Simulator, WhiteNoise};
+use kalmems_core::Portable;
 use kalmems_models::circuit::{DiodeEnvelope, SquareLaw, SynchronousDemodulator, Transimpedance};
 use kalmems_models::dynamics::ParametricScanner;
 use std::f64::consts::TAU;
@@ -191,7 +192,7 @@ impl Circuitry<'_> {
     fn step(&mut self, &[angle, rate]: &[f64; 2], time_s: f64) {
         let SensingCircuit { carrier, carrier_hz, .. } = *self.circuit;
         let cycles = carrier_hz * time_s;
-        let (sine, cosine) = (TAU * (cycles - cycles.floor())).sin_cos();
+        let (sine, cosine) = (TAU * (cycles - cycles.floor())).portable_sin_cos();
         let drive_slope = self.drive.slope(time_s).unwrap_or(f64::NAN);
         let noise = self.noise.as_mut().map_or(0.0, |noise| self.chain.noise() * noise.sample());
         let comb = &self.scanner.comb;

@@ -3,6 +3,7 @@
 use super::settings::Hardware;
 use crate::estimate::Swing;
 use crate::signal::{Sine, fit_sine_at};
+use kalmems_core::Portable;
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::{PI, TAU};
 
@@ -31,7 +32,7 @@ impl<'a> LockIn<'a> {
         let rate = TAU * drive.frequency_hz;
         let stages =
             poles.into_iter().flatten().fold((1.0, rate * hardware.delay_s), |(left, delay), pole| {
-                (left / (rate / pole).hypot(1.0), delay + (rate / pole).atan())
+                (left / (rate / pole).portable_hypot(1.0), delay + (rate / pole).portable_atan())
             });
         Self { hardware, drive, stages }
     }
@@ -85,7 +86,7 @@ fn scaled_bessel(z: f64) -> f64 {
         term *= z * z / (4.0 * f64::from(k) * f64::from(k + 1));
         sum += term;
     }
-    sum * (-z).exp()
+    sum * (-z).portable_exp()
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::estimate::{Swing, amplitude_of_line, current_line};
 use crate::signal::least_squares;
+use kalmems_core::Portable;
 use kalmems_models::capacitance::CombCurve;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -21,19 +22,20 @@ pub fn swing(
     let rate = TAU * motion_hz;
     let [_, c1, s1, c2, s2] = least_squares(time_s, signal, |t| {
         let turned = rate * (t - middle);
-        let ((s1, c1), (s2, c2)) = (turned.sin_cos(), (2.0 * turned).sin_cos());
+        let ((s1, c1), (s2, c2)) = (turned.portable_sin_cos(), (2.0 * turned).portable_sin_cos());
         [1.0, c1, s1, c2, s2]
     })?;
     let line = |harmonic: u32, amplitude: f64| {
         current_line(|angle, rate| comb.sensitivity(angle) * rate, harmonic, rate, amplitude)
     };
     let unit = comb.steepness.recip();
-    let amplitude = amplitude_of_line(c2.hypot(s2), [unit, FRAC_PI_2], |amplitude| line(2, amplitude))?;
+    let amplitude =
+        amplitude_of_line(c2.portable_hypot(s2), [unit, FRAC_PI_2], |amplitude| line(2, amplitude))?;
     // With ψ at the middle of the window, L₂·sin 2φ is L₂·sin 2ψ along the cosine and L₂·cos 2ψ along the sine.
     let sign = line(2, amplitude).signum();
-    let mut phase = 0.5 * (sign * c2).atan2(sign * s2);
+    let mut phase = 0.5 * (sign * c2).portable_atan2(sign * s2);
     // L₁·cos φ is L₁·cos ψ along the cosine and −L₁·sin ψ along the sine.
-    if line(1, amplitude) * (c1 * phase.cos() - s1 * phase.sin()) < 0.0 {
+    if line(1, amplitude) * (c1 * phase.portable_cos() - s1 * phase.portable_sin()) < 0.0 {
         phase += PI;
     }
     Some(Swing { rest: 0.0, amplitude, rate, phase: phase - rate * middle }.nearest_to(before))

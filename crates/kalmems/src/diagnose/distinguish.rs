@@ -1,15 +1,15 @@
 //! The recording that would tell causes apart which this one cannot.
 
+use super::DiagnoseError;
 use super::bench::Bench;
 use super::cause::Cause;
 use super::change::Change;
 use super::search::Search;
 use super::suspect::Suspect;
 use super::trial::{Blocks, Trial};
-use super::{DiagnoseError, threads};
 use crate::config::put;
 use crate::config::{Experiment, Key, written};
-use crate::progress::{Progress, map_on_threads};
+use crate::progress::{Progress, map_on_threads, processors};
 use crate::rigs::Workbench;
 use crate::simulate::{Unwritten, described};
 use crate::units::Value as Quantity;
@@ -57,7 +57,7 @@ pub(super) fn proposal(
     let Some(usual) = there.usual(base) else { return Ok(None) };
     let variations = variations(&usual);
     let work = (progress, "simulating other recordings");
-    let tried = map_on_threads(work, threads(), (variations.len(), 1), |place, heard| {
+    let tried = map_on_threads(work, processors(), (variations.len(), 1), |place, heard| {
         heard.reached(0).is_continue().then(|| {
             let (what, simulate) = variations.get(place)?;
             let ahead = there.ahead(simulate, (first, others))?;

@@ -6,9 +6,9 @@ use super::bench::Bench;
 use super::cause::Cause;
 use super::search::{Search, Tried};
 use super::suspect::Suspect;
-use super::threads;
 use super::trial::{Blocks, Trial};
-use crate::progress::{Progress, map_on_threads};
+use crate::progress::{Progress, map_on_threads, processors};
+use kalmems_core::Portable;
 
 /// A cause that was followed up.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ impl Explained {
         };
         let count = suspects.len();
         let promises =
-            map_on_threads((progress, "looking at slopes"), threads(), (count, 1), |place, heard| {
+            map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
                 heard.reached(0).is_continue().then(|| search.promise(&[], place, base))
             });
         let promises = promises.ok_or(DiagnoseError::Interrupted)?;
@@ -85,7 +85,7 @@ impl Explained {
         let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::Outliers]).collect();
         let tried = listed(map_on_threads(
             (progress, "trying causes"),
-            threads(),
+            processors(),
             (jobs.len(), 1),
             |place, heard| {
                 if heard.reached(0).is_break() {
@@ -109,7 +109,7 @@ impl Explained {
             .collect();
         let tried = listed(map_on_threads(
             (progress, "trying pairs"),
-            threads(),
+            processors(),
             (firsts.len(), 1),
             |place, heard| {
                 if heard.reached(0).is_break() {
@@ -130,7 +130,7 @@ impl Explained {
     /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
     fn of(search: &Search, mut tried: Vec<Tried>, tries: usize) -> Self {
         tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
-        let needed = (tries as f64 / BY_CHANCE).ln();
+        let needed = (tries as f64 / BY_CHANCE).portable_ln();
         let best = tried.first().map_or(0.0, |tried| tried.held_out);
         let worth = tried.iter().take_while(|tried| tried.held_out > needed).enumerate();
         let listed = worth.take_while(|(place, tried)| *place < CLOSEST || tried.held_out > best - SAME);

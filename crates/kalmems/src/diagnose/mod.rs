@@ -51,7 +51,6 @@ use crate::rigs::Workbench;
 use bench::{Bench, Extent};
 use change::Change;
 use explain::Explained;
-use std::num::NonZero;
 use suspect::Suspect;
 use trial::Trial;
 
@@ -99,11 +98,6 @@ pub fn scale_notes(
         return Ok(Vec::new());
     }
     note::notes(&bench, &suspects, &base, &bench.stop.watching(progress)).ok_or(DiagnoseError::Interrupted)
-}
-
-/// How many runs at once.
-fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run

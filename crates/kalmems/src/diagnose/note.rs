@@ -3,9 +3,8 @@
 use super::answer::AnswerChange;
 use super::bench::Bench;
 use super::suspect::{Suspect, What};
-use super::threads;
 use super::trial::Trial;
-use crate::progress::{Progress, map_on_threads};
+use crate::progress::{Progress, map_on_threads, processors};
 use serde::Serialize;
 
 /// A parameter that the signal alone cannot tell, and what it does to the answer.
@@ -51,7 +50,7 @@ pub(super) fn notes(
         .filter(|suspect| matches!(suspect.what, What::Factor(_) | What::InputScale { .. }))
         .collect();
     let work = (progress, "computing what the signal cannot tell");
-    let found = map_on_threads(work, threads(), (numbers.len(), 1), |place, heard| {
+    let found = map_on_threads(work, processors(), (numbers.len(), 1), |place, heard| {
         heard.reached(0).is_continue().then(|| note(bench, numbers[place], base))
     })?;
     let mut notes: Vec<ScaleNote> = found.into_iter().flatten().collect();

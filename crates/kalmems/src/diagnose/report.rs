@@ -12,6 +12,7 @@ use super::trial::Trial;
 use crate::config::get;
 use crate::config::{Experiment, Key};
 use crate::evaluate::TestResult;
+use kalmems_core::Portable;
 use serde::Serialize;
 
 /// What came of a diagnosis.
@@ -156,7 +157,7 @@ fn name(cause: &Cause, suspects: &[Suspect]) -> String {
             names.join(" and ")
         }
         Cause::Line { frequency_hz, amplitude: [a, b], .. } => {
-            format!("a line of {} in the signal, {:.3e} in SI", hertz(*frequency_hz), a.hypot(*b))
+            format!("a line of {} in the signal, {:.3e} in SI", hertz(*frequency_hz), a.portable_hypot(*b))
         }
         Cause::Outliers { times, .. } => {
             format!("{} samples of the signal that are none of its noise", times.len())
@@ -267,7 +268,7 @@ pub(super) fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Va
 /// How many digits a relative standard error leaves sense in: two of its own. Four where nothing is known.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
 fn count_of(relative_sd: Option<f64>) -> usize {
-    relative_sd.map_or(4, |sd| (2.0 - sd.log10().floor()).clamp(2.0, 12.0) as usize)
+    relative_sd.map_or(4, |sd| (2.0 - sd.portable_log10().floor()).clamp(2.0, 12.0) as usize)
 }
 
 /// A number with so many digits.

@@ -6,6 +6,7 @@ use super::suspect::Suspect;
 use super::trial::{Blocks, Trial};
 use crate::evaluate::{InnovationTest, TestPlace};
 use crate::fit::{Innovations, MostLikely, most_likely};
+use kalmems_core::Portable;
 use kalmems_core::Scalar;
 
 /// What is searched among, and what a cause has to be better than.
@@ -245,7 +246,7 @@ impl Search<'_> {
     fn density_of_outliers(&self) -> f64 {
         let finite = self.base.innovations.value.iter().filter(|value| value.is_finite());
         let largest = finite.fold(0.0_f64, |largest, value| largest.max(value.abs()));
-        -(2.0 * largest).ln()
+        -(2.0 * largest).portable_ln()
     }
 
     /// The sizes of a cause that fit best, from these on.

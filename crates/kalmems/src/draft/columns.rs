@@ -22,7 +22,7 @@ pub struct Assigned {
 }
 
 /// A channel whose column is not known.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Question {
     /// The channel.
     pub meaning: &'static str,

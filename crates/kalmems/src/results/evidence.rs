@@ -1,6 +1,7 @@
 //! What the innovations of the filters look like, as figures of a page.
 
 use super::figures::{label, role, stacked, time_axis};
+use super::marks::with_lock;
 use super::tracks::{BAND, Tracks, VALUE, of_innovation, signal_unit};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::InnovationEvidence;
@@ -46,7 +47,8 @@ fn over_time<'a>(
 ) -> Figure {
     let (unit, factor) = signal_unit(&segment.estimate);
     let caption = "The innovations: the recorded signal minus what the filter predicted for it, with three of the standard deviations \
-                   that the filter gives them on each side. Of a filter that is right they are white noise of that size.";
+                   that the filter gives them on each side. Of a filter that is right they are white noise of that size. Grey is where \
+                   there are no samples; points are samples that were rejected as outliers, and where the signal was lost.";
     let panels = filters.map(|trajectory| {
         let key = of_innovation(trajectory);
         // Settling flattens all that follows; the page has it as well.
@@ -60,17 +62,22 @@ fn over_time<'a>(
         let panel = Panel::new(time_axis(), Axis::new("innovation", unit))
             .with(tracks.whole(&key, BAND, band))
             .with(tracks.whole(&key, VALUE, own));
-        if trajectory.rejected.is_empty() {
-            return panel;
+        let mut panel = with_lock(tracks.gaps.shaded(panel), trajectory);
+        if !trajectory.rejected.is_empty() {
+            let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
+            let rejected: Vec<_> = rejected.map(|one| (one.time_s, one.innovation * factor)).collect();
+            panel = panel.with(Series::points("rejected", Role::Model, rejected));
         }
-        let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
-        panel.with(Series::points(
-            "rejected",
-            Role::Model,
-            rejected.map(|one| (one.time_s, one.innovation * factor)).collect::<Vec<_>>(),
-        ))
+        panel
     });
     stacked(Figure::new(format!("{prefix}innovations"), "Innovations", caption), panels.collect())
+}
+
+/// A number that comes from a Fourier transform, whose last digits are the platform's: in single precision, which a picture does not tell.
+fn rounded(value: f64) -> f64 {
+    #[allow(clippy::cast_possible_truncation)]
+    let single = value as f32;
+    f64::from(single)
 }
 
 /// The normalised innovations of a filter from all sides.
@@ -86,7 +93,7 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
     let mut figure = Figure::new(format!("{prefix}innovations_{}", trajectory.key), name, caption);
     if !found.spectrum.is_empty() {
         let over = |of: fn(&crate::evaluate::SpectrumGroup) -> f64| -> Vec<(f64, f64)> {
-            found.spectrum.iter().map(|group| (group.frequency_hz, of(group))).collect()
+            found.spectrum.iter().map(|group| (group.frequency_hz, rounded(of(group)))).collect()
         };
         let expected: Vec<(f64, f64, f64)> = found
             .spectrum

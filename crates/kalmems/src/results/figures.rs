@@ -3,6 +3,7 @@
 use super::Verdict;
 use super::evidence::evidence;
 use super::long::{FilterFigures, PartFigures};
+use super::marks::with_lock;
 use super::metrics::consistency;
 use super::summary::named;
 use super::summary::shown as shown_unit;
@@ -305,7 +306,8 @@ fn value_error(
         }
         let points = series.time_s.iter().zip(&series.error).map(|(t, e)| (*t, e * factor));
         let own = Series::line(label(trajectory, segment, None), role(trajectory), points);
-        Some(panel.with(tracks.whole(&of_error(trajectory, of), VALUE, own)))
+        let panel = panel.with(tracks.whole(&of_error(trajectory, of), VALUE, own));
+        Some(with_lock(tracks.gaps.shaded(panel), trajectory))
     });
     let title = format!("Error of {}", named(of));
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
@@ -347,7 +349,7 @@ fn angle_error(segment: &SegmentOutcome, tracks: &Tracks, prefix: &str) -> Figur
             });
             panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Bound, band)));
         }
-        panel
+        with_lock(tracks.gaps.shaded(panel), trajectory)
     });
     stacked(Figure::new(format!("{prefix}angle_error"), "Error of the angle", caption), panels.collect())
 }

@@ -7,6 +7,7 @@ use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::inspect::{fitting_unit, quantity};
 use crate::recording::Source;
 use crate::topics::{explained, link, topic};
+use kalmems_core::Portable;
 use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
 use serde::Serialize;
 use std::io;
@@ -141,7 +142,8 @@ fn in_one_unit(p: &Identified) -> [String; 4] {
     let digits = decimals(p.value, p.standard_error);
     let number = |value: f64| {
         // Two digits of the error, without an exponent where that can be read.
-        let exponent = format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
+        let exponent =
+            format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
         let places = exponent.map(|exponent| 1 - exponent).filter(|places| (-3..=12).contains(places));
         if let Some(places) = places.filter(|_| READABLE.contains(&scaled)) {
             let places = usize::try_from(places).unwrap_or(0);
@@ -164,7 +166,7 @@ const READABLE: std::ops::Range<f64> = 1e-3..1e6;
 
 /// Decimals behind the first digit of a value that its standard error leaves sense in: two digits of the error.
 fn decimals(value: f64, error: f64) -> usize {
-    let digits = (value.abs() / error).log10().floor() + 2.0;
+    let digits = (value.abs() / error).portable_log10().floor() + 2.0;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to a small positive number
     let digits = if digits.is_finite() { digits.clamp(1.0, 12.0) as usize } else { 3 };
     digits

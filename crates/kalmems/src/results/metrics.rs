@@ -13,6 +13,7 @@ use crate::evaluate::{
 use crate::recording::{Finding, Origin, StretchPlace};
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
+use kalmems_core::Portable;
 use serde::{Serialize, Serializer};
 
 /// All figures of an experiment; durations are not among them, so that the same input gives the same bytes.
@@ -123,7 +124,7 @@ pub struct Likeliest {
 impl Likeliest {
     /// Whether the next filter is as good as told by these numbers: less than a factor of 20 in the likelihood is no difference.
     pub fn is_tied(&self) -> bool {
-        self.ahead.is_some_and(|ahead| ahead < 20_f64.ln())
+        self.ahead.is_some_and(|ahead| ahead < 20_f64.portable_ln())
     }
 }
 

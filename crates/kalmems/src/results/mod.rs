@@ -10,6 +10,7 @@ mod identification;
 mod in_memory;
 mod inspection;
 mod long;
+mod marks;
 mod metrics;
 mod names;
 mod outlook;

@@ -245,11 +245,16 @@ fn tests(segment: &SegmentMetrics) -> Table {
     for test in all {
         let of = |e: &&EstimatorMetrics| {
             let found = e.tests.iter().find(|found| found.test == test);
-            found.map_or_else(|| "–".to_owned(), |found| format!("{:.1e}", found.p_value))
+            found.map_or_else(|| "–".to_owned(), |found| probability(found.p_value))
         };
         table.push(std::iter::once(test.words().to_owned()).chain(tested.iter().map(of)));
     }
     table
+}
+
+/// A probability: two digits, with an exponent where zeros would be many.
+fn probability(value: f64) -> String {
+    if value < 0.01 { format!("{value:.1e}") } else { format!("{value:.2}") }
 }
 
 /// What the summary leaves out: a row per figure, a column per filter.

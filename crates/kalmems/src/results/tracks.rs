@@ -1,5 +1,6 @@
 //! What pages show of a segment beside its pictures: all samples of it, or the extremes of groups of them, as they pass.
 
+use super::marks::Gaps;
 use super::summary::shown;
 use crate::estimate::{SegmentEstimate, StateSeries, Trajectory, TrajectoryKind};
 use crate::evaluate::ErrorSeries;
@@ -17,6 +18,8 @@ pub(super) const BAND: [usize; 2] = [1, 2];
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tracks {
     tracks: BTreeMap<String, Track>,
+    /// Where there are no samples.
+    pub(super) gaps: Gaps,
 }
 
 impl Tracks {
@@ -38,6 +41,7 @@ impl Tracks {
             self.add(INPUT, time().zip(input).map(|(t, v)| (t, [*v; 1])));
         }
         if let Some(signal) = column(&estimate.signal_column) {
+            self.gaps.take(time().zip(signal.iter().copied()), own.time.interval_s().unwrap_or(0.0));
             self.add(SIGNAL, time().zip(signal).map(|(t, y)| (t, [y * factor; 1])));
         }
         self.answers(estimate, recording.values.first().map(|value| value.name));

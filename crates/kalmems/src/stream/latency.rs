@@ -1,5 +1,6 @@
 //! How long a sample takes from its arrival to the estimate.
 
+use kalmems_core::Portable;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -26,7 +27,7 @@ impl Default for Histogram {
 impl Histogram {
     /// Counts so many durations that are the same.
     pub fn add(&mut self, duration: Duration, times: u64) {
-        let octaves = (duration.as_secs_f64() * 1e6).log2() * f64::from(PER_OCTAVE);
+        let octaves = (duration.as_secs_f64() * 1e6).portable_log2() * f64::from(PER_OCTAVE);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // bounded
         let bin = (octaves + 1.0).clamp(0.0, (BINS - 1) as f64) as usize;
         self.bins[bin] += times;

@@ -1,5 +1,6 @@
 //! Whether there is anything in a signal but noise.
 
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// Cycles of the motion that are judged together.
@@ -175,7 +176,8 @@ impl AxisContent {
     /// How alike the amplitudes of neighbouring cycles are at a harmonic; 0 where there are none.
     fn ratio(&self, i: usize) -> f64 {
         let [re, im] = self.products[i];
-        let (product, square) = (re.hypot(im) / self.pairs as f64, self.squares[i] / self.cycles as f64);
+        let (product, square) =
+            (re.portable_hypot(im) / self.pairs as f64, self.squares[i] / self.cycles as f64);
         // A harmonic near or above half the sampling rate is that of another frequency.
         let is_seen = (i + 1) as f64 * self.frequency_hz * self.interval_s < 0.45;
         if is_seen && square > 0.0 { product / square } else { 0.0 }
@@ -184,7 +186,7 @@ impl AxisContent {
 
 /// What a ratio is above with this probability, of noise and so many pairs.
 fn bound(chance: f64, pairs: usize) -> f64 {
-    (-chance.ln() / pairs as f64).sqrt()
+    (-chance.portable_ln() / pairs as f64).sqrt()
 }
 
 impl Cycle {
@@ -195,7 +197,7 @@ impl Cycle {
         let y = y - self.first;
         self.count += 1.0;
         self.sum += y;
-        let (sin, cos) = phase.sin_cos();
+        let (sin, cos) = phase.portable_sin_cos();
         let turn = [cos, -sin];
         let mut wave = turn;
         for (signal, waves) in self.signal.iter_mut().zip(&mut self.waves) {

@@ -100,10 +100,14 @@ impl Journal {
         let mut options = OpenOptions::new();
         let mut file =
             options.read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
-        file.try_lock().map_err(|e| match e {
-            TryLockError::WouldBlock => StudyError::Busy { path: path.to_owned() },
-            TryLockError::Error(source) => failed(source),
-        })?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => return Err(StudyError::Busy { path: path.to_owned() }),
+            // A browser's sandbox has no locks, and nobody else in it.
+            Err(TryLockError::Error(source)) if source.kind() != io::ErrorKind::Unsupported => {
+                return Err(failed(source));
+            }
+            _ => {}
+        }
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(failed)?;
         let read = match read(path, &text) {
@@ -133,7 +137,9 @@ impl Journal {
                 kalmems_store::keep_aside(path).map_err(failed)?;
                 let mut options = OpenOptions::new();
                 journal.file = options.read(true).write(true).create_new(true).open(path).map_err(failed)?;
-                journal.file.try_lock().map_err(|_| StudyError::Busy { path: path.to_owned() })?;
+                if let Err(TryLockError::WouldBlock) = journal.file.try_lock() {
+                    return Err(StudyError::Busy { path: path.to_owned() });
+                }
             }
             journal.cut(0).map_err(failed)?;
             journal.write(header).map_err(failed)?;

@@ -5,6 +5,7 @@ use super::axis::Axis;
 use super::pictures::{axis, name};
 use super::spread::{groups, spreads};
 use super::table::Table;
+use kalmems_core::Portable;
 use kalmems_figures::{self, Grid, Panel, Scale, Series};
 use std::collections::BTreeMap;
 
@@ -67,7 +68,7 @@ pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Re
 fn shown(value: f64, scale: Scale) -> f64 {
     match scale {
         Scale::Linear => value,
-        Scale::Log => value.log10(),
+        Scale::Log => value.portable_log10(),
     }
 }
 

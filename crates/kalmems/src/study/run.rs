@@ -6,17 +6,12 @@ use super::journal::{Finished, Header, Journal, Runs};
 use super::plan::Ready;
 use super::rows::{Row, rows};
 use super::{Plan, Shard, StudyError};
-use crate::progress::Progress;
+use crate::progress::{Progress, each_on_threads, processors};
 use crate::results::Metrics;
 use crate::simulate::Unwritten;
 use crate::workflow;
 use std::num::NonZero;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::thread;
-use std::time::Duration;
 
 /// How to run a study.
 #[derive(Clone, Copy, Debug)]
@@ -41,9 +36,6 @@ pub struct Progressed {
     /// Whether a run that was being written when the program was stopped was dropped from the journal.
     pub torn: bool,
 }
-
-/// Between two looks at whether to go on.
-const PULSE: Duration = Duration::from_millis(50);
 
 impl Plan {
     /// The journal for results in a folder: beside it, with its name.
@@ -91,45 +83,20 @@ impl Plan {
     ) -> Result<Option<u64>, StudyError> {
         let missing: Vec<u64> =
             (0..self.runs()).filter(|run| options.shard.has(*run) && !finished.contains_key(run)).collect();
-        let threads =
-            options.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
-        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
-        let (sender, receiver) = mpsc::channel();
+        let threads = options.threads.map_or_else(processors, NonZero::get);
         progress.begin("studying", missing.len() as u64);
-        thread::scope(|scope| {
-            for _ in 0..threads.min(missing.len()) {
-                let sender = sender.clone();
-                let (missing, next, stop) = (&missing, &next, &stop);
-                scope.spawn(move || {
-                    while let Some(run) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        // Nothing is said of a run that was stopped, and no more of one that nobody hears.
-                        let Some(finished) = self.finish(*run, &Stop(stop)) else { return };
-                        if sender.send(finished).is_err() {
-                            return;
-                        }
-                    }
-                });
-            }
-            drop(sender);
-            let mut done = 0;
-            let ended = loop {
-                match receiver.recv_timeout(PULSE) {
-                    Ok(finished) => {
-                        if let Err(e) = journal.add(&finished) {
-                            break Err(e);
-                        }
-                        done += 1;
-                    }
-                    Err(RecvTimeoutError::Timeout) => {}
-                    Err(RecvTimeoutError::Disconnected) => break Ok(()),
-                }
-                if progress.reached(done).is_break() {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            };
-            stop.store(true, Ordering::Relaxed);
-            ended.map(|()| (done < missing.len() as u64).then_some(done))
-        })
+        let mut done = 0;
+        each_on_threads(
+            progress,
+            threads,
+            (missing.len(), 1),
+            |place, heard| self.finish(missing[place], heard),
+            |_, finished| {
+                done += 1;
+                journal.add(&finished)
+            },
+        )?;
+        Ok((done < missing.len() as u64).then_some(done))
     }
 
     /// One run; `None` where it was stopped.
@@ -172,16 +139,5 @@ impl Plan {
             }));
         }
         Ok((rows, judged(&outcome, &metrics, &drawn)))
-    }
-}
-
-/// Stops a run in the middle.
-struct Stop<'a>(&'a AtomicBool);
-
-impl Progress for Stop<'_> {
-    fn begin(&self, _: &str, _: u64) {}
-
-    fn reached(&self, _: u64) -> ControlFlow<()> {
-        if self.0.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }

@@ -23,6 +23,8 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
     let points = |values: &[f64]| nu.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let count = scans.spectra.len();
     let label = if count == 1 { "one scan".to_owned() } else { format!("mean of {count} scans") };
+    let caption = "The spectrum; below it what is uncertain of each point: the standard error by the scatter of the scans, and that by \
+                   errors of the path; and the difference to the reference, where there is one.";
     let mut panel = Panel::new(wavenumber(), Axis::new("spectrum", "1"));
     if let Some(comparison) = &outcome.comparison {
         let theirs = comparison.wavenumber_per_m.iter().map(|nu| nu / 100.0);
@@ -30,7 +32,7 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         panel = panel.with(Series::line("reference", Role::Reference, theirs));
     }
     panel = panel.with(Series::line(label, Role::Estimate, points(&outcome.spectrum)));
-    let (mut figure, mut narrow) = (Figure::new("spectrum", "Spectrum", "").with(panel), None);
+    let (mut figure, mut narrow) = (Figure::new("spectrum", "Spectrum", caption).with(panel), None);
     if let Some(comparison) = &outcome.comparison {
         let differences: Vec<(f64, f64)> = (comparison.wavenumber_per_m.iter())
             .zip(comparison.ours.iter().zip(&comparison.theirs))
@@ -74,11 +76,12 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
 fn interferogram(outcome: &SpectrumOutcome) -> Figure {
     let panel = Panel::new(Axis::new("path difference", "m"), Axis::new("interferogram", "1"));
     let points = outcome.processed.interferogram.clone();
-    Figure::new("interferogram", "The first scan", "").with(panel.with(Series::line(
-        "",
-        Role::Measured,
-        points,
-    )))
+    Figure::new(
+        "interferogram",
+        "The first scan",
+        "The intensity of the first scan over the path difference.",
+    )
+    .with(panel.with(Series::line("", Role::Measured, points)))
 }
 
 fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
@@ -93,5 +96,7 @@ fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
     let panel = Panel::new(Axis::new("scans", "1").log(), Axis::new("noise of their mean", "1").log())
         .with(Series::line("1/√scans", Role::Bound, root))
         .with(Series::points("mean of so many scans", Role::Measured, points));
-    Some(Figure::new("coadding", "Noise of the mean of scans", "").with(panel))
+    let caption = "The noise of the mean over the number of its scans. Noise that is independent from scan to scan falls along the \
+                   dashed line; noise above it is common to the scans.";
+    Some(Figure::new("coadding", "Noise of the mean of scans", caption).with(panel))
 }

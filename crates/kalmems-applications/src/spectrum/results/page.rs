@@ -88,7 +88,9 @@ fn budgets(metrics: &SpectrumMetrics) -> Option<Table> {
     for line in &metrics.lines {
         let name = line.found_per_cm.map_or_else(String::new, |found| format!("{found:.4} 1/cm"));
         for entry in &line.budget {
-            let numbers = [entry.shift_per_cm, entry.sd_per_cm].map(|value| format!("{value:.1e}"));
+            // What does not shift it at all is no number with an exponent.
+            let text = |value: f64| if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") };
+            let numbers = [entry.shift_per_cm, entry.sd_per_cm].map(text);
             let [shift, sd] = numbers;
             table.push([name.clone(), entry.of.clone(), shift, sd, format!("{:.4}", entry.height)]);
         }

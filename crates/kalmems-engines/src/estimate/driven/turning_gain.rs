@@ -2,6 +2,7 @@
 
 use super::Plain;
 use crate::estimate::{GainOf, Never, Swing};
+use kalmems_core::Portable;
 use kalmems_core::riccati::continuous_riccati;
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
@@ -98,7 +99,7 @@ impl<const N: usize> TurningGain<N> {
             GainOf::Poles(corner) => {
                 let unseen = || "its signal does not tell amplitude and phase apart".to_owned();
                 let transition = Lu::of(&point.transition).ok_or_else(unseen)?;
-                let left = transition.inverse().scaled((-corner * interval_s).exp());
+                let left = transition.inverse().scaled((-corner * interval_s).portable_exp());
                 let identity = Mat::<f64, N, N>::identity();
                 let closed = Mat::<f64, N, N>::from_fn(|i, j| identity.0[i][j] - left.0[i][j]);
                 closed.times(&Lu::of(&information).ok_or_else(unseen)?.inverse())
@@ -127,7 +128,7 @@ fn turned<const N: usize>(x: &[f64; N], rates: &[f64; N]) -> Mat<f64, N, N> {
 /// Sine and cosine of the phase of the coordinate whose state is the `first` one.
 fn phase<const N: usize>(x: &[f64; N], rates: &[f64; N], first: usize) -> (f64, f64) {
     let (angle, rate) = (rates[first] * x[first], x[first + 1]);
-    let amplitude = angle.hypot(rate);
+    let amplitude = angle.portable_hypot(rate);
     if amplitude > 0.0 { (angle / amplitude, rate / amplitude) } else { (0.0, 1.0) }
 }
 

@@ -3,6 +3,7 @@
 use super::evidence::CycleEvidence;
 use super::spectrum::{Level, Spectrum};
 use super::{InnovationTest, Moments, Place, TestResult};
+use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::TAU;
 
@@ -82,7 +83,7 @@ impl Cycle {
             let around =
                 if moments.are_careful() { Level { mean: around.mean.max(1.0), ..around } } else { around };
             // A ratio of an exponential number to the mean of others.
-            let chance = (1.0 + power / around.mean / around.count).powf(-around.count);
+            let chance = (1.0 + power / around.mean / around.count).portable_powf(-around.count);
             Some((2.0 * (power / moments.count).sqrt(), chance))
         });
         self.together(InnovationTest::Harmonics, moments, &all)
@@ -100,7 +101,7 @@ impl Cycle {
         let (mean, variance) = (moments.mean_square(), moments.variance_of_squares() * inflation);
         let all = self.each(interval_s, resolution, |k, _| {
             let power = self.power(k, |bin| bin.squares - mean * bin.count);
-            Some((2.0 * (power / moments.count).sqrt() / mean, (-power / variance).exp()))
+            Some((2.0 * (power / moments.count).sqrt() / mean, (-power / variance).portable_exp()))
         });
         self.together(InnovationTest::Phase, moments, &all)
     }
@@ -158,7 +159,7 @@ impl Cycle {
     fn power(&self, harmonic: usize, sum: impl Fn(&Bin) -> f64) -> f64 {
         let (mut re, mut im, mut count) = (0.0, 0.0, 0.0);
         for (b, bin) in self.bins.iter().enumerate() {
-            let (sin, cos) = (TAU * (harmonic * b) as f64 / BINS as f64).sin_cos();
+            let (sin, cos) = (TAU * (harmonic * b) as f64 / BINS as f64).portable_sin_cos();
             re += sum(bin) * cos;
             im += sum(bin) * sin;
             count += bin.count;
@@ -171,7 +172,7 @@ impl Cycle {
             return None;
         }
         let worst = all.iter().min_by(|a, b| a.chance.total_cmp(&b.chance))?;
-        let statistic: f64 = all.iter().map(|h| -2.0 * h.chance.max(f64::MIN_POSITIVE).ln()).sum();
+        let statistic: f64 = all.iter().map(|h| -2.0 * h.chance.max(f64::MIN_POSITIVE).portable_ln()).sum();
         let p_value = ChiSquared::new(2.0 * all.len() as f64).ok()?.sf(statistic);
         let place = Place::Harmonic { number: worst.number, of_hz: self.frequency_hz };
         Some(TestResult { test, p_value, size: worst.amplitude, place: Some(place), signal: None })

@@ -1,6 +1,7 @@
 //! Sums over the normalised innovations, and what they say of their level, size and distribution.
 
 use super::{InnovationTest, Place, TestResult, normal_tail};
+use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Sums over normalised innovations z.
@@ -79,10 +80,10 @@ impl Moments {
         let m2 = r2 - m1 * m1;
         let m3 = r3 - 3.0 * m1 * r2 + 2.0 * m1.powi(3);
         let m4 = r4 - 4.0 * m1 * r3 + 6.0 * m1 * m1 * r2 - 3.0 * m1.powi(4);
-        let (skewness, kurtosis) = (m3 / m2.powf(1.5), m4 / (m2 * m2));
+        let (skewness, kurtosis) = (m3 / m2.portable_powf(1.5), m4 / (m2 * m2));
         let statistic = normal_skewness(skewness, n).powi(2) + normal_kurtosis(kurtosis, n).powi(2);
         // That of two degrees of freedom.
-        ((-0.5 * statistic).exp(), kurtosis - 3.0)
+        ((-0.5 * statistic).portable_exp(), kurtosis - 3.0)
     }
 
     /// Whether the filter claims larger innovations than it has. That is no fault, but its innovations are neither white nor of one
@@ -115,9 +116,9 @@ impl Moments {
 /// Both numbers are nearly normal, but not far out, and not independent. The difference in decades was taken from simulated normal
 /// numbers (`slow_the_test_of_shape_fails_as_often_as_it_says`): of 500 the law states 10⁻⁶ for what happens 4·10⁻⁵ times.
 fn calibrated(stated: f64, n: f64) -> f64 {
-    let decades = -stated.max(f64::MIN_POSITIVE).log10();
-    let missing = 0.35 * (1.0 + n / 2000.0).powf(-1.1) * (decades - 2.0).max(0.0).powf(1.3);
-    10.0_f64.powf((missing - decades).min(0.0))
+    let decades = -stated.max(f64::MIN_POSITIVE).portable_log10();
+    let missing = 0.35 * (1.0 + n / 2000.0).portable_powf(-1.1) * (decades - 2.0).max(0.0).portable_powf(1.3);
+    10.0_f64.portable_powf((missing - decades).min(0.0))
 }
 
 /// A skewness of n normal numbers as a standard normal number (D'Agostino 1970).
@@ -127,7 +128,7 @@ fn normal_skewness(skewness: f64, n: f64) -> f64 {
         / ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
     let w = (2.0 * (beta - 1.0)).sqrt() - 1.0;
     let scaled = y / (2.0 / (w - 1.0)).sqrt();
-    scaled.asinh() / (0.5 * w.ln()).sqrt()
+    scaled.portable_asinh() / (0.5 * w.portable_ln()).sqrt()
 }
 
 /// A kurtosis of n normal numbers, 3 on average, as a standard normal number (Anscombe & Glynn 1983).
@@ -139,6 +140,6 @@ fn normal_kurtosis(kurtosis: f64, n: f64) -> f64 {
         * (6.0 * (n + 3.0) * (n + 5.0) / (n * (n - 2.0) * (n - 3.0))).sqrt();
     let a = 6.0 + 8.0 / skewness * (2.0 / skewness + (1.0 + 4.0 / (skewness * skewness)).sqrt());
     let below = 1.0 + x * (2.0 / (a - 4.0)).sqrt();
-    let root = ((1.0 - 2.0 / a) / below.abs()).cbrt().copysign(below);
+    let root = ((1.0 - 2.0 / a) / below.abs()).portable_cbrt().copysign(below);
     (1.0 - 2.0 / (9.0 * a) - root) / (2.0 / (9.0 * a)).sqrt()
 }

@@ -1,6 +1,7 @@
 //! The spectrum of the innovations, which is flat for a filter that is right.
 
 use super::{InnovationTest, Moments, Place, TestResult, WRONG};
+use kalmems_core::Portable;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
@@ -194,7 +195,7 @@ impl Spectrum {
         let Some(part) = self.parts.first() else { return Vec::new() };
         let (mut groups, mut first) = (Vec::new(), 0);
         for group in 1..=most {
-            let end = (part.sums.len() as f64).powf(group as f64 / most as f64).round();
+            let end = (part.sums.len() as f64).portable_powf(group as f64 / most as f64).round();
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // up to half the length
             let end = (end as usize).min(part.sums.len());
             if end <= first {
@@ -238,7 +239,8 @@ impl Spectrum {
         for part in &self.parts {
             let mut first = 0;
             for (b, (count, sum, from, to)) in bands.iter_mut().enumerate() {
-                let end = widest.powf((b + 1) as f64 / BANDS as f64) / BLOCK as f64 * part.length as f64;
+                let end =
+                    widest.portable_powf((b + 1) as f64 / BANDS as f64) / BLOCK as f64 * part.length as f64;
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // up to half the length
                 let end = if b + 1 == BANDS { part.sums.len() } else { (end as usize).min(part.sums.len()) };
                 if end > first {

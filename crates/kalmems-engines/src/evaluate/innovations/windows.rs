@@ -1,6 +1,7 @@
 //! Whether level and size of the innovations stay the same over the recording.
 
 use super::{InnovationTest, Moments, Place, TestResult};
+use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Windows at most; where they are full, each two neighbours become one, so that a recording of any length has between half
@@ -102,7 +103,7 @@ impl Windows {
         let (mean, variance) = (moments.mean_square(), moments.variance_of_squares() * inflation);
         let deviation = |w: &Window| {
             let ninth = variance / (9.0 * w.count * mean * mean);
-            ((w.squares / (w.count * mean)).cbrt() - 1.0 + ninth) / ninth.sqrt()
+            ((w.squares / (w.count * mean)).portable_cbrt() - 1.0 + ninth) / ninth.sqrt()
         };
         let statistic: f64 = windows.iter().map(|w| deviation(w).powi(2)).sum();
         let p_value = ChiSquared::new(windows.len() as f64 - 1.0).ok()?.sf(statistic);

@@ -1,6 +1,7 @@
 //! Whether the innovations would show a wrong parameter that the acceleration suffers from.
 
 use super::likelihood::{Likelihood, LikelihoodError, unknown};
+use kalmems_core::Portable;
 use unknown::{COUNT, DAMPING, MASS, SPRING};
 
 /// What a filter with one parameter off says of the same recording.
@@ -39,7 +40,7 @@ pub fn visibility(likelihood: &Likelihood, logs: &[f64; COUNT]) -> Result<[Visib
                 return Ok(Shifted { factor, mean_nis: nis, moved: 0.0 });
             }
             let mut shifted = *logs;
-            shifted[parameter] += factor.ln();
+            shifted[parameter] += factor.portable_ln();
             let (mut square, mut all) = (0.0, right.iter());
             let mean_nis = run(likelihood, &shifted, &mut |acceleration| {
                 let right = all.next().copied().unwrap_or(acceleration);

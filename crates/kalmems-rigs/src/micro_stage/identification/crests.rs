@@ -2,6 +2,7 @@
 
 use crate::fit::{Derived, Fit, FitError, FitSettings, Regression, fit};
 use crate::signal::{Sine, least_squares};
+use kalmems_core::Portable;
 use kalmems_core::{Dual, Scalar};
 use kalmems_models::capacitance::TiltingPlate;
 use std::array;
@@ -23,7 +24,11 @@ impl Series {
         let coefficients = least_squares(time_s, signal, |t| {
             array::from_fn(|i| {
                 let turned = TAU * frequency_hz * t * i.div_ceil(2) as f64;
-                if i % 2 == 1 { turned.cos() } else { turned.sin() + f64::from(u8::from(i == 0)) }
+                if i % 2 == 1 {
+                    turned.portable_cos()
+                } else {
+                    turned.portable_sin() + f64::from(u8::from(i == 0))
+                }
             })
         })?;
         Some(Self { coefficients })
@@ -35,7 +40,7 @@ impl Series {
         for harmonic in 1..=HARMONICS {
             let (a, b) = (self.coefficients[2 * harmonic - 1], self.coefficients[2 * harmonic]);
             let k = harmonic as f64;
-            let (s, c) = (k * phase).sin_cos();
+            let (s, c) = (k * phase).portable_sin_cos();
             sum[0] += a * c + b * s;
             sum[1] += k * (b * c - a * s);
             sum[2] -= k * k * (a * c + b * s);
@@ -90,7 +95,7 @@ pub fn crests(time_s: &[f64], signal: &[f64], frequency_hz: f64, noise: f64) -> 
     let [bend_crest, bend_trough] = [series.at(crest)[2], series.at(trough)[2]];
     let sums = (1..=HARMONICS).fold([0.0, 0.0], |[distance, height], harmonic| {
         let k = harmonic as f64;
-        let common = (k * (trough - crest)).cos();
+        let common = (k * (trough - crest)).portable_cos();
         let cross = 2.0 * common / (bend_crest * bend_trough);
         [
             distance + k * k * (bend_crest.powi(-2) + bend_trough.powi(-2) - cross),

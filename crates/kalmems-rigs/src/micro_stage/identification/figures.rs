@@ -5,6 +5,7 @@ use super::gaps::GapFit;
 use super::sweep::{SweepFit, SweepPoint};
 use super::waveform::unknown;
 use crate::micro_stage::hardware::Hardware;
+use kalmems_core::Portable;
 use kalmems_figures::{Axis, Figure, Panel, Role, Series};
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::TAU;
@@ -25,7 +26,7 @@ pub fn sweep(points: &[SweepPoint], fitted: &SweepFit) -> Figure {
         let (re, im) = (scale * a + others, -scale * b);
         // The rate is 2πjf times the angle.
         let turn = TAU * f;
-        let (sine, cosine) = (-turn * p[3]).sin_cos();
+        let (sine, cosine) = (-turn * p[3]).portable_sin_cos();
         let (re, im) = (-turn * im, turn * re);
         (re * cosine - im * sine, re * sine + im * cosine)
     };
@@ -41,13 +42,13 @@ pub fn sweep(points: &[SweepPoint], fitted: &SweepFit) -> Figure {
     let measured = |value: &dyn Fn(f64, f64) -> f64| -> Vec<(f64, f64)> {
         points.iter().map(|p| (p.frequency_hz, value(p.re, p.im))).collect()
     };
-    let size = |re: f64, im: f64| re.hypot(im);
-    let phase = |re: f64, im: f64| im.atan2(re).to_degrees();
+    let size = |re: f64, im: f64| re.portable_hypot(im);
+    let phase = |re: f64, im: f64| im.portable_atan2(re).to_degrees();
     let [x, y] = fitted.circle.centre();
     let radius = fitted.circle.radius();
     let circle: Vec<(f64, f64)> = (0..=CURVE)
         .map(|k| {
-            let (sine, cosine) = (TAU * f64::from(k) / f64::from(CURVE)).sin_cos();
+            let (sine, cosine) = (TAU * f64::from(k) / f64::from(CURVE)).portable_sin_cos();
             (x + radius * cosine, y + radius * sine)
         })
         .collect();
@@ -105,7 +106,7 @@ fn waveforms(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
         let rate = TAU * largest.angle.frequency_hz;
         let modelled = |t: f64| {
             let phase = rate * (t + p[unknown::DELAY]) + largest.angle.phase_rad;
-            let (sine, cosine) = phase.sin_cos();
+            let (sine, cosine) = phase.portable_sin_cos();
             let size = largest.angle.amplitude;
             p[unknown::gain(place)] * plate.slope(size * cosine) * (-size * rate * sine)
                 + p[unknown::offset(place)]

@@ -13,6 +13,7 @@ use crate::micro_stage::feedthrough::{BiasOff, without_drive};
 use crate::micro_stage::hardware::Hardware;
 use crate::micro_stage::records::{Record, Records, require_one_frequency};
 use crate::signal::{Sine, fit_sine_at};
+use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::TAU;
 
@@ -146,7 +147,8 @@ pub fn identify(
     }
     if let Some(delay) = &mut found.delay {
         let samples: Vec<usize> = offs.iter().map(|(off, _)| off.samples).collect();
-        delay.deviation = delay.deviation.hypot(unfitted_delay(delay.deviation, &training, &samples));
+        delay.deviation =
+            delay.deviation.portable_hypot(unfitted_delay(delay.deviation, &training, &samples));
     }
     found.labels = training.iter().map(|record| record.label.clone()).collect();
     if has_vibrometer {
@@ -251,7 +253,7 @@ fn require_layout(
         for (record, described) in records.iter().zip(training) {
             let signal = fit_sine_at(&record.time_s, &record.signals[place], record.drive.frequency_hz);
             let (Some(signal), Some(rate)) = (signal, described.rate) else { continue };
-            let turned = (signal.phase_rad - rate.phase_rad).cos();
+            let turned = (signal.phase_rad - rate.phase_rad).portable_cos();
             ratio += signal.amplitude / rate.amplitude * turned / per_rate / records.len() as f64;
         }
         if ratio < 0.0 {
@@ -437,12 +439,12 @@ impl Task<'_> {
         for (record, rate) in self.records.iter().zip(&found.rates) {
             let turn = TAU * rate.frequency_hz;
             let (re, im) = stage.response(turn);
-            let size = turn * re.hypot(im);
+            let size = turn * re.portable_hypot(im);
             let needed = rate.amplitude / size;
             let late = turn * found.delay.map_or(0.0, |delay| delay.value);
-            let phase = rate.phase_rad + late - (im.atan2(re) + TAU / 4.0) - record.drive.phase_rad;
-            let (sine, cosine) = phase.sin_cos();
-            let apart = (needed * cosine - record.drive.amplitude).hypot(needed * sine);
+            let phase = rate.phase_rad + late - (im.portable_atan2(re) + TAU / 4.0) - record.drive.phase_rad;
+            let (sine, cosine) = phase.portable_sin_cos();
+            let apart = (needed * cosine - record.drive.amplitude).portable_hypot(needed * sine);
             squares += 0.5 * apart * apart / self.records.len() as f64;
             found
                 .drive_gains

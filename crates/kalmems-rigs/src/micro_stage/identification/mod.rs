@@ -21,6 +21,7 @@ pub use crests::{ByCrests, Crests, by_crests, crests, expected};
 pub use figures::sweep as sweep_figure;
 pub use gaps::GapFit;
 pub use in_situ::{InSitu, in_situ};
+use kalmems_core::Portable;
 pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
 pub use waveform::{
     ELECTRODES, Indeterminate, Sought, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate,
@@ -169,11 +170,11 @@ fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyEr
         let frequency_hz = stepped_frequency(record)?;
         // As if the reference were as late as is stated: what is left of its delay is found.
         let turned = rate.phase_rad - record.drive.phase_rad + TAU * frequency_hz * records.delay_s;
-        let (sine, cosine) = turned.sin_cos();
+        let (sine, cosine) = turned.portable_sin_cos();
         let size = rate.amplitude / record.drive.amplitude;
         let samples = record.time_s.len() as f64;
-        let relative =
-            (rate.residual_rms / rate.amplitude).hypot(record.drive.residual_rms / record.drive.amplitude);
+        let relative = (rate.residual_rms / rate.amplitude)
+            .portable_hypot(record.drive.residual_rms / record.drive.amplitude);
         let deviation = size * relative * (2.0 / samples).sqrt();
         points.push(SweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
     }

@@ -2,6 +2,7 @@
 
 use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
 use crate::identify::{Circle, ResonantResponse, ResponseModel, ResponsePoint, fit_circle, fit_response};
+use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
 use std::f64::consts::TAU;
 
@@ -55,7 +56,7 @@ pub enum SweepError {
 /// The response of the angle is that of the rate over 2πjf. Where the phase of the rate is 0 is no resonance: a
 /// vibrometer that is 6.9 µs late moves that by 0.6 Hz.
 pub fn fit_sweep(points: &[SweepPoint]) -> Result<SweepFit, SweepError> {
-    let size = |p: &SweepPoint| p.re.hypot(p.im);
+    let size = |p: &SweepPoint| p.re.portable_hypot(p.im);
     let peak = points.iter().max_by(|a, b| size(a).total_cmp(&size(b))).map_or(0.0, |p| p.frequency_hz);
     let below = points.iter().filter(|p| p.frequency_hz < peak).count();
     let above = points.iter().filter(|p| p.frequency_hz > peak).count();
@@ -88,10 +89,10 @@ fn along(points: &[SweepPoint], circle: &Circle, near: &ResonantResponse) -> Res
     let nearest = points
         .iter()
         .min_by(|a, b| (a.frequency_hz - natural).abs().total_cmp(&(b.frequency_hz - natural).abs()));
-    let start = nearest.map_or(0.0, |p| (p.im - y).atan2(p.re - x));
+    let start = nearest.map_or(0.0, |p| (p.im - y).portable_atan2(p.re - x));
     let angles: Vec<[f64; 3]> = points
         .iter()
-        .map(|p| [p.frequency_hz, (p.im - y).atan2(p.re - x), p.deviation / circle.radius()])
+        .map(|p| [p.frequency_hz, (p.im - y).portable_atan2(p.re - x), p.deviation / circle.radius()])
         .collect();
     let settings = FitSettings::from_start([start, natural, near.damping_ratio().value]);
     fit(&ByDual(Passage(&angles)), &settings)
@@ -158,7 +159,7 @@ impl SweepFit {
     pub fn circle_drive_gain(&self) -> Derived {
         let radius = self.circle.fit.parameter(2);
         let gain = self.along.derived(|p| p[1] * p[2] * (4.0 * TAU * radius.value));
-        let relative = (gain.deviation / gain.value).hypot(radius.deviation / radius.value);
+        let relative = (gain.deviation / gain.value).portable_hypot(radius.deviation / radius.value);
         Derived { value: gain.value, deviation: gain.value.abs() * relative }
     }
 

@@ -9,6 +9,7 @@ use crate::micro_stage::records::Records;
 use crate::micro_stage::segment::{self, Samples};
 use crate::micro_stage::settings::Settings;
 use crate::progress::Progress;
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// ω_EST = α·ω_LDV + β over the training records (Chen, dissertation, 2018, equations 59 to 61 and the end of section
@@ -66,7 +67,7 @@ pub fn correction(
         for (t, rate_found) in record.time_s.iter().zip(&state.mean).skip(from) {
             // The vibrometer shows the rate late, and with an offset of its own.
             let phase = TAU * rate.frequency_hz * (t + delay.value) + rate.phase_rad;
-            known.push(rate.amplitude * phase.cos());
+            known.push(rate.amplitude * phase.portable_cos());
             said.push(*rate_found);
         }
     }

@@ -3,6 +3,7 @@
 use crate::fit::{Bounds, Derived, Fit, FitError, FitSettings, Regression, fit};
 use crate::signal::Sine;
 use kalmems_core::Dual;
+use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use std::array;
 use std::f64::consts::TAU;
@@ -104,7 +105,7 @@ impl Waveforms<'_> {
             let (gap, gain) = (unknown::gap(i), unknown::gain(i));
             (start[gap], free[gap]) = (plate.gap, self.sought != Sought::Gains);
             // The plates stay apart; where the scale is searched for, it is the scale that gives way.
-            let contact = plate.w1.abs().max(plate.w2.abs()) * largest.tan();
+            let contact = plate.w1.abs().max(plate.w2.abs()) * largest.portable_tan();
             bounds[gap] = Bounds { low: 1.02 * contact, high: f64::INFINITY };
             start[gap] = start[gap].max(1.1 * contact);
             (start[gain], free[gain]) = (self.gains[i], self.sought != Sought::Gaps);
@@ -123,7 +124,7 @@ impl Waveforms<'_> {
         let plate = &self.plates[electrode];
         let rate = TAU * record.angle.frequency_hz;
         let phase = rate * (time_s + p[unknown::DELAY]) + record.angle.phase_rad;
-        let (sine, cosine) = phase.sin_cos();
+        let (sine, cosine) = phase.portable_sin_cos();
         let size = p[unknown::SCALE] * record.angle.amplitude;
         let (angle, speed) = (size * cosine, -size * rate * sine);
         // C′ with its derivatives by the gap and by the angle.
@@ -140,7 +141,7 @@ impl Waveforms<'_> {
         let [by_gap, by_angle] = slope.gradient();
         let gain = p[unknown::gain(electrode)];
         let turn = TAU * record.drive.frequency_hz;
-        let (drive_sine, drive_cosine) = (turn * time_s + record.drive.phase_rad).sin_cos();
+        let (drive_sine, drive_cosine) = (turn * time_s + record.drive.phase_rad).portable_sin_cos();
         let drive = [record.drive.amplitude * drive_cosine, -turn * record.drive.amplitude * drive_sine];
         let [direct, differentiated] = unknown::feedthrough(electrode).map(|index| p[index]);
         Expected {

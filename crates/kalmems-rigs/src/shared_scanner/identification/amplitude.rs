@@ -1,5 +1,6 @@
 //! What the signal can tell of the amplitude while gain and offset are not known.
 
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// By how much the standard deviation of the amplitude grows when gain and offset are fitted with it, for a steady
@@ -16,8 +17,8 @@ use std::f64::consts::TAU;
 pub fn gain_ambiguity(amplitude: f64, width: f64) -> f64 {
     const POINTS: i32 = 720;
     let rows = (0..POINTS).map(|k| {
-        let square = (TAU * (f64::from(k) + 0.5) / f64::from(POINTS)).sin().powi(2);
-        let overlap = (-square * (amplitude / width).powi(2)).exp();
+        let square = (TAU * (f64::from(k) + 0.5) / f64::from(POINTS)).portable_sin().powi(2);
+        let overlap = (-square * (amplitude / width).powi(2)).portable_exp();
         // ∂y/∂A without its constant factors, and ∂y/∂a; ∂y/∂b is 1.
         [square * overlap, overlap]
     });

@@ -4,6 +4,7 @@ use crate::fit::{
     Bounds, ByDual, Fit, FitError, FitSettings, Regression, Shooting, ShootingError, Unknown, fit,
 };
 use crate::identify::Whiteness;
+use kalmems_core::Portable;
 use kalmems_core::{Nodes, NoiseDensity, Rk4};
 use kalmems_models::dynamics::ParametricScanner;
 use kalmems_models::readout::BiasedComb;
@@ -293,9 +294,9 @@ impl RingDown<'_> {
         let mut best = (f64::INFINITY, nominal);
         for i in 0..AMPLITUDES {
             // From a fortieth of the width to three times it.
-            let amplitude = width / 40.0 * 120_f64.powf(f64::from(i) / f64::from(AMPLITUDES - 1));
+            let amplitude = width / 40.0 * 120_f64.portable_powf(f64::from(i) / f64::from(AMPLITUDES - 1));
             for j in 0..PHASES {
-                let (sine, cosine) = (turn * f64::from(j) / f64::from(PHASES)).sin_cos();
+                let (sine, cosine) = (turn * f64::from(j) / f64::from(PHASES)).portable_sin_cos();
                 (nominal[ANGLE], nominal[RATE]) = (amplitude * sine, amplitude * rate * cosine);
                 let mut cost = 0.0;
                 law.residuals(&nominal, &mut |residual| cost += residual * residual);

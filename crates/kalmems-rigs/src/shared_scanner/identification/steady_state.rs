@@ -5,6 +5,7 @@ use crate::fit::{
 };
 use crate::identify::{AffineFit, Whiteness, fit_affine};
 use crate::signal::{GAP, cubic_between, usual_interval};
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4, Scalar};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::readout::{LowPassOutput, LowPassPair};
@@ -292,8 +293,8 @@ impl SteadyState<'_> {
         let Some((mut found, residuals)) = best else { return Ok(None) };
         let n = affine.whiteness.samples as f64;
         // In units of the affine model's residuals, whose squares sum up to n − 2.
-        let gained = n * ((n - 2.0) / found.sum_of_squares).ln();
-        if gained <= 3.0 * n.ln() || found.at_bound[0] {
+        let gained = n * ((n - 2.0) / found.sum_of_squares).portable_ln();
+        if gained <= 3.0 * n.portable_ln() || found.at_bound[0] {
             return Ok(None);
         }
         found.sum_of_squares *= affine.residual_deviation * affine.residual_deviation;

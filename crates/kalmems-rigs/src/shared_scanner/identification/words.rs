@@ -7,6 +7,7 @@ use super::{
 };
 use crate::fit::Derived;
 use crate::identify::{Correlated, Identification, Identified, Material, Still, Undetermined, Whiteness};
+use kalmems_core::Portable;
 use kalmems_core::Scalar;
 use std::f64::consts::TAU;
 
@@ -86,7 +87,7 @@ pub fn ring_down(found: &mut Identification, material: &Material, record: &RingD
         warn_of_memory(found, &format!("{place}, {channel}"), whiteness);
     }
     let last = integrated_capacitance(record.signal, record.interval_s, record.gain);
-    let comb = |angle: f64| fit.parameters[2] * (-(angle / fit.parameters[3]).powi(2)).exp();
+    let comb = |angle: f64| fit.parameters[2] * (-(angle / fit.parameters[3]).powi(2)).portable_exp();
     let angle =
         |k: usize| fitted.fitted.get(k).map_or(f64::NAN, |f| f[1] - fit.parameters[unknown::ANGLE_OFFSET]);
     let end = last.len().saturating_sub(1);
@@ -128,9 +129,9 @@ fn ring_down_unknown(
              given; a reference or a calibration says which"
                 .to_owned(),
         );
-        let parts = fit
-            .weakest
-            .map(|d| (d.parts[WIDTH], d.parts[unknown::ANGLE].hypot(d.parts[unknown::RATE]), d.relative));
+        let parts = fit.weakest.map(|d| {
+            (d.parts[WIDTH], d.parts[unknown::ANGLE].portable_hypot(d.parts[unknown::RATE]), d.relative)
+        });
         if let Some((width, start, relative)) = parts {
             found.warnings.push(format!(
                 "{place}: without a reference theta0 and the angle grow together almost unseen, the direction that \

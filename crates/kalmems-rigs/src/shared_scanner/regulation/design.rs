@@ -10,6 +10,7 @@ use crate::config::{
 };
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{Drive, LoopMargins, RegulatedMotion};
+use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_models::control::{
     Limits, Mark, RegulatorSettings, StartUp, Tolerance, Trigger, TriggerSettings,
@@ -257,8 +258,11 @@ impl fmt::Display for Regulation {
         )?;
         for (index, name) in ["amplitude", "phase"].into_iter().enumerate() {
             let LoopMargins { crossover_hz, phase, gain } = self.margins[index];
-            let gain =
-                if gain.is_finite() { format!("{:.0} dB", 20.0 * gain.log10()) } else { "any".to_owned() };
+            let gain = if gain.is_finite() {
+                format!("{:.0} dB", 20.0 * gain.portable_log10())
+            } else {
+                "any".to_owned()
+            };
             let end = if index == 0 { "\n" } else { "" };
             write!(
                 f,

@@ -7,6 +7,7 @@ use super::super::settings::Hardware;
 use super::design::MOST;
 use crate::estimate::Parameter;
 use crate::estimate::driven::step;
+use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, Nodes, Rk4};
 use kalmems_models::control::{Complex, Oscillator};
@@ -206,7 +207,8 @@ impl Window {
         let lag = 0.5 * component.angle() - drive.rate * hardware.delay_s;
         let phase = drive.phase - lag;
         let mut state = [0.0; STATES];
-        (state[0], state[1]) = (amplitude * phase.cos(), -amplitude * drive.rate * phase.sin());
+        (state[0], state[1]) =
+            (amplitude * phase.portable_cos(), -amplitude * drive.rate * phase.portable_sin());
         Some((amplitude, state))
     }
 }

@@ -11,6 +11,7 @@ use crate::config::{Experiment, Fault};
 use crate::recording::Source;
 use crate::signal::hermite;
 use crate::simulate::{Channel, Converter, Papers, Sample, SimulateError, Simulation, WhiteNoise};
+use kalmems_core::Portable;
 use kalmems_core::{Ekf, Filter, Measurement, Process, ProcessNoise, Rk4};
 use kalmems_models::control::{Mark, Oscillator, Regulator, Stage, Trigger};
 use kalmems_models::dynamics::ParametricScanner;
@@ -246,12 +247,12 @@ impl Witness {
         if self.within == 0 {
             self.begun.regulated = self.report.regulated_from_s.is_some();
         }
-        let window = (PI * (f64::from(self.within) + 0.5) / f64::from(self.length)).sin().powi(2);
+        let window = (PI * (f64::from(self.within) + 0.5) / f64::from(self.length)).portable_sin().powi(2);
         let [angle, _] = seen.truth[0];
         // The mean of sin² is ½, of the angle times the cosine half the amplitude.
         let weight = 4.0 / f64::from(self.length) * window;
-        self.sums[0] += weight * angle * seen.drive.phase.cos();
-        self.sums[1] += weight * angle * seen.drive.phase.sin();
+        self.sums[0] += weight * angle * seen.drive.phase.portable_cos();
+        self.sums[1] += weight * angle * seen.drive.phase.portable_sin();
         self.within += 1;
         if self.within == self.length / 2 {
             let Drifted { temperature_k, stiffness, damping, gain, offset_v } = *seen.drifted;
@@ -269,9 +270,9 @@ impl Witness {
         }
         if self.within == self.length {
             let [cosine, sine] = self.sums;
-            self.begun.amplitude = cosine.hypot(sine);
+            self.begun.amplitude = cosine.portable_hypot(sine);
             // The motion and its mirror image are one; the phase is that nearest to what is wanted.
-            let off = sine.atan2(cosine) - self.report.wanted_phase;
+            let off = sine.portable_atan2(cosine) - self.report.wanted_phase;
             self.begun.phase = self.report.wanted_phase + off - PI * (off / PI).round();
             self.report.windows.push(self.begun);
             (self.within, self.sums) = (0, [0.0; 2]);

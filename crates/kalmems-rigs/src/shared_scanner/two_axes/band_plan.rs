@@ -1,6 +1,7 @@
 //! Which lines the two drives make, and what they come near to.
 
 use crate::simulate::{Drive, Stability, Tone};
+use kalmems_core::Portable;
 use kalmems_models::dynamics::{ParametricScanner, TwoAxisScanner};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -142,7 +143,8 @@ impl BandPlan {
         let mean = drive.mean_square();
         let mut drive = *drive;
         let rest = axes.map(|axis| stability(&axis, mean, 0.0, 0.0).resonance_hz);
-        let away = |sine: usize, axis: usize| (drive.frequency_hz[sine] / (2.0 * rest[axis])).ln().abs();
+        let away =
+            |sine: usize, axis: usize| (drive.frequency_hz[sine] / (2.0 * rest[axis])).portable_ln().abs();
         if away(0, 0) + away(1, 1) > away(1, 0) + away(0, 1) {
             drive.frequency_hz.swap(0, 1);
             drive.amplitude.swap(0, 1);

@@ -3,6 +3,7 @@
 use crate::estimate::Swing;
 use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
 use crate::signal::least_squares;
+use kalmems_core::Portable;
 use kalmems_core::{Covariance, Dual, Mat, Over};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::readout::TwoAxisComb;
@@ -188,7 +189,7 @@ pub fn line_share(amplitude_over_width: f64) -> f64 {
         sum += term;
         term *= 0.25 * z * z / f64::from(k * (k + 1));
     }
-    2.0 * (-z).exp() * sum
+    2.0 * (-z).portable_exp() * sum
 }
 
 /// A/θ₀ where the line is largest.
@@ -246,7 +247,8 @@ impl<'a> Window<'a> {
             let mut columns = [1.0; COLUMNS];
             for (axis, drive_hz) in self.drives_hz.iter().enumerate() {
                 for harmonic in 1..=HARMONICS {
-                    let (s, c) = (TAU * drive_hz * f64::from(harmonic) * (t - self.origin)).sin_cos();
+                    let (s, c) =
+                        (TAU * drive_hz * f64::from(harmonic) * (t - self.origin)).portable_sin_cos();
                     let at = 1 + 6 * axis + 2 * usize::from(harmonic - 1);
                     (columns[at], columns[at + 1]) = (c, s);
                 }
@@ -263,7 +265,7 @@ impl<'a> Window<'a> {
         for (axis, comb) in self.combs().iter().enumerate() {
             let name = ['x', 'y'][axis];
             let [c, s] = [lines[1 + 6 * axis], lines[2 + 6 * axis]];
-            let line_v = c.hypot(s);
+            let line_v = c.portable_hypot(s);
             if line_v < 5.0 * sd_v {
                 return Err(StartError::NoMotion { axis: name, line_v, sd_v });
             }
@@ -274,7 +276,7 @@ impl<'a> Window<'a> {
                 relative.ok_or(StartError::TooLarge { axis: name, line_v, most_v })? * comb.angular_width;
             // The line is full·share·cos 2ψ with 2ψ = 2π·f·t′ + 2φ; of gain below 0 it is turned round.
             let turned = if full < 0.0 { PI } else { 0.0 };
-            let phase = 0.5 * ((-s).atan2(c) - turned);
+            let phase = 0.5 * ((-s).portable_atan2(c) - turned);
             unknowns[PER_AXIS * axis] = amplitude;
             unknowns[PER_AXIS * axis + 1] = phase;
             moved += full * mean_share(amplitude / comb.angular_width) + self.readout.gain * comb.bias;
@@ -356,7 +358,7 @@ fn mean_share(amplitude_over_width: f64) -> f64 {
         sum += term;
         term *= 0.25 * z * z / f64::from(k * k);
     }
-    (-z).exp() * sum
+    (-z).portable_exp() * sum
 }
 
 impl Law<UNKNOWNS> for &Window<'_> {

@@ -3,6 +3,7 @@
 use super::filters::STATES;
 use crate::estimate::Motion;
 use crate::signal::{Sine, fit_sine, fit_sine_at};
+use kalmems_core::Portable;
 
 /// A drive that is an offset and two sines, one for each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +51,8 @@ impl DriveTones {
         let alone = |sine: Sine| Sine { offset: 0.0, residual_rms: last.residual_rms, ..sine };
         let mut tones = [alone(first), alone(second)];
         // ln(f/2f_res): a sine is near to a resonance in proportion, not in Hz.
-        let away = |sine: &Sine, axis: usize| (sine.frequency_hz / (2.0 * resonances_hz[axis])).ln().abs();
+        let away =
+            |sine: &Sine, axis: usize| (sine.frequency_hz / (2.0 * resonances_hz[axis])).portable_ln().abs();
         if away(&tones[0], 0) + away(&tones[1], 1) > away(&tones[0], 1) + away(&tones[1], 0) {
             tones.swap(0, 1);
         }

@@ -2,6 +2,7 @@
 
 use crate::fit::{Bounds, ByDual, Fit, FitError, FitSettings, Law, fit, outliers_beside};
 use crate::identify::{Whiteness, fit_free_decay};
+use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use std::f64::consts::TAU;
@@ -247,8 +248,8 @@ impl Decay<'_> {
             let [angle, speed] = swing(&p, p[DELAY]);
             (p[ANGLE], p[SINE]) = (angle, (speed + rate * angle) / damped);
             for j in 0..STEEPNESSES {
-                let around = cosine.hypot(sine);
-                p[STEEPNESS] = 100_f64.powf(f64::from(j) / f64::from(STEEPNESSES - 1)) / around;
+                let around = cosine.portable_hypot(sine);
+                p[STEEPNESS] = 100_f64.portable_powf(f64::from(j) / f64::from(STEEPNESSES - 1)) / around;
                 if let Some((cost, [gain, level])) = self.linear(&p, count)
                     && cost < best.0
                 {
@@ -352,8 +353,9 @@ impl Motion<'_> {
         let multiple = self.record.multiple;
         let count = self.tangents.len();
         let motion: Vec<[f64; 2]> = (0..count).map(|k| swing(p, k as f64 * self.record.interval_s)).collect();
-        let fitted: Vec<[f64; 2]> =
-            (0..count).map(|k| [self.signal_at(p, k), self.reference_at(p, k).atan() / multiple]).collect();
+        let fitted: Vec<[f64; 2]> = (0..count)
+            .map(|k| [self.signal_at(p, k), self.reference_at(p, k).portable_atan() / multiple])
+            .collect();
         let left = |channel: usize| -> Vec<f64> {
             (0..count)
                 .map(|k| match channel {

@@ -5,8 +5,7 @@ use crate::config::Experiment;
 use crate::diagnose::distinguish::{Elsewhere, variations};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
-use crate::diagnose::threads;
-use crate::progress::{Progress, map_on_threads};
+use crate::progress::{Progress, map_on_threads, processors};
 use toml::{Table, Value};
 
 /// A recording that would tell more.
@@ -37,7 +36,7 @@ pub(super) fn informative(
     tried.extend(variations(&usual));
     let worst = |sd: &[f64]| untold.iter().map(|place| sd[*place]).fold(0.0, f64::max);
     let work = (progress, "simulating other recordings");
-    let found_there = map_on_threads(work, threads(), (tried.len(), 1), |place, heard| {
+    let found_there = map_on_threads(work, processors(), (tried.len(), 1), |place, heard| {
         heard.reached(0).is_continue().then(|| {
             let (what, simulate) = tried.get(place)?;
             let sd = there.errors(simulate, suspects, &found.at)?;
