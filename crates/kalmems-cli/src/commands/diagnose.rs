@@ -40,6 +40,10 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), E
     beside.write(&text)?;
     let (path, name) = (beside.path(), beside.path().file_stem().unwrap_or_default());
     tell!("the experiment with the first cause corrected: {}", path.display());
-    tell!("estimate it with: kalmems estimate {} --out {}", path.display(), Path::new("out").join(name).display());
+    tell!(
+        "estimate it with: kalmems estimate {} --out {}",
+        path.display(),
+        Path::new("out").join(name).display()
+    );
     Ok(())
 }

@@ -183,7 +183,8 @@ fn commands(page: &str) -> Vec<Documented> {
         };
         let names_a_file = words.iter().any(|word| word.contains(['.', '/']));
         // What needs no file; others without one are the beginning of a command that a sentence is about.
-        let needs_none = ["help", "new", "completions", "man", "reproduce", "schema"].contains(&words[0].as_str());
+        let needs_none =
+            ["help", "new", "completions", "man", "reproduce", "schema"].contains(&words[0].as_str());
         if !words.iter().any(is_own) && (names_a_file || needs_none && words.len() > 1) {
             found.push(Documented { line: line.to_owned(), words });
         }
@@ -474,7 +475,10 @@ fn edit(page: &str, line: &str, folder: &Path) {
 
 /// The commands that a command suggests on standard error, behind a colon.
 fn suggestions(said: &str) -> Vec<Vec<String>> {
-    said.lines().filter_map(|line| line.split_once(": kalmems ")).filter_map(|(_, command)| words(command)).collect()
+    said.lines()
+        .filter_map(|line| line.split_once(": kalmems "))
+        .filter_map(|(_, command)| words(command))
+        .collect()
 }
 
 /// Runs every command of every page in the page's order, each page in a copy of its own, and every command that one of them suggests

@@ -141,7 +141,8 @@ fn in_one_unit(p: &Identified) -> [String; 4] {
     let digits = decimals(p.value, p.standard_error);
     let number = |value: f64| {
         // Two digits of the error, without an exponent where that can be read.
-        let exponent = format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
+        let exponent =
+            format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
         let places = exponent.map(|exponent| 1 - exponent).filter(|places| (-3..=12).contains(places));
         if let Some(places) = places.filter(|_| READABLE.contains(&scaled)) {
             let places = usize::try_from(places).unwrap_or(0);

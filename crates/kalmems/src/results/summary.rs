@@ -187,10 +187,11 @@ fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
     let (name, si) = found.unwrap_or((first.name, "1"));
     let (unit, factor) = shown(si);
     let sizes = metrics.estimators().filter_map(|e| e.values.get(name)).map(|errors| errors.rmse);
-    let ends = sizes.filter(|size| size.is_finite() && *size > 0.0).fold(None, |ends: Option<[f64; 2]>, size| {
-        let [low, high] = ends.unwrap_or([size, size]);
-        Some([low.min(size), high.max(size)])
-    });
+    let ends =
+        sizes.filter(|size| size.is_finite() && *size > 0.0).fold(None, |ends: Option<[f64; 2]>, size| {
+            let [low, high] = ends.unwrap_or([size, size]);
+            Some([low.min(size), high.max(size)])
+        });
     // In the middle of the largest and the smallest, as ratios.
     let middle = ends.map_or(0.0, |[low, high]| low.sqrt() * high.sqrt());
     let reads_well = middle == 0.0 || READABLE.contains(&(middle * factor));
