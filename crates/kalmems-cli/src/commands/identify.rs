@@ -53,6 +53,6 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
     }
     let (folder, file) = (out.display(), out.join("experiment.toml"));
     tell!("results in {folder}; open {}", out.join("report.html").display());
-    tell!("estimate with these values with: kalmems estimate {} --out {folder}_estimate", file.display());
+    tell!("estimate with these values by: kalmems estimate {} --out {folder}_estimate", file.display());
     Ok(())
 }
