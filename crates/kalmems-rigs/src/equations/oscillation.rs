@@ -67,7 +67,7 @@ pub struct Oscillation {
     readout: Readout,
     /// The state that oscillates, and its rate.
     pub states: [usize; 2],
-    /// The states of lags and delays on which the measurement hangs, and how their rates hang on each other.
+    /// The states of lags and delays on which the measurement depends, and how their rates depend on each other.
     followers: Vec<usize>,
     coupling: Vec<f64>,
     rest: Vec<f64>,
@@ -113,7 +113,7 @@ impl Oscillation {
             }
             if next < own_states {
                 return Err(format!(
-                    "its measurement hangs on `{}` as well, which an oscillation of `{}` does not tell",
+                    "its measurement depends on `{}` as well, which an oscillation of `{}` does not determine",
                     named(next),
                     stated.of
                 ));
@@ -138,7 +138,7 @@ impl Oscillation {
         // Slopes of what is linear are numbers, whatever the states are.
         if let Some(first) = followers.first().filter(|_| coupling != coupled(Some(0.7))) {
             return Err(format!(
-                "what `{}` and others follow bends with themselves; a lock-in reads through lags and delays that are linear",
+                "what `{}` and the other lags and delays follow is not linear in them; a lock-in needs linear ones",
                 named(*first)
             ));
         }
@@ -156,8 +156,8 @@ impl Oscillation {
             readout,
             followers,
         };
-        if all.hangs_on_an_input(&own.values) {
-            return Err("its measurement hangs on an input itself, whose line would be taken for that of the motion; use `ekf`"
+        if all.depends_on_an_input(&own.values) {
+            return Err("its measurement depends on an input itself, whose line would be taken for that of the motion; use `ekf`"
                 .to_owned());
         }
         Ok(all)
@@ -169,7 +169,7 @@ impl Oscillation {
     }
 
     /// Whether the measurement, or what a lag of it follows, is another one under another input.
-    fn hangs_on_an_input(&self, values: &[f64]) -> bool {
+    fn depends_on_an_input(&self, values: &[f64]) -> bool {
         let mut work = self.work(values);
         let mut rates = vec![0.0; self.rest.len()];
         let mut read = |size: f64, place: usize| -> Vec<u64> {
