@@ -55,9 +55,11 @@ pub struct KalmemsColumn {
 
 impl KalmemsEstimate {
     fn of(estimated: Estimated, info: RunInfo) -> Result<Self, Failure> {
-        let metrics = serde_json::to_string(&estimated.metrics).map_err(|error| Failure::estimation(&error))?;
+        let metrics =
+            serde_json::to_string(&estimated.metrics).map_err(|error| Failure::estimation(&error))?;
         let further = [parameters_table(&estimated.metrics), budget_table(&estimated.metrics)];
-        let all = std::iter::once(summary_table(&estimated.metrics, false)).chain(further.into_iter().flatten());
+        let all =
+            std::iter::once(summary_table(&estimated.metrics, false)).chain(further.into_iter().flatten());
         let summary: Vec<String> = all.map(|table| table.to_text()).collect();
         let told = notices(&estimated.metrics).into_iter().map(|notice| owned(&notice.text)).collect();
         let mut trajectories = Vec::new();
@@ -188,7 +190,10 @@ pub unsafe extern "C" fn kalmems_estimate_notice_count(estimate: *const KalmemsE
 
 /// One of these sentences; null where there is none. The text is the estimate's.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn kalmems_estimate_notice(estimate: *const KalmemsEstimate, index: usize) -> *const c_char {
+pub unsafe extern "C" fn kalmems_estimate_notice(
+    estimate: *const KalmemsEstimate,
+    index: usize,
+) -> *const c_char {
     // SAFETY: null or an estimate of this library.
     let estimate = unsafe { estimate.as_ref() };
     estimate.and_then(|estimate| estimate.notices.get(index)).map_or(null(), |notice| notice.as_ptr())
@@ -209,19 +214,27 @@ unsafe fn text_of(
 ) -> *const c_char {
     // SAFETY: null or an estimate of this library.
     let estimate = unsafe { estimate.as_ref() };
-    estimate.and_then(|estimate| estimate.trajectories.get(trajectory)).map_or(null(), |named| which(named).as_ptr())
+    estimate
+        .and_then(|estimate| estimate.trajectories.get(trajectory))
+        .map_or(null(), |named| which(named).as_ptr())
 }
 
 /// The name of a trajectory's filter; null where there is none. The text is the estimate's.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn kalmems_trajectory_name(estimate: *const KalmemsEstimate, trajectory: usize) -> *const c_char {
+pub unsafe extern "C" fn kalmems_trajectory_name(
+    estimate: *const KalmemsEstimate,
+    trajectory: usize,
+) -> *const c_char {
     // SAFETY: as the crate says of all functions.
     unsafe { text_of(estimate, trajectory, |named| &named.name) }
 }
 
 /// What kind of trajectory it is: `model`, `lock_in`, `filtered`, `smoothed`. The text is the estimate's.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn kalmems_trajectory_kind(estimate: *const KalmemsEstimate, trajectory: usize) -> *const c_char {
+pub unsafe extern "C" fn kalmems_trajectory_kind(
+    estimate: *const KalmemsEstimate,
+    trajectory: usize,
+) -> *const c_char {
     // SAFETY: as the crate says of all functions.
     unsafe { text_of(estimate, trajectory, |named| &named.kind) }
 }
@@ -248,7 +261,10 @@ pub unsafe extern "C" fn kalmems_trajectory_segment(
 
 /// Whether no test contradicts what its filter claims.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn kalmems_trajectory_passes(estimate: *const KalmemsEstimate, trajectory: usize) -> bool {
+pub unsafe extern "C" fn kalmems_trajectory_passes(
+    estimate: *const KalmemsEstimate,
+    trajectory: usize,
+) -> bool {
     // SAFETY: null or an estimate of this library.
     let estimate = unsafe { estimate.as_ref() };
     estimate.and_then(|estimate| estimate.trajectories.get(trajectory)).is_some_and(|named| named.passes)
@@ -324,7 +340,9 @@ pub unsafe extern "C" fn kalmems_estimate_write(
         let work = Work::of_file("estimate", experiment.path(), experiment.files()).forced(force);
         let write = || {
             let output = Output::begin(Path::new(folder), &work)?;
-            estimate.estimated.write(&output, WriteOptions { trajectories: true }, estimate.info, &|| false)?;
+            estimate
+                .estimated
+                .write(&output, WriteOptions { trajectories: true }, estimate.info, &|| false)?;
             output.commit()?;
             Ok::<bool, WriteError>(true)
         };

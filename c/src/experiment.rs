@@ -44,7 +44,8 @@ pub unsafe extern "C" fn kalmems_experiment_parse(
 ) -> *mut KalmemsExperiment {
     let made = guarded(|| {
         // SAFETY: as the crate says of all functions.
-        let (text, path) = unsafe { (at(text, "the text of the experiment")?, at(path, "the path of the experiment")?) };
+        let (text, path) =
+            unsafe { (at(text, "the text of the experiment")?, at(path, "the path of the experiment")?) };
         let given = Given::new(text, Path::new(path))?;
         Ok(Box::into_raw(Box::new(KalmemsExperiment { given })))
     });
@@ -77,11 +78,8 @@ pub unsafe extern "C" fn kalmems_experiment_give_reference(
 }
 
 /// How arrays get into an experiment.
-type Giving = fn(
-    &mut Given,
-    Option<&str>,
-    &kalmems::given::GivenRecording,
-) -> Result<(), kalmems::config::ConfigError>;
+type Giving =
+    fn(&mut Given, Option<&str>, &kalmems::given::GivenRecording) -> Result<(), kalmems::config::ConfigError>;
 
 unsafe fn give(
     experiment: *mut KalmemsExperiment,

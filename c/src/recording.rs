@@ -19,7 +19,8 @@ pub struct KalmemsRecording {
 impl KalmemsRecording {
     /// As what an experiment takes.
     pub fn given(&self) -> Result<GivenRecording, Failure> {
-        let arrays = Arrays::new(self.columns.clone()).map_err(|error| Failure::argument(&error.to_string()))?;
+        let arrays =
+            Arrays::new(self.columns.clone()).map_err(|error| Failure::argument(&error.to_string()))?;
         Ok(GivenRecording {
             arrays,
             units: self.units.clone(),

@@ -6,9 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
 /// A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work.
-pub type KalmemsProgress = Option<
-    unsafe extern "C" fn(what: *const c_char, done: u64, total: u64, user: *mut c_void) -> bool,
->;
+pub type KalmemsProgress =
+    Option<unsafe extern "C" fn(what: *const c_char, done: u64, total: u64, user: *mut c_void) -> bool>;
 
 /// Tells a function of the caller.
 pub struct Watch {
