@@ -232,6 +232,9 @@ pub struct CompareArguments {
     /// Put a file aside, as FILE.previous, that stands where the page is to be written.
     #[arg(long)]
     pub force: bool,
+    /// Print the names of the page and of the runs as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]
@@ -300,7 +303,8 @@ pub struct ExportArguments {
     /// The language.
     #[arg(long, value_enum)]
     pub target: Language,
-    /// The filter, by its name, such as `Euler EKF`; the first of the file if left out.
+    /// The filter, by its name, such as `Euler EKF` [default: the first of the file that does not use Euler's method, which is the least
+    /// accurate].
     #[arg(long, value_name = "NAME")]
     pub filter: Option<String>,
     /// The sampling rate, such as `500 kHz` [default: that of the first recording].

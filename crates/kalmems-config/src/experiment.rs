@@ -306,7 +306,12 @@ impl Experiment {
                 Some((last, first)) if !first.is_empty() => format!("{} or {last}", first.join(", ")),
                 _ => names.concat(),
             };
-            let why = format!("no recording has the role {why}; those are estimated");
+            let simulated = if self.simulate.is_some() {
+                "; the file has a table `[simulate]`: `kalmems simulate` with it makes a recording, and an experiment file that is estimated"
+            } else {
+                ""
+            };
+            let why = format!("no recording has the role {why}; those are estimated{simulated}");
             return Err(self.error("recording", Fault::Value { why }));
         }
         Ok(places)

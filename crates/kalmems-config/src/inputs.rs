@@ -35,6 +35,8 @@ pub enum InputSource {
     RingDown(RingDownInput),
     /// A column of a file.
     Recorded(RecordedDrive),
+    /// What a measurement of the device says, held from sample to sample: a loop. The law of its controller stands in the equations.
+    Feedback(FeedbackInput),
 }
 
 /// The same value at all times.
@@ -174,6 +176,18 @@ pub struct RingDownInput {
     /// The value during the recording; 0 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub then: Option<AnyValue>,
+}
+
+/// A loop that is closed at each sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FeedbackInput {
+    /// The measurement that is fed back, with its noise and as its converter has it; in the unit of the input. The input has this
+    /// value from that sample on until the next one, and is 0 before the first.
+    pub of: String,
+    /// What is applied in place of the value, with the sign of it: a loop of one bit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_bit: Option<AnyValue>,
 }
 
 /// How one measurement of a device is recorded.

@@ -16,6 +16,7 @@ pub mod recording;
 pub mod rig;
 pub mod signal;
 pub mod simulate;
+pub mod topics;
 
 pub use kalmems_config as config;
 pub use kalmems_units as units;

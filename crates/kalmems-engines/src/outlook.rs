@@ -106,7 +106,7 @@ pub struct AtFrequency {
     pub sensitivity: f64,
     /// The noise at the input that is the molecules', in (m/s²)/√Hz, one-sided.
     pub brownian: f64,
-    /// That of the readout, likewise; `None` where its density is not known.
+    /// The noise at the input that is the readout's, in (m/s²)/√Hz, one-sided; `None` where its density is not known.
     pub readout: Option<f64>,
 }
 

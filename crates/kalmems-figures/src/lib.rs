@@ -46,7 +46,7 @@ mod text;
 pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples};
 pub use error::ReportError;
 pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
-pub use page::{Block, Page, Part, Section, Severity};
+pub use page::{Block, Explanation, Page, Part, Section, Severity};
 pub use record::Track;
 pub use significant::{number, significant, with_short_numbers};
 pub use table::{Column, Table};

@@ -33,6 +33,19 @@ pub struct Page {
     pub subtitle: String,
     /// From top to bottom.
     pub sections: Vec<Section>,
+    /// Explanations of words in the sections, which stand at the end.
+    pub explanations: Vec<Explanation>,
+}
+
+/// The text that explains a word, a name or a command of a page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Explanation {
+    /// What is explained, as it stands in backticks in the page; there it becomes a link.
+    pub code: String,
+    /// The heading.
+    pub title: String,
+    /// The text, shown as it is.
+    pub text: String,
 }
 
 /// What a section is for. Every page has its parts in this order, whatever the order in which they were added.
@@ -133,7 +146,19 @@ pub enum Block {
 impl Page {
     /// A page without sections yet.
     pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
-        Self { title: title.into(), subtitle: subtitle.into(), sections: Vec::new() }
+        Self {
+            title: title.into(),
+            subtitle: subtitle.into(),
+            sections: Vec::new(),
+            explanations: Vec::new(),
+        }
+    }
+
+    /// Adds an explanation; it is on the page if a section names its code.
+    #[must_use]
+    pub fn explained(mut self, explanation: Explanation) -> Self {
+        self.explanations.push(explanation);
+        self
     }
 
     /// Adds a section.
@@ -161,19 +186,40 @@ impl Page {
                 context! { title => section.title.as_str(), anchor => format!("section-{}", index + 1), blocks => blocks }
             })
             .collect();
+        let named: Vec<&Explanation> = self
+            .explanations
+            .iter()
+            .filter(|one| self.sections.iter().any(|section| section.names(&one.code)))
+            .collect();
+        let explanations: Vec<Value> = (named.iter().enumerate())
+            .map(|(index, one)| {
+                // The heading says what the first line of the text says.
+                let text = one.text.strip_prefix(one.title.as_str()).unwrap_or(&one.text).trim_matches('\n');
+                context! { anchor => explanation_anchor(index), title => one.title.as_str(), text }
+            })
+            .collect();
         let data = numbers.live.into_json();
         let page = context! {
             title => self.title.as_str(),
             subtitle => with_code(&self.subtitle),
             warnings => numbers.warnings,
             sections => sections,
+            explanations => explanations,
             style => Value::from_safe_string(STYLE.to_owned()),
             plots => PLOTS.map(|text| Value::from_safe_string(text.to_owned())).to_vec(),
             script => Value::from_safe_string(SCRIPT.to_owned()),
             data => data.map(Value::from_safe_string),
         };
-        Ok(environment.get_template("page.html")?.render(page)?)
+        let html = environment.get_template("page.html")?.render(page)?;
+        Ok(named.iter().enumerate().fold(html, |html, (index, one)| {
+            let code = format!("<code>{}</code>", escaped(&one.code));
+            html.replace(&code, &format!("<a href=\"#{}\">{code}</a>", explanation_anchor(index)))
+        }))
     }
+}
+
+fn explanation_anchor(index: usize) -> String {
+    format!("explanation-{}", index + 1)
 }
 
 impl Section {
@@ -275,21 +321,36 @@ impl Section {
     }
 }
 
+impl Section {
+    /// Whether its sentences name this in backticks.
+    fn names(&self, code: &str) -> bool {
+        let code = format!("`{code}`");
+        self.blocks.iter().any(|block| match block {
+            Block::Paragraph(text) | Block::Notice { text, .. } => text.contains(&code),
+            Block::Notes(notes) => notes.iter().any(|note| note.contains(&code)),
+            Block::KeyValues(pairs) => pairs.iter().any(|(_, value)| value.contains(&code)),
+            _ => false,
+        })
+    }
+}
+
 /// The beginning of a notice, up to where it goes into particulars.
 fn brief(text: &str) -> &str {
     let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
     ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
 }
 
+/// Plain text as HTML.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#x27;")
+}
+
 /// Plain text as HTML, what stands in backticks as code.
 fn with_code(text: &str) -> Value {
-    let escaped = |part: &str| {
-        part.replace('&', "&amp;")
-            .replace('<', "&lt;")
-            .replace('>', "&gt;")
-            .replace('"', "&quot;")
-            .replace('\'', "&#x27;")
-    };
     let parts: Vec<&str> = text.split('`').collect();
     // One without a partner is no mark.
     if parts.len().is_multiple_of(2) {

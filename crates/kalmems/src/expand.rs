@@ -108,6 +108,7 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
         for (index, filter) in filters.iter_mut().filter_map(Value::as_table_mut).enumerate() {
             removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
             rename_noise(filter, expansion);
+            rename_channels(filter, expansion);
             if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
                 filter.insert("events".to_owned(), Value::Table(events.clone()));
             }
@@ -138,6 +139,16 @@ fn rename_noise(table: &mut Table, expansion: &Expansion) {
     for (old, new) in &expansion.noise {
         if let Some(density) = noise.remove(*old) {
             noise.insert((*new).to_owned(), density);
+        }
+    }
+}
+
+fn rename_channels(filter: &mut Table, expansion: &Expansion) {
+    let Some(Value::Array(channels)) = filter.get_mut("channels") else { return };
+    for channel in channels {
+        let renamed = expansion.channels.iter().find(|(old, _)| channel.as_str() == Some(old));
+        if let Some((_, new)) = renamed {
+            *channel = Value::String(new.clone());
         }
     }
 }

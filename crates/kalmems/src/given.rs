@@ -18,7 +18,7 @@ pub struct GivenRecording {
     pub units: BTreeMap<String, String>,
     /// The column that tells records apart, where that is not for the experiment to say.
     pub segments: Option<String>,
-    /// When the samples were taken, likewise.
+    /// When the samples were taken, where the experiment does not say it.
     pub clock: Option<GivenClock>,
 }
 

@@ -39,7 +39,7 @@ pub mod study;
 pub use kalmems_applications as applications;
 pub use kalmems_engines::{
     circuit, config, estimate, evaluate, export, fit, identify, inspect, outlook, progress, recording,
-    signal, simulate, units,
+    signal, simulate, topics, units,
 };
 pub use kalmems_figures as figures;
 pub use kalmems_rigs::{self as rigs, workflow};

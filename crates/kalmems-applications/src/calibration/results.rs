@@ -5,6 +5,7 @@ use super::comparison::ReferenceComparison;
 use crate::WriteError;
 use crate::calibration::{AXES, Calibrated, Calibration, Change, Estimate, Rest};
 use crate::recording::Source;
+use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
@@ -77,7 +78,7 @@ impl<'a> CalibrationSummary<'a> {
                     text += &format!("\nnot observed: {line}\n");
                 }
                 for line in &result.warnings {
-                    text += &format!("\nWARNING: {line}\n");
+                    text += &format!("\nWARNING: {line}{}\n", link("applications"));
                 }
             }
         }
@@ -522,7 +523,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         output.write("allan.csv", |w| allan(&found.rest, w))?;
     }
     let figures = calibration_figures(found);
-    let html = page(found, &figures).to_html()?;
+    let html = explained(page(found, &figures)).to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     let certificate = Certificate::of(found);
     output.write("certificate.json", |w| {
@@ -620,7 +621,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         let mut section = Section::new("Verdict").part(Part::Verdict);
         for result in &found.results {
             for warning in &result.warnings {
-                let text = format!("{}, {}: {warning}", result.condition, result.reference);
+                let link = link("applications");
+                let text = format!("{}, {}: {warning}{link}", result.condition, result.reference);
                 section = section.notice(Severity::Warning, text);
             }
         }

@@ -56,7 +56,7 @@ pub fn preview(picture: &Picture) -> Vec<u8> {
     preview_of(picture.values(), picture.size())
 }
 
-/// Grey values from 0 to 1, row by row, likewise.
+/// Grey values from 0 to 1, row by row.
 pub(super) fn preview_of(values: &[f64], size: [usize; 2]) -> Vec<u8> {
     let mut png = Vec::new();
     // Memory takes all that is written, and a picture of no pixels is none.

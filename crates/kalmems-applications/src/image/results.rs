@@ -7,6 +7,8 @@ use crate::image::file::Fill;
 use crate::image::{Counts, ImageOutcome, PhaseAccuracy, Picture, psnr_db, structural_similarity};
 use crate::recording::Source;
 use kalmems_core::Portable;
+use kalmems_engines::inspect::quantity;
+use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
@@ -190,10 +192,10 @@ impl ImageMetrics {
         }
         for axis in &self.axes {
             text += &format!(
-                "{}: {} pixels, {:.3} Hz, amplitude {:.4} deg in a field of ±{:.4} deg, phase {:.4} deg",
+                "{}: {} pixels, {}, amplitude {:.4} deg in a field of ±{:.4} deg, phase {:.4} deg",
                 axis.name,
                 axis.pixels,
-                axis.frequency_hz,
+                quantity(axis.frequency_hz, "Hz"),
                 axis.amplitude_deg,
                 axis.half_field_deg,
                 axis.phase_deg
@@ -290,7 +292,11 @@ pub fn image_page(
         metrics.filled_pixels + metrics.empty_pixels
     );
     // An image of which half is missing is none.
-    verdict = verdict.notice(if metrics.coverage < 0.5 { Severity::Warning } else { Severity::Ok }, text);
+    verdict = if metrics.coverage < 0.5 {
+        verdict.notice(Severity::Warning, format!("{text}{}", link("applications")))
+    } else {
+        verdict.notice(Severity::Ok, text)
+    };
     for axis in &metrics.axes {
         let (off, pixel) = (axis.phase_sd_deg.unwrap_or(0.0), axis.one_pixel_deg);
         let known = format!(
@@ -298,7 +304,11 @@ pub fn image_page(
             axis.name, axis.phase_deg, off, pixel
         );
         if axis.phase_sd_deg.is_some() {
-            verdict = verdict.notice(if off > pixel { Severity::Warning } else { Severity::Ok }, known);
+            verdict = if off > pixel {
+                verdict.notice(Severity::Warning, format!("{known}{}", link("applications")))
+            } else {
+                verdict.notice(Severity::Ok, known)
+            };
         }
     }
     if metrics.beyond_grey > 0 {
@@ -348,15 +358,15 @@ pub fn image_page(
         "`image.png` and its passes have 16 bits; `counts.png` has the counts as they are; the numbers are in `metrics.json`.",
     );
     let file = toml::to_string(&outcome.image).unwrap_or_else(|e| format!("cannot be written: {e}"));
-    Page::new(format!("{}: image along a trajectory", metrics.name), "")
+    let page = Page::new(format!("{}: image along a trajectory", metrics.name), "")
         .with(verdict.notes(metrics.findings.clone()))
         .with(answer)
         .with(evidence.table(axes_table(metrics)))
         .with(
             made.preformatted("All figures", metrics.to_text())
                 .preformatted("The image file as it was understood", file),
-        )
-        .to_html()
+        );
+    explained(page).to_html()
 }
 
 /// A bar of 1, 2 or 5 times a power of ten of degrees, a fifth of the field or less.

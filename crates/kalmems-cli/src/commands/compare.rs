@@ -1,10 +1,11 @@
 //! `kalmems compare`.
 
-use crate::Ending;
 use crate::args::CompareArguments;
 use crate::target::write_page;
 use crate::tell::tell;
+use crate::{Ending, print_json};
 use kalmems::results::compare_page;
+use serde_json::json;
 
 pub fn run(arguments: &CompareArguments) -> Result<(), Ending> {
     let html = compare_page(&arguments.runs).map_err(|e| Ending::Wrong(e.to_string()))?;
@@ -13,6 +14,9 @@ pub fn run(arguments: &CompareArguments) -> Result<(), Ending> {
             .map_err(|e| Ending::Wrong(format!("cannot make the folder {}: {e}", folder.display())))?;
     }
     write_page(&arguments.report, &html, arguments.force)?;
+    if arguments.json {
+        print_json(&json!({ "report": arguments.report, "runs": arguments.runs }))?;
+    }
     tell!("{} runs compared in {}", arguments.runs.len(), arguments.report.display());
     Ok(())
 }

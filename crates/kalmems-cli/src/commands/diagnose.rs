@@ -9,6 +9,7 @@ use crate::{Ending, print, print_json};
 use kalmems::diagnose::{diagnose, pasted};
 use kalmems::results::diagnosis_page;
 use kalmems::rigs::Workbench;
+use std::path::Path;
 
 pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
@@ -37,6 +38,12 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), E
         return Ok(());
     };
     beside.write(&text)?;
-    tell!("the experiment with the first cause: {}", beside.path().display());
+    let (path, name) = (beside.path(), beside.path().file_stem().unwrap_or_default());
+    tell!("the experiment with the first cause corrected: {}", path.display());
+    tell!(
+        "estimate it with: kalmems estimate {} --out {}",
+        path.display(),
+        Path::new("out").join(name).display()
+    );
     Ok(())
 }

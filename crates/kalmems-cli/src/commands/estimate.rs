@@ -7,10 +7,9 @@ use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
 use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
-use kalmems::evaluate::Grade;
 use kalmems::results::{
-    Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices,
-    parameters_table, scale_notes_of, summary_table,
+    Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table,
+    is_unexplained, notices_in_short, parameters_table, scale_notes_of, summary_table,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -36,14 +35,15 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         for table in [parameters_table(&metrics), budget_table(&metrics)].into_iter().flatten() {
             text += &format!("\n{}", table.to_text());
         }
-        for notice in notices(&metrics) {
+        for notice in notices_in_short(&metrics) {
             text += &format!("\n{notice}\n");
         }
         print(&text)?;
     }
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
-    for line in further_reading(&metrics) {
-        tell!("{line}");
+    tell!("what the verdicts mean: kalmems help verdict");
+    if is_unexplained(&metrics) {
+        tell!("look for the cause with: kalmems diagnose {}", arguments.experiment.display());
     }
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
@@ -56,28 +56,6 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
         return Err(Ending::NotConsistent(format!("the verdict is `doubtful` or worse for: {failed}")));
     }
     Ok(())
-}
-
-/// Where the verdicts and warnings of a result are explained: a line for each kind that it has.
-fn further_reading(metrics: &Metrics) -> Vec<String> {
-    let has = |grade: Grade| metrics.estimators().any(|estimator| estimator.grade == Some(grade));
-    let mut lines = Vec::new();
-    for grade in [Grade::NoEstimate, Grade::Failed, Grade::Doubtful, Grade::PassesWithRemarks] {
-        if has(grade) {
-            let next = if grade == Grade::PassesWithRemarks { "" } else { ", kalmems help overconfident" };
-            lines.push(format!("`{grade}` is explained by: kalmems help verdict{next} (book: verdict.md)"));
-        }
-    }
-    let of_noise = !metrics.noise_from_recording.is_empty();
-    for (is_there, what, page) in [
-        (of_noise, "a noise from the recording", "kalmems help noise (book: signals.md)"),
-        (!metrics.scale_notes.is_empty(), "what the signal cannot tell", "the book's diagnosis.md"),
-    ] {
-        if is_there {
-            lines.push(format!("{what} is explained by: {page}"));
-        }
-    }
-    lines
 }
 
 /// Of recordings that are held in memory.

@@ -3,6 +3,7 @@
 use crate::args::{ExportArguments, ExportDigits, Language};
 use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
+use kalmems::config::{Filter, Method};
 use kalmems::export::{Digits, Request, Target, write_export};
 use kalmems::inspect::quantity;
 use kalmems::results::Work;
@@ -14,7 +15,9 @@ use std::path::PathBuf;
 pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Ending> {
     let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
-    let first = || experiment.estimate.as_ref().and_then(|e| e.filters.first()).map(|f| f.name.to_string());
+    let filters = experiment.estimate.as_ref().map_or(&[][..], |estimate| &estimate.filters[..]);
+    let is_accurate = |filter: &&Filter| filter.method != Method::EulerEkf;
+    let first = || filters.iter().find(is_accurate).or(filters.first()).map(|filter| filter.name.to_string());
     let request = Request {
         target: match arguments.target {
             Language::C => Target::C,
@@ -49,6 +52,15 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
         print(&format!("{}\n", file.display()))?;
     }
     tell!("the filter `{}`, one step each {}", exported.filter, quantity(exported.interval_s, "s"));
+    let others: Vec<String> = filters
+        .iter()
+        .map(|one| one.name.to_string())
+        .filter(|name| *name != exported.filter)
+        .map(|name| format!("`{name}`"))
+        .collect();
+    if arguments.filter.is_none() && !others.is_empty() {
+        tell!("other filters of the file, for `--filter`: {}", others.join(", "));
+    }
     Ok(())
 }
 

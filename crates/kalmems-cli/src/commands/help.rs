@@ -5,22 +5,7 @@ use crate::{Ending, print, print_json};
 use clap::{Command, CommandFactory};
 use kalmems::draft::names_of;
 use kalmems::rigs::{Rig, Workbench};
-
-/// The topics: a name, a line for the list, and the text.
-const TOPICS: [(&str, &str, &str); 8] = [
-    ("start", "from a recording to an answer in four commands", include_str!("../topics/start.txt")),
-    ("verdict", "what the verdict on a filter means", include_str!("../topics/verdict.txt")),
-    (
-        "overconfident",
-        "what to do about `doubtful` and `failed`",
-        include_str!("../topics/overconfident.txt"),
-    ),
-    ("recordings", "which recording tells what", include_str!("../topics/recordings.txt")),
-    ("units", "how values, uncertainties and columns state their units", include_str!("../topics/units.txt")),
-    ("noise", "noise of the signal, and process noise", include_str!("../topics/noise.txt")),
-    ("files", "which files a command reads and writes", include_str!("../topics/files.txt")),
-    ("json", "what `--json` prints", include_str!("../topics/json.txt")),
-];
+use kalmems::topics::{TOPICS, Topic, topic};
 
 pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Ending> {
     let words: Vec<&str> = arguments.topic.iter().map(String::as_str).collect();
@@ -36,10 +21,12 @@ pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Endin
             let names: Vec<&str> = rigs.map(Rig::name).collect();
             print(&format!("Devices, for `kalmems help device NAME`: {}\n", names.join(", ")))
         }
-        [topic] if TOPICS.iter().any(|(name, ..)| *name == topic) => {
-            print(TOPICS.iter().find(|(name, ..)| *name == topic).map_or("", |(_, _, text)| text))
-        }
         _ => {
+            if let [name] = words[..]
+                && let Some(topic) = topic(name)
+            {
+                return print(topic.text);
+            }
             if let Some(mut command) = command_of(&arguments.topic) {
                 return print(&command.render_long_help().to_string());
             }
@@ -53,7 +40,7 @@ pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Endin
 
 /// The topics, a line each.
 fn topics() -> String {
-    let line = |(name, what, _): &(&str, &str, &str)| format!("  kalmems help {name:14}  {what}\n");
+    let line = |topic: &Topic| format!("  {:26}  {}\n", topic.command(), topic.what);
     let topics: String = TOPICS.iter().map(line).collect();
     format!(
         "{topics}  kalmems help device NAME    channels, states, parameters and methods of a device\n  \

@@ -51,10 +51,8 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
     } else {
         print(&summary.to_text())?;
     }
-    tell!(
-        "results in {}; the experiment with these values: {}",
-        out.display(),
-        out.join("experiment.toml").display()
-    );
+    let (folder, file) = (out.display(), out.join("experiment.toml"));
+    tell!("results in {folder}; open {}", out.join("report.html").display());
+    tell!("estimate with these values by: kalmems estimate {} --out {folder}_estimate", file.display());
     Ok(())
 }

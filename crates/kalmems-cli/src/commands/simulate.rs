@@ -6,9 +6,11 @@ use crate::tell::tell;
 use crate::{Ending, print, print_json, target};
 use kalmems::config::Role;
 use kalmems::figures::with_short_numbers;
+use kalmems::inspect::quantity;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
 use kalmems::rigs::Workbench;
 use kalmems::simulate::SimulateError;
+use kalmems::units::Header;
 use std::time::{Instant, SystemTime};
 
 pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), Ending> {
@@ -35,12 +37,11 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
         print_json(&summary)?;
     } else {
         let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
-        let name = simulation.truth().first().map_or("deflection", |channel| channel.column);
-        // Four decimals of what is of the size of an angle; of what is smaller, its digits.
-        let largest = match summary.largest {
-            small if small < 1e-3 => format!("largest {name} {small:.3e}"),
-            size => format!("largest {name} {size:.4}"),
-        };
+        let column = simulation.truth().first().map_or("deflection", |channel| channel.column);
+        let unit = Header::parse(column).unit_text;
+        let name = column.strip_suffix(&unit).map_or(column, |name| name.trim_end_matches('_'));
+        let unit = unit.replace("_per_", "/").replace('_', " ");
+        let largest = format!("largest {name} {}", quantity(summary.largest, &unit));
         let text = format!("{outlook}{} samples, {largest}, seed {}\n", summary.samples, summary.seed);
         print(&with_short_numbers(&text))?;
         for line in &summary.told {

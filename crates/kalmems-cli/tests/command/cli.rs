@@ -316,7 +316,7 @@ fn what_can_be_used_all_the_same_is_noted() {
         assert_eq!((output.status.code(), left), (Some(0), vec!["results".to_owned()]), "{name}");
         let said = text(&output.stdout);
         let notes: Vec<&str> =
-            said.lines().filter(|l| l.contains("recording.csv: line") || l.contains("EKF: ")).collect();
+            said.lines().filter(|l| l.contains("recording.csv: line") || l.contains("KF: ")).collect();
         report += &format!("## {name}\n{}\n\n", notes.join("\n"));
     }
     insta::assert_snapshot!(report);

@@ -94,6 +94,40 @@ fn every_chapter_stands_in_the_summary() {
     }
 }
 
+/// What a page shows of another file: its path from the page, with an anchor behind a colon where it is a part, and the text between the marks.
+fn shown(page: &str) -> Vec<(String, String)> {
+    let behind = page.split("<!-- from ").skip(1);
+    behind
+        .map(|rest| {
+            let (path, rest) = rest.split_once(" -->").expect("a mark has an end");
+            let (text, _) = rest.split_once("<!-- end -->").expect("what is shown has an end");
+            let lines = text.lines().filter(|line| !line.starts_with("```"));
+            (path.to_owned(), lines.collect::<Vec<_>>().join("\n").trim().to_owned())
+        })
+        .collect()
+}
+
+/// Pages are read where nothing includes files into them, so that tables which programs make stand in the pages themselves.
+#[test]
+fn what_the_book_shows_of_other_files_is_what_they_hold() {
+    let mut count = 0;
+    for page in pages() {
+        let whole = text(&page);
+        assert!(!whole.contains("{{#include"), "{page}: a viewer of Markdown shows no included files");
+        for (path, shown) in shown(&whole) {
+            count += 1;
+            let (path, anchor) = path.split_once(':').unwrap_or((&path, ""));
+            let at = root().join(&page).parent().unwrap().join(path);
+            let file = fs::read_to_string(&at).unwrap_or_else(|e| panic!("{page}: {}: {e}", at.display()));
+            let part =
+                file.split_once(&format!("ANCHOR: {anchor}\n")).map_or(file.as_str(), |(_, rest)| rest);
+            let part = part.split_once(&format!("// ANCHOR_END: {anchor}")).map_or(part, |(part, _)| part);
+            assert_eq!(shown, part.trim(), "{page} shows another text than {path} has");
+        }
+    }
+    assert!(count > 20, "{count}");
+}
+
 /// A command of a page: as the page has it, and the words behind `kalmems`.
 struct Documented {
     line: String,
@@ -142,13 +176,16 @@ fn commands(page: &str) -> Vec<Documented> {
             return;
         };
         let Some(words) = words(rest) else { return };
+        let is_placeholder =
+            |name: &str| name.len() > 1 && name.chars().all(|c| c.is_ascii_uppercase() || c == '_');
         let is_own = |word: &String| {
-            let name = word.rsplit(['/', '=', ':']).next().unwrap_or(word);
-            let name = name.split('.').next().unwrap_or(name);
-            word.len() > 1 && name.len() > 1 && name.chars().all(|c| c.is_ascii_uppercase() || c == '_')
+            word.split(['/', '=', ':']).any(|part| is_placeholder(part.split('.').next().unwrap_or(part)))
         };
-        let names_a_file = words.iter().any(|word| word.contains(['.', '/']) || word.starts_with("--"));
-        if !words.iter().any(is_own) && (names_a_file || words.len() > 1) {
+        let names_a_file = words.iter().any(|word| word.contains(['.', '/']));
+        // What needs no file; others without one are the beginning of a command that a sentence is about.
+        let needs_none =
+            ["help", "new", "completions", "man", "reproduce", "schema"].contains(&words[0].as_str());
+        if !words.iter().any(is_own) && (names_a_file || needs_none && words.len() > 1) {
             found.push(Documented { line: line.to_owned(), words });
         }
     };
@@ -332,6 +369,8 @@ fn the_book_has_every_key_that_json_output_has() {
     let (stiffness, simulation) =
         (format!("{scanner}/stiffness_state.toml"), format!("{scanner}/simulation.toml"));
     let recording = format!("{scanner}/recording.csv");
+    let [experiment, ring_down, filter, image] =
+        ["experiment", "ring_down", "microcontroller", "image"].map(|name| format!("{scanner}/{name}.toml"));
     let mut missing = Vec::new();
     for arguments in [
         vec!["estimate", &stiffness, "--json", "--out", &out("estimate")],
@@ -340,6 +379,20 @@ fn the_book_has_every_key_that_json_output_has() {
         vec!["new", &recording, "--device", "shared_scanner", "--json"],
         vec!["expand", &stiffness, "--json"],
         vec!["help", "device", "shared_scanner", "--json"],
+        vec!["diagnose", &experiment, "--json"],
+        vec!["inspect", &experiment, "--json"],
+        vec!["identify", &ring_down, "--json", "--out", &out("identify")],
+        vec!["export", &filter, "--target", "c", "--json", "--out", &out("export")],
+        vec!["image", &image, "--json", "--out", &out("image")],
+        vec![
+            "calibrate",
+            "gyro",
+            "examples/gyroscope/calibration.toml",
+            "--json",
+            "--out",
+            &out("calibrate"),
+        ],
+        vec!["compare", &out("estimate"), &out("estimate"), "--json", "--report", &out("compare.html")],
     ] {
         let output = run(&arguments, &root());
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -409,13 +462,33 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
+/// Changes a file as the page tells the reader behind this command.
+fn edit(page: &str, line: &str, folder: &Path) {
+    let tutorial = "book/src/first_recording.md";
+    if page == tutorial && line.ends_with("--write my_scanner.toml") {
+        let (file, to) = (folder.join("my_scanner.toml"), "stiffness = \"1.1033e-4 N m\"");
+        let before = fs::read_to_string(&file).unwrap();
+        assert!(text(tutorial).contains(to));
+        fs::write(&file, before.replace("stiffness = \"1.10e-4 N m\"", to)).unwrap();
+    }
+}
+
+/// The commands that a command suggests on standard error, behind a colon.
+fn suggestions(said: &str) -> Vec<Vec<String>> {
+    said.lines()
+        .filter_map(|line| line.split_once(": kalmems "))
+        .filter_map(|(_, command)| words(command))
+        .collect()
+}
+
 /// Runs every command of every page in the page's order, each page in a copy of its own, and every command that one of them suggests
-/// next. An exit code of 3, which `--strict` gives, is an answer.
+/// next. An exit code of 3, which `--strict` gives, is an answer. `KALMEMS_PAGES` chooses pages, by a part of their paths.
 #[test]
 #[ignore = "slow: every command of the documentation, some minutes"]
 fn slow_every_command_of_the_documentation_runs() {
-    let mut failed = Vec::new();
-    for page in pages() {
+    let (mut failed, mut suggested) = (Vec::new(), 0);
+    let chosen = std::env::var("KALMEMS_PAGES").unwrap_or_default();
+    for page in pages().into_iter().filter(|page| page.contains(&chosen)) {
         let commands = commands(&page);
         if commands.is_empty() {
             continue;
@@ -432,16 +505,31 @@ fn slow_every_command_of_the_documentation_runs() {
                 crate::image::scan_object::scan(&file(0), &file(1)).unwrap();
                 continue;
             }
-            let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
-            let output = run(&arguments, folder.path());
-            println!("{page}: {line}: {:?}", output.status.code());
-            if !matches!(output.status.code(), Some(0 | 3)) {
-                failed.push(format!("{page}: {line}: {}", String::from_utf8_lossy(&output.stderr)));
+            let mut next = vec![words.clone()];
+            while let Some(command) = next.pop() {
+                if done.contains(&command) {
+                    continue;
+                }
+                let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
+                let output = run(&arguments, folder.path());
+                let said = String::from_utf8_lossy(&output.stderr);
+                let as_run = command.join(" ");
+                println!("{page}: kalmems {as_run}: {:?}", output.status.code());
+                if !matches!(output.status.code(), Some(0 | 3)) {
+                    failed.push(format!("{page}: {line}: kalmems {as_run}: {said}"));
+                }
+                if command == words {
+                    edit(&page, &line, folder.path());
+                    let more = suggestions(&said);
+                    suggested += more.len();
+                    next.extend(more);
+                }
+                done.push(command);
             }
-            done.push(words);
         }
     }
     assert!(failed.is_empty(), "{failed:#?}");
+    assert!(suggested > 20 || !chosen.is_empty(), "{suggested}");
 }
 
 /// The experiment files of the examples that have a simulation.

@@ -133,7 +133,7 @@ fn an_image_along_an_estimate_is_that_along_the_truth() {
     let image = |trajectory: &str, arguments: &[&str]| {
         let text = text
             .replace("../../out/intensity.csv", "intensity.csv")
-            .replace("../../out/shared_scanner_two_axes/trajectory_ekf.csv", trajectory);
+            .replace("../../out/shared_scanner_two_axes-simulated/trajectory_ekf.csv", trajectory);
         std::fs::write(path("image.toml"), text).unwrap();
         let (file, out) = (path("image.toml"), path("image"));
         let json = done(&[&["image", &file, "--out", &out, "--force", "--json"], arguments].concat()).stdout;

@@ -13,3 +13,4 @@ mod rest;
 mod spectrum;
 mod store;
 mod study;
+mod told;

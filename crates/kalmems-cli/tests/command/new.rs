@@ -1,7 +1,8 @@
 //! `kalmems new`: the way from a recording to an answer that the book shows, and what is refused.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn run(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_kalmems")).current_dir(folder).args(arguments).output().unwrap()
@@ -101,6 +102,39 @@ fn nothing_is_replaced_and_what_is_missing_is_named() {
         assert!(output.status.code() == Some(code) && said.contains(why), "{arguments:?}: {said}");
     }
     assert_eq!(std::fs::read_to_string(folder.join("mine.toml")).unwrap(), "mine");
+}
+
+/// `script` of util-linux runs a command on a terminal of its own.
+#[test]
+fn a_column_that_its_name_does_not_tell_is_asked_for_on_a_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = |k: u32| format!("{:.6},{},{}\n", f64::from(k) * 1e-6, 90 + k % 32, 0.1 * f64::from(k % 16));
+    let rows: String = (0..3000).map(row).collect();
+    std::fs::write(folder.path().join("scope.csv"), format!("time_s,CH1_V,CH2_V\n{rows}")).unwrap();
+    let command = format!(
+        "{} new scope.csv --device shared_scanner --write new.toml",
+        env!("CARGO_BIN_EXE_kalmems").replace(' ', "\\ ")
+    );
+    let script = Command::new("script")
+        .current_dir(folder.path())
+        .args(["-qec", &command, "/dev/null"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn();
+    let Ok(mut script) = script else {
+        println!("SKIPPED: there is no `script`");
+        return;
+    };
+    script.stdin.take().unwrap().write_all(b"1\n").unwrap();
+    let output = script.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success()
+            && said.contains("Which column is `drive`, the voltage that drives the device?"),
+        "{said}"
+    );
+    let text = std::fs::read_to_string(folder.path().join("new.toml")).unwrap();
+    assert!(text.contains("channels = { drive = \"CH1_V\", signal = \"CH2_V\" }"), "{text}");
 }
 
 /// What a page with a form needs to ask.

@@ -20,7 +20,7 @@ const FOLLOWED: usize = 4;
 /// The correlation that counts as none.
 const FORGOTTEN: f64 = 0.05;
 
-/// How many times as long as it was followed an error is taken to last likewise, before another one is followed.
+/// For how many times as long as it was followed an error is assumed to last in the same way, before another one is followed.
 const REST: u32 = 3;
 
 /// Updates of a span at least.

@@ -1,6 +1,7 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
 use super::Trajectory;
+use crate::inspect::quantity;
 use crate::signal::fit_cycles;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -57,14 +58,14 @@ impl std::fmt::Display for LockEvent {
         match self {
             Self::Lost { time_s, unexplained } => write!(
                 f,
-                "lost the signal at {:.3} ms: the prediction leaves {:.0} % of it unexplained over a cycle",
-                time_s * 1e3,
+                "lost the signal at {}: over a whole cycle the prediction leaves {:.0} % of it unexplained",
+                quantity(*time_s, "s"),
                 unexplained * 100.0
             ),
             Self::Flipped { of, time_s, moved_deg } => write!(
                 f,
-                "changed branch at {:.3} ms: the motion{} has moved by {moved_deg:.0}° against the drive",
-                time_s * 1e3,
+                "changed branch at {}: the phase of the motion{} to the drive has changed by {moved_deg:.0}°",
+                quantity(*time_s, "s"),
                 if is_the_only_one(of) { String::new() } else { format!(" of {of}") }
             ),
         }

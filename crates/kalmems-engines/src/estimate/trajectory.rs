@@ -24,11 +24,11 @@ pub struct Trajectory {
     pub signal: Vec<f64>,
     /// y − h(x⁻): measured minus predicted, in the signal's unit; not a number where there was no update.
     pub innovation: Vec<f64>,
-    /// The standard deviation that the filter gives the innovation, likewise.
+    /// The standard deviation that the filter gives the innovation, in the signal's unit; not a number where there was no update.
     pub innovation_sd: Vec<f64>,
-    /// The normalised innovation squared, likewise.
+    /// The normalised innovation squared; not a number where there was no update.
     pub nis: Vec<f64>,
-    /// ln p(y | past) of each update, likewise.
+    /// ln p(y | past) of each update; not a number where there was none.
     pub log_likelihood: Vec<f64>,
     /// Σ ln p(θ_th | what came before) over the crossings of a threshold, each at its time and by the same variance for
     /// every filter, told of them or not; 0 where there are none.
@@ -101,7 +101,7 @@ pub struct FurtherSignal {
     pub of: String,
     /// Measured minus predicted; not a number where it is missing.
     pub innovation: Vec<f64>,
-    /// The standard deviation that the filter gives it, likewise.
+    /// The standard deviation that the filter gives it; not a number where it is missing.
     pub sd: Vec<f64>,
 }
 
@@ -276,7 +276,7 @@ impl Trajectory {
         self.scored_after(self.time_s.first().copied().unwrap_or(0.0), skip_s)
     }
 
-    /// The samples from `skip_s` after this time on, both in s: likewise, of a segment that began then.
+    /// The samples from `skip_s` after this time on, both in s, of a segment that began then.
     pub fn scored_after(&self, start_s: f64, skip_s: f64) -> Range<usize> {
         // Half an ulp of a decimal time must not decide about a sample.
         let start = self.time_s.partition_point(|t| *t < start_s + skip_s * (1.0 - 1e-12));

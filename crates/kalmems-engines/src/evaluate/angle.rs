@@ -82,7 +82,7 @@ pub struct AngleErrors {
     pub samples: usize,
     /// The share of them within three standard deviations; `None` for a model that claims none.
     pub within_three_sigma: Option<f64>,
-    /// The errors held against what is claimed of them, likewise.
+    /// The comparison of the errors with their claimed standard deviations; `None` for a model that claims none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub claim: Option<Claim>,
 }

@@ -1,18 +1,18 @@
-//! How far an answer can be trusted, in one word.
+//! How far an estimate can be trusted, in one word.
 
 use serde::Serialize;
 
-/// How far an answer can be trusted; what is worse is greater.
+/// How far an estimate can be trusted; a worse grade is greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
-    /// Nothing was found that speaks against what the filter claims.
+    /// No test contradicts the estimate or its claimed standard deviation.
     Passes,
-    /// The same, with something that a reader should know.
+    /// No test contradicts them, and there is a remark that a reader should know.
     PassesWithRemarks,
-    /// A test finds what a filter that is right does not show; the errors may be larger than claimed.
+    /// A test finds in the innovations what those of a filter with the right model do not show; the errors may be larger than claimed.
     Doubtful,
-    /// The answer is wrong, or its claim is wrong by a large factor.
+    /// The estimate is wrong, or its claimed standard deviation is wrong by a large factor.
     Failed,
     /// The filter stopped, or lost the motion.
     NoEstimate,
@@ -33,13 +33,19 @@ impl Grade {
     /// What it means.
     pub const fn sentence(self) -> &'static str {
         match self {
-            Self::Passes => "Nothing was found that speaks against what the filter claims.",
-            Self::PassesWithRemarks => "Nothing speaks against what the filter claims, but read the remarks.",
-            Self::Doubtful => {
-                "The innovations show what those of a filter that is right do not: its errors may be larger than it claims."
+            Self::Passes => "No test contradicts the estimate or its claimed standard deviation.",
+            Self::PassesWithRemarks => {
+                "No test contradicts the estimate or its claimed standard deviation; the remarks say what a reader should know."
             }
-            Self::Failed => "The answer is wrong, or its claim is wrong by a large factor.",
-            Self::NoEstimate => "The filter stopped, or lost the motion: its numbers are no estimate.",
+            Self::Doubtful => {
+                "The innovations show what those of a filter with the right model do not show: the errors may be larger than the claimed standard deviations."
+            }
+            Self::Failed => {
+                "The estimate is wrong, or its claimed standard deviation is wrong by a large factor."
+            }
+            Self::NoEstimate => {
+                "The filter stopped, or lost the motion: its numbers are no estimate of the motion."
+            }
         }
     }
 }

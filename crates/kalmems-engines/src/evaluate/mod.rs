@@ -29,7 +29,7 @@ pub use edge::EdgeVelocity;
 pub use grade::Grade;
 pub use innovations::{
     CycleEvidence, Histogram, InnovationEvidence, InnovationRecord, InnovationTest, Place as TestPlace,
-    SpectrumGroup, TestResult, WRONG,
+    SpectrumGroup, TestResult, WRONG, nis,
 };
 pub use judge::{Judgement, SegmentJudge};
 pub use lag::ReferenceLag;

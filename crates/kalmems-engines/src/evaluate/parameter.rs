@@ -120,13 +120,13 @@ impl std::fmt::Display for ParameterFault {
         match self {
             Self::FarFromStart { deviations } => write!(
                 f,
-                "lies {deviations:.1} standard deviations of its start away from what the device table says: either that or \
-                 `start_sd` is wrong, or it stands in for something else that is wrong"
+                "lies {deviations:.1} times its `start_sd` away from the value in the device's table: that value or `start_sd` is wrong, or the \
+                 parameter takes up the error of another number"
             ),
-            Self::WrongSign => f.write_str("has changed its sign, which the device cannot"),
+            Self::WrongSign => f.write_str("has changed its sign, which that of a device cannot"),
             Self::StillMoving { moved, sd } => write!(
                 f,
-                "still moves at the end: by {moved:.2e} over the last fifth of the recording, where its standard deviations allow \
+                "still changes at the end: by {moved:.2e} over the last fifth of the recording, while its standard deviations allow \
                  {sd:.1e}"
             ),
         }

@@ -236,7 +236,7 @@ impl ReferenceRecording {
         self.angles(self.recording.segments().iter().find(|segment| segment.label == label))
     }
 
-    /// The angles that go with a segment of the recording, likewise.
+    /// The angles that belong to a segment of the recording.
     pub fn angles_of(&self, segment: &Segment) -> Result<Vec<Reference>, ReadError> {
         self.angles(self.like(segment))
     }

@@ -2,6 +2,7 @@
 
 use super::innovations::{WRONG, normal_tail};
 use crate::estimate::{GateTurn, SegmentEstimate, Trajectory};
+use crate::inspect::quantity;
 use kalmems_core::Portable;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -112,13 +113,13 @@ impl Rejections {
     pub fn sentence(&self) -> String {
         let listed = self.first.iter().take(FEW).map(|outlier| {
             let of = outlier.signal.as_ref().map_or_else(String::new, |of| format!(" of {of}"));
-            format!("{:.6} s{of} ({:+.1} sd)", outlier.time_s, outlier.size)
+            format!("{}{of} ({:+.1} sd)", quantity(outlier.time_s, "s"), outlier.size)
         });
         let listed = listed.collect::<Vec<_>>().join(", ");
         let more =
             if self.count > FEW { format!(" … up to {:.1} sd", self.largest) } else { String::new() };
         format!(
-            "samples rejected as outliers, which corrected nothing: {} ({}), at {listed}{more}",
+            "samples rejected as outliers, which did not correct the filter: {} ({}), at {listed}{more}",
             self.count,
             percent(self.share)
         )
@@ -141,18 +142,19 @@ impl std::fmt::Display for RejectionFault {
         match self {
             Self::TooMany => write!(
                 f,
-                "more than {:.0} % of the samples lie beyond what the filter believes: these are no isolated disturbances of the signal",
+                "the gate rejected more than {:.0} % of the samples: so many are no isolated disturbances of the signal",
                 100.0 * MOST
             ),
             Self::WithTheMotion => write!(
                 f,
-                "the samples that were rejected come with the motion, always at the same part of its cycle: no disturbance of the signal, but a \
-                 readout that is not that of the model there, or an input that reaches the signal"
+                "the rejected samples repeat with the motion, at the same part of its cycle: the readout differs from its model there, or an \
+                 input reaches the signal"
             ),
             Self::Lasted { from_s } => write!(
                 f,
-                "from {from_s:.6} s on too many samples in a row lay beyond what the filter believes, so that it took them all until it followed \
-                 them: a step or a burst of the signal, or a change of the device"
+                "from {} on the gate rejected too many samples in a row and opened until the filter followed them: the signal has a step or a \
+                 burst, or the device has changed",
+                quantity(*from_s, "s")
             ),
         }
     }

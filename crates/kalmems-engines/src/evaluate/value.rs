@@ -50,13 +50,13 @@ pub struct ValueErrors {
     /// error of its scale (Chen, dissertation, 2018, equations 59 to 61, with the column of ones that they need);
     /// `None` where the reference does not vary.
     pub scale_factor: Option<f64>,
-    /// Where that line is at 0, in the unit; `None` likewise.
+    /// Where that line is at 0, in the unit; `None` where the reference does not vary.
     pub offset: Option<f64>,
     /// Samples compared.
     pub samples: usize,
     /// The share of them within three standard deviations; `None` for a model that claims none.
     pub within_three_sigma: Option<f64>,
-    /// The errors held against what is claimed of them, likewise.
+    /// The comparison of the errors with their claimed standard deviations; `None` for a model that claims none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub claim: Option<Claim>,
     /// The error over time, for plots.

@@ -12,12 +12,23 @@ pub struct Samples {
     pub middle: Vec<f64>,
     /// The signal in V at each sample.
     pub signal: Vec<f64>,
+    /// What the library's filter makes of them, for a test of the source; `None` where the source has a test of its own.
+    pub expected: Option<Expected>,
+}
+
+/// The answer of the library's filter.
+#[derive(Clone, Debug)]
+pub struct Expected {
+    /// The angle in rad after each sample.
+    pub angle: Vec<f64>,
+    /// How the tables are used, in lines of a comment.
+    pub use_of_tables: Vec<String>,
 }
 
 impl Samples {
     /// A file with the tables, in f32.
     pub fn to_source(&self, target: Target, heading: &[String]) -> String {
-        let tables = [
+        let mut tables = vec![
             ("DRIVE_V", "The drive in V at each sample.", &self.drive),
             (
                 "MIDDLE_V",
@@ -26,12 +37,19 @@ impl Samples {
             ),
             ("SIGNAL_V", "The signal in V at each sample.", &self.signal),
         ];
+        if let Some(expected) = &self.expected {
+            tables.push((
+                "ANGLE_RAD",
+                "The angle in rad that the library's filter has after each sample.",
+                &expected.angle,
+            ));
+        }
         let count = self.signal.len();
         let mut text = match target {
             Target::Rust => "//! Samples of a recording, to try a filter with.\n\n".to_owned(),
             Target::C => "/*\n".to_owned(),
         };
-        for line in heading {
+        for line in heading.iter().chain(self.expected.iter().flat_map(|expected| &expected.use_of_tables)) {
             let _ = match target {
                 Target::Rust => writeln!(text, "// {line}"),
                 Target::C => writeln!(text, " * {}", line.replace("*/", "* /")),

@@ -1,9 +1,12 @@
 //! The filter of a shared-electrode scanner in units of its own.
 
+use super::samples::Samples;
 use super::{fill, number};
-use kalmems_core::{NoiseDensity, Process, Rk4};
+use kalmems_core::update::Decimation;
+use kalmems_core::{Covariance, Ekf, Euler, Filter, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::dynamics::ParametricScanner;
 use kalmems_models::readout::DemodulatedComb;
+use std::num::NonZeroU32;
 
 /// The extended Kalman filter of angle and rate, in SI.
 #[derive(Clone, Debug)]
@@ -87,6 +90,33 @@ impl ScannerFilter {
             start: [0, 1].map(|i| self.start[i] / units[i]),
             start_sd: [0, 1].map(|i| self.start_sd[i] / units[i]),
         }
+    }
+}
+
+impl ScannerFilter {
+    /// The angle in rad after each sample by the library's filter, corrected by one sample in `update_every`; not a number where it
+    /// refuses a sample.
+    pub(super) fn angles(&self, samples: &Samples, interval_s: f64, update_every: NonZeroU32) -> Vec<f64> {
+        let density = NoiseDensity::none().on::<1>(self.acceleration_density);
+        let runge_kutta = Rk4::new(self.scanner, interval_s, &density, (&[0.0; 2], &0.0));
+        let euler = Euler::new(self.scanner, interval_s, *runge_kutta.noise().covariance());
+        let noise = Covariance::from_variances([self.noise_variance]);
+        let mut filter = Ekf::new(self.start, Covariance::from_standard_deviations(self.start_sd));
+        let mut decimation = Decimation::every(update_every);
+        let mut angle_after = |k: usize| {
+            let moved = match (k.checked_sub(1), self.integration) {
+                (None, _) => true,
+                (Some(before), Integration::Euler) => filter.predict(&euler, &samples.drive[before]).is_ok(),
+                (Some(before), Integration::RungeKutta) => {
+                    let [start, middle, end] = [samples.drive[before], samples.middle[k], samples.drive[k]];
+                    filter.predict(&runge_kutta, &Nodes { start, middle, end }).is_ok()
+                }
+            };
+            let corrected =
+                !decimation.due() || filter.update(&self.readout, &[samples.signal[k]], &noise).is_ok();
+            if moved && corrected { filter.mean()[0] } else { f64::NAN }
+        };
+        (0..samples.signal.len()).map(&mut angle_after).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! From an experiment to the files of an export.
 
-use super::samples::Samples;
+use super::samples::{Expected, Samples};
 use super::{Digits, ExportError, Filter, Request, Target, c, rust};
 use crate::config::{ConfigError, Experiment, Fault, Update};
 use crate::recording::{Layout, ReadError, Recording};
@@ -57,7 +57,7 @@ pub fn export(
     recording: impl FnOnce() -> Result<Option<(PathBuf, Layout)>, ConfigError>,
 ) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
-    let (interval_s, samples) = sampled(experiment, request, columns, recording)?;
+    let (interval_s, mut samples) = sampled(experiment, request, columns, recording)?;
     let every = request.update_every.get();
     if !request.adjustable.is_empty() {
         return refuse(
@@ -79,6 +79,10 @@ pub fn export(
         (Filter::Scanner(filter), Target::C) => {
             let scaled = filter.scaled(interval_s);
             let name = c_name(&experiment.name.to_string());
+            samples.expected = Some(Expected {
+                angle: filter.angles(&samples, interval_s, request.update_every),
+                use_of_tables: c::use_of_samples(&name, filter.integration),
+            });
             let files = c::scanner((&scaled, filter.integration), (interval_s, every), &name, &heading);
             c_files(&name, files)
         }
@@ -212,6 +216,7 @@ fn sampled(
         drive: drive[..asked].to_vec(),
         middle: (0..asked).map(middle).collect(),
         signal: signal[..asked].to_vec(),
+        expected: None,
     };
     Ok((interval_s, samples))
 }

@@ -34,7 +34,10 @@ pub enum FitError {
         high: f64,
     },
     /// The steps did not become small.
-    #[error("no minimum after {iterations} iterations (sum of squares {sum_of_squares:e} at {parameters:?})")]
+    #[error(
+        "the fit found no minimum within {iterations} iterations (sum of squares {sum_of_squares:.3e}): the model does not describe the \
+         recording with values near the stated ones; check signs, units and the values of the file"
+    )]
     NotConverged {
         /// Iterations done.
         iterations: usize,

@@ -19,7 +19,7 @@ mod text;
 
 pub use character::{Character, Course};
 pub use envelope::{Envelope, EnvelopePoint, envelope};
-pub use quantity::quantity;
+pub use quantity::{fitting_unit, quantity};
 pub use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
 pub use statistics::Statistics;

@@ -75,20 +75,35 @@ pub(super) fn si_unit(header: &Header) -> String {
 
 /// A value in SI with its unit, such as `31.35 kHz`.
 pub fn quantity(value: f64, unit: &str) -> String {
-    let first = unit.split([' ', '/']).next().unwrap_or_default();
-    let takes_prefix = !first.is_empty() && first.chars().all(char::is_alphabetic) && first != "kg";
-    if !takes_prefix || value == 0.0 || !value.is_finite() {
+    let Some((exponent, power, prefix)) = prefix(value, unit) else {
         return join(&number(value), unit);
+    };
+    let scaled = format!("{value:.4e}").parse().unwrap_or(value) / 10_f64.powi(power);
+    let decimals = usize::try_from(4 - (exponent - power)).unwrap_or(0);
+    format!("{} {prefix}{unit}", trimmed(&format!("{scaled:.decimals$}")))
+}
+
+/// The unit with the prefix that fits a value in SI, and how many of it one of the unit is: for 31350 Hz `kHz` and 0.001.
+pub fn fitting_unit(value: f64, unit: &str) -> (String, f64) {
+    match prefix(value, unit) {
+        Some((_, power, prefix)) => (format!("{prefix}{unit}"), 10_f64.powi(-power)),
+        None => (unit.to_owned(), 1.0),
+    }
+}
+
+/// The exponent of a value's first digit, and the power of ten with the prefix that fits; `None` where none may stand before the unit.
+fn prefix(value: f64, unit: &str) -> Option<(i32, i32, &'static str)> {
+    let first = unit.split([' ', '/']).next().unwrap_or_default();
+    let takes_prefix =
+        !first.is_empty() && first.chars().all(char::is_alphabetic) && !matches!(first, "kg" | "deg");
+    if !takes_prefix || value == 0.0 || !value.is_finite() {
+        return None;
     }
     let rounded = format!("{value:.4e}");
     let exponent: i32 = rounded.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
     let power = exponent.div_euclid(3) * 3;
-    let Some((_, prefix)) = PREFIXES.iter().find(|(p, _)| *p == power) else {
-        return join(&number(value), unit);
-    };
-    let scaled = rounded.parse::<f64>().unwrap_or(value) / 10_f64.powi(power);
-    let decimals = usize::try_from(4 - (exponent - power)).unwrap_or(0);
-    format!("{} {prefix}{unit}", trimmed(&format!("{scaled:.decimals$}")))
+    let (_, prefix) = PREFIXES.iter().find(|(p, _)| *p == power)?;
+    Some((exponent, power, prefix))
 }
 
 /// A number of five digits, with an exponent where it is very small or large.
@@ -136,6 +151,18 @@ mod tests {
             ("record", ""),
         ] {
             assert_eq!(si_unit(&Header::parse(column)), unit, "{column}");
+        }
+    }
+
+    #[test]
+    fn the_unit_fits_the_value() {
+        for (value, unit, fitting) in [
+            (31350.0, "Hz", ("kHz", 1e-3)),
+            (2.2e-4, "rad", ("µrad", 1e6)),
+            (0.0, "V", ("V", 1.0)),
+            (5e-3, "deg", ("deg", 1.0)),
+        ] {
+            assert_eq!(fitting_unit(value, unit), (fitting.0.to_owned(), fitting.1));
         }
     }
 

@@ -11,6 +11,8 @@ pub struct Expansion {
     pub text: String,
     /// Keys of a process noise, and the states whose rates it is the noise of.
     pub noise: Vec<(&'static str, &'static str)>,
+    /// What filters of the rig call the signals that correct them, and the measurements of the equations that they are.
+    pub channels: Vec<(String, String)>,
     /// The table `[estimate.events]`: where the times of its events come from.
     pub events: toml::Table,
     /// Of each filter of the experiment, how it uses the events.

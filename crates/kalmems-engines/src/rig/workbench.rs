@@ -57,7 +57,7 @@ impl Workbench {
         self.read(Experiment::load(path))
     }
 
-    /// Reads the text of an experiment file, likewise; `path` is where it stands, or would stand.
+    /// Reads an experiment file from its text; `path` is the place of the file, or the one it would have.
     pub fn parse(&self, text: &str, path: &Path) -> Result<Experiment, ConfigError> {
         self.read(Experiment::parse(text, path))
     }

@@ -29,7 +29,8 @@ pub fn input_of(
     let place = Place { experiment, key: Key::from("simulate.drive.inputs").child(name), kind };
     let mut before_s = 0.0;
     let drive = match source {
-        InputSource::None => Drive::Constant { level: 0.0 },
+        // A loop is closed by whoever simulates the device.
+        InputSource::None | InputSource::Feedback(_) => Drive::Constant { level: 0.0 },
         InputSource::Constant(constant) => {
             Drive::Constant { level: place.value("constant.value", &constant.value, Sign::Any)? }
         }

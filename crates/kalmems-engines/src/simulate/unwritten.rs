@@ -60,7 +60,7 @@ impl Unwritten {
         self.recorded.each(&self.time_s)
     }
 
-    /// What is true, likewise.
+    /// The true motion, in the same form.
     pub fn true_columns(&self) -> Vec<(&'static str, Vec<f64>)> {
         self.truth.each(&self.time_s)
     }

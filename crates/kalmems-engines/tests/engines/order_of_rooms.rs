@@ -6,7 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From what knows nothing of the others to what knows all of them; ARCHITECTURE.md says what each is.
-const ORDER: [&str; 14] = [
+const ORDER: [&str; 15] = [
+    "topics",
     "progress",
     "signal",
     "fit",

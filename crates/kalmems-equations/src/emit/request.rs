@@ -114,7 +114,8 @@ pub enum EmitDigits {
     AsNeeded(Vec<TestSample>),
 }
 
-/// One sample of a test, in SI.
+/// One sample of a test, in SI; or a part of the interval before one that is predicted alone, without measurements, events and
+/// expected states.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSample {
     /// The inputs at the start, the middle and the end of the interval before the sample. Euler's method takes the first; what
@@ -126,6 +127,13 @@ pub struct TestSample {
     pub events: Vec<Option<f64>>,
     /// The states that are expected behind the sample: predicted, corrected by the events and then by the measurements.
     pub expected: Vec<f64>,
+}
+
+impl TestSample {
+    /// Whether it is a part of an interval that is predicted alone.
+    pub fn is_part(&self) -> bool {
+        self.measured.is_empty() && self.events.is_empty() && self.expected.is_empty()
+    }
 }
 
 /// Samples with the states that are expected, with which the source tests itself.
@@ -290,10 +298,16 @@ impl EmitRequest {
         if samples.is_empty() {
             return Err(EmitError::request(field, &"no samples", "at least one sample"));
         }
+        if samples.last().is_some_and(TestSample::is_part) {
+            return Err(EmitError::request(field, &"a part of an interval at the end", "a sample behind it"));
+        }
         for sample in samples {
             for inputs in &sample.inputs {
                 count(field, inputs.len(), device.inputs().len())?;
                 finite(field, inputs.iter().copied())?;
+            }
+            if sample.is_part() {
+                continue;
             }
             count(field, sample.measured.len(), self.measures.len())?;
             count(field, sample.events.len(), self.events.len())?;

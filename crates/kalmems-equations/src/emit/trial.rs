@@ -3,7 +3,7 @@
 use super::error::EmitError;
 use super::filter::Program;
 use super::interface::Interface;
-use super::request::{EmitLanguage, EmitRequest, TestVectors};
+use super::request::{EmitLanguage, EmitRequest, TestSample, TestVectors};
 use super::{c, rust};
 use crate::device::Device;
 use std::fmt::Write as _;
@@ -12,14 +12,17 @@ use std::fmt::Write as _;
 struct Given {
     /// The numbers of each sample: inputs, measurements, and how long ago each event was, below 0 where it was not.
     rows: Vec<Vec<f64>>,
-    /// The functions of a sample in their order, with the places of what they take; of an event, that is called where it was.
+    /// The functions of a sample in their order, with the places of what they take.
     calls: Vec<GivenCall>,
+    /// Where some rows are parts of an interval that are predicted alone, the place of the number that is below 0 in these.
+    corrects: Option<usize>,
 }
 
 struct GivenCall {
     of: String,
     places: Vec<usize>,
-    is_event: bool,
+    /// The place of the number that is below 0 where it is not called.
+    only_where: Option<usize>,
 }
 
 impl Given {
@@ -42,24 +45,27 @@ impl Given {
         let columns: Vec<String> =
             inputs.iter().cloned().chain(places.iter().map(|k| program.names.measured(*k))).collect();
         let find = |of: &String| columns.iter().position(|column| column == of);
-        let call = |of: String, arguments: &[String], is_event: bool| GivenCall {
+        let is_parted = vectors.samples.iter().any(TestSample::is_part);
+        let corrects = is_parted.then_some(columns.len());
+        let call = |of: String, arguments: &[String], only_where: Option<usize>| GivenCall {
             of,
             places: arguments.iter().filter_map(find).collect(),
-            is_event,
+            only_where,
         };
         let mut calls = Vec::new();
-        if request.events.is_empty() {
+        if request.events.is_empty() && !is_parted {
             let step: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
-            calls.push(call("step".to_owned(), &step, false));
+            calls.push(call("step".to_owned(), &step, None));
         } else {
-            calls.push(call("predict".to_owned(), &interface.predict, false));
+            calls.push(call("predict".to_owned(), &interface.predict, None));
             // Events come before what is measured at the sample.
             let (measures, events) = places.split_at(request.measures.len());
             for place in events.iter().chain(measures) {
                 let mut arguments = of_updates.get(*place).cloned().unwrap_or_default();
                 arguments.push(program.names.measured(*place));
                 let of = format!("update_{}", program.names.measure(*place));
-                calls.push(call(of, &arguments, *place >= request.measures.len()));
+                let ago = arguments.last().and_then(find).filter(|_| *place >= request.measures.len());
+                calls.push(call(of, &arguments, ago.or(corrects)));
             }
         }
         let points = ["start", "middle", "end"];
@@ -69,14 +75,18 @@ impl Given {
             |(k, point): (usize, usize)| program.names.input(k, points.get(point).copied().unwrap_or(""));
         let from = |wanted: &String| all.iter().copied().find(|place| name(*place) == *wanted);
         let sources: Vec<(usize, usize)> = inputs.iter().filter_map(from).collect();
-        let row = |sample: &super::request::TestSample| {
+        let row = |sample: &TestSample| {
             let at = |(k, point): &(usize, usize)| {
                 sample.inputs.get(*point).and_then(|inputs| inputs.get(*k)).copied()
             };
-            let ago = sample.events.iter().map(|ago_s| ago_s.unwrap_or(-1.0));
-            sources.iter().filter_map(at).chain(sample.measured.iter().copied()).chain(ago).collect()
+            let measured =
+                (0..request.measures.len()).map(|k| sample.measured.get(k).copied().unwrap_or(0.0));
+            let ago =
+                (0..request.events.len()).map(|k| sample.events.get(k).copied().flatten().unwrap_or(-1.0));
+            let corrects = corrects.map(|_| if sample.is_part() { -1.0 } else { 1.0 });
+            sources.iter().filter_map(at).chain(measured).chain(ago).chain(corrects).collect()
         };
-        Self { rows: vectors.samples.iter().map(row).collect(), calls }
+        Self { rows: vectors.samples.iter().map(row).collect(), calls, corrects }
     }
 }
 
@@ -86,9 +96,9 @@ impl GivenCall {
         self.places.iter().map(|k| format!("{given}[{k}]")).collect::<Vec<_>>().join(", ")
     }
 
-    /// The one of an event that says whether it was.
-    fn ago(&self, given: &str) -> Option<String> {
-        self.places.last().filter(|_| self.is_event).map(|k| format!("{given}[{k}]"))
+    /// The number that is below 0 where it is not called.
+    fn only_where(&self, given: &str) -> Option<String> {
+        self.only_where.map(|k| format!("{given}[{k}]"))
     }
 }
 
@@ -129,7 +139,11 @@ pub(super) fn files(
     let mut files = Vec::new();
     if let Some(vectors) = &request.vectors {
         let given = Given::of(device, program, &interface, request, vectors);
-        let expected: Vec<Vec<f64>> = vectors.samples.iter().map(|sample| sample.expected.clone()).collect();
+        let expected = vectors.samples.iter().map(|sample| match sample.expected.as_slice() {
+            [] => vec![0.0; request.size()],
+            expected => expected.to_vec(),
+        });
+        let expected: Vec<Vec<f64>> = expected.collect();
         let sizes = sizes(vectors, request.size());
         match language {
             EmitLanguage::C => {
@@ -169,12 +183,14 @@ fn self_test_in_c(
 ) -> Result<Vec<(String, String)>, EmitError> {
     let name = &request.name;
     let upper = name.to_uppercase();
+    let samples = vectors.samples.iter().filter(|sample| !sample.is_part()).count();
     let (count, arguments, states) =
         (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
     let call = |call: &GivenCall| {
         let (of, arguments) = (&call.of, call.arguments("GIVEN[k]"));
         let arguments = if arguments.is_empty() { arguments } else { format!(", {arguments}") };
-        let where_it_was = call.ago("GIVEN[k]").map_or(String::new(), |ago| format!("{ago} >= 0.0F && "));
+        let where_it_was =
+            call.only_where("GIVEN[k]").map_or(String::new(), |ago| format!("{ago} >= 0.0F && "));
         format!(
             "        if ({where_it_was}!{name}_{of}(&filter{arguments})) {{\n            return 0;\n        }}\n"
         )
@@ -182,7 +198,7 @@ fn self_test_in_c(
     let calls: String = given.calls.iter().map(call).collect();
     let header = format!(
         "{comment}#ifndef {upper}_SELF_TEST_H\n#define {upper}_SELF_TEST_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
-         /*\n * Runs the filter over {count} samples. 1 where every state stays within {tolerance:e} of what is expected, relative to its\n \
+         /*\n * Runs the filter over {samples} samples. 1 where every state stays within {tolerance:e} of what is expected, relative to its\n \
          * largest expected size. The largest difference is in *worst.\n */\nint {name}_self_test(float *worst);\n\n\
          #ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
         comment = c::comment(&interface.heading),
@@ -194,7 +210,7 @@ fn self_test_in_c(
          /* The states in SI that are expected behind each sample. */\nstatic const float EXPECTED[{count}][{states}] = {{\n{expected}}};\n\n\
          /* The largest expected size of each state. */\nstatic const float SIZE[{states}] = {{\n{sizes}}};\n\n\
          int {name}_self_test(float *worst)\n{{\n    {name}_t filter;\n    unsigned k, i;\n    *worst = 0.0F;\n    {name}_start(&filter);\n    \
-         for (k = 0; k < {count}U; k++) {{\n{calls}        \
+         for (k = 0; k < {count}U; k++) {{\n{calls}{skip}        \
          for (i = 0; i < {states}U; i++) {{\n            const float difference = {name}_value(&filter, i) - EXPECTED[k][i];\n            \
              const float error = (difference < 0.0F ? -difference : difference) / SIZE[i];\n            \
              if (!(error <= *worst)) {{\n                *worst = error;\n            }}\n        }}\n    }}\n    \
@@ -204,6 +220,9 @@ fn self_test_in_c(
         expected = table(expected, ['{', '}'], EmitLanguage::C)?,
         sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::C)?.replace(" ,\n", "\n"),
         calls = calls,
+        skip = given.corrects.map_or(String::new(), |k| format!(
+            "        if (GIVEN[k][{k}] < 0.0F) {{\n            continue;\n        }}\n"
+        )),
         tolerance = c::float(vectors.tolerance)?
     );
     Ok(vec![(format!("{name}_self_test.h"), header), (format!("{name}_self_test.c"), source)])
@@ -220,7 +239,7 @@ fn self_test_in_rust(
         (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
     let call = |call: &GivenCall| {
         let (of, arguments) = (&call.of, call.arguments("given"));
-        let where_it_was = call.ago("given").map_or(String::new(), |ago| format!("{ago} >= 0.0 && "));
+        let where_it_was = call.only_where("given").map_or(String::new(), |ago| format!("{ago} >= 0.0 && "));
         format!(
             "        if {where_it_was}!filter.{of}({arguments}) {{\n            return Err(f32::INFINITY);\n        }}\n"
         )
@@ -234,7 +253,7 @@ fn self_test_in_rust(
          /// Runs the filter over the samples. The largest difference from what is expected, relative to the largest expected size of\n\
          /// each state: in `Ok` where it is within {tolerance}.\npub fn self_test() -> Result<f32, f32> {{\n    \
          let mut filter = Filter::new();\n    let mut worst = 0.0;\n    for (given, expected) in GIVEN.iter().zip(&EXPECTED) {{\n\
-         {calls}        \
+         {calls}{skip}        \
          for ((value, expected), size) in filter.values().iter().zip(expected).zip(&SIZE) {{\n            \
          let difference = value - expected;\n            let error = (if difference < 0.0 {{ -difference }} else {{ difference }}) / size;\n            \
          if !(error <= worst) {{\n                worst = error;\n            }}\n        }}\n    }}\n    \
@@ -244,6 +263,9 @@ fn self_test_in_rust(
         expected = table(expected, ['[', ']'], EmitLanguage::Rust)?,
         sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::Rust)?.replace(" ,\n", "\n"),
         calls = calls,
+        skip = given.corrects.map_or(String::new(), |k| format!(
+            "        if given[{k}] < 0.0 {{\n            continue;\n        }}\n"
+        )),
         tolerance = rust::float(vectors.tolerance)?
     );
     Ok((format!("{name}_self_test.rs"), text))

@@ -99,7 +99,7 @@ struct Ratio {
     electronic_db: f64,
 }
 
-/// The loop and the same device, biased likewise, with nothing fed back; and unbiased.
+/// The loop, the same device with the same bias and without feedback, and the same without a bias.
 fn kinds(bench: &Bench) -> [(&'static str, RebalanceLoop<f64>); 3] {
     let still =
         RebalanceLoop { controller: PiController { proportional: 0.0, integral: 0.0 }, ..bench.closed };

@@ -38,11 +38,11 @@ pub struct Bench {
 pub struct Belief {
     /// In a few words.
     pub words: &'static str,
-    /// The stiffness that they believe, over the true one.
+    /// The stiffness of the filters' models, over the true one.
     pub stiffness: f64,
-    /// The damping likewise.
+    /// The damping of the filters' models, over the true one.
     pub damping: f64,
-    /// The drive voltage likewise.
+    /// The drive voltage of the filters' models, over the true one.
     pub drive: f64,
     /// The density of the angular acceleration's noise, in rad²/s³.
     pub density: f64,

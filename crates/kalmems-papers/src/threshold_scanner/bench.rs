@@ -39,11 +39,11 @@ pub struct Bench {
 /// What the filters are told, where it is not the device.
 #[derive(Clone, Copy, Debug)]
 pub struct Belief {
-    /// The gain that they believe, over the true one.
+    /// The gain of the filters' models, over the true one.
     pub gain: f64,
-    /// The steepness likewise.
+    /// The steepness of the filters' models, over the true one.
     pub steepness: f64,
-    /// The resonance likewise.
+    /// The resonance of the filters' models, over the true one.
     pub natural: f64,
     /// Where they believe the centre of the comb's curve, in rad.
     pub centre: f64,

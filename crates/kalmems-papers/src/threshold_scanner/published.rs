@@ -11,7 +11,7 @@ pub mod table_4_3 {
     pub const HYBRID: [f64; 5] = [0.0047, 0.0023, 0.0019, 0.0018, 0.0029];
     /// EKF, over the 50 samples after each detection.
     pub const EKF_AFTER: [f64; 5] = [0.0055, 0.0051, 0.0050, 0.0049, 0.0051];
-    /// HYB likewise.
+    /// HYB, over the 50 samples after each detection.
     pub const HYBRID_AFTER: [f64; 5] = [0.0041, 0.0045, 0.0049, 0.0045, 0.0045];
     /// By how much HYB is below EKF, in per cent.
     pub const REDUCED: [f64; 5] = [6.9, 21.4, 27.6, 30.3, 15.1];

@@ -19,7 +19,7 @@ pub struct Crossing {
     pub fallback: Option<Instant>,
     /// The sample of the steepest slope, counted from the first of the segment.
     pub index: usize,
-    /// The sample at which a detector that runs with the signal knows of it, likewise.
+    /// The sample at which a detector that runs with the signal knows of it, counted from the first of the segment.
     pub known_at: usize,
 }
 

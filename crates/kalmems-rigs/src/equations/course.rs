@@ -25,6 +25,8 @@ pub struct Channel<'a> {
 pub struct EquationSegment<'a> {
     /// The recording and the segment, for messages.
     pub place: &'a str,
+    /// When the segment began, in s.
+    pub start_s: f64,
     /// When, in s.
     pub time_s: &'a [f64],
     /// The inputs, in the order of the device.

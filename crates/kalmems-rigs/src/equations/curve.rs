@@ -24,7 +24,7 @@ pub struct CurveTable {
     /// The unit of the argument; in a file the name of the column says it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub x_unit: String,
-    /// The unit of the value, likewise.
+    /// The unit of the value, in the language of equations.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub y_unit: String,
     /// What it does beyond the points; an estimate stops there if left out.

@@ -3,6 +3,7 @@
 use super::course::{Channel, EquationSegment};
 use super::event_times::{EventTimes, Found};
 use super::events::{EventSettings, EventSource, EventUse};
+use super::interpolation::Interpolation;
 use super::model::{EquationModel, noises};
 use super::segment::{OneFilter, at_rest};
 use super::settings::{FilterSettings, OwnDevice, Settings};
@@ -66,11 +67,6 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
     let Some(model) = model.first() else { return refuse("it has no model") };
     // What follows faster than the samples is predicted in parts of the interval between them.
     let parts = model.over(interval_s).steps();
-    if parts > 1 && request.samples > 0 {
-        return refuse(&format!(
-            "its fastest motion needs {parts} predictions for a sample, which its test of itself does not make; leave `--samples` out"
-        ));
-    }
     let each_s = interval_s / parts as f64;
     let over = model.over(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
@@ -107,9 +103,9 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
     };
     let asked = if request.digits == Digits::AsNeeded { REHEARSED } else { 0 };
     let mut samples = match &recording {
-        Some(recording) if parts == 1 && asked.max(request.samples) > 0 => {
+        Some(recording) if asked.max(request.samples) > 0 => {
             let count = (request.samples, asked.max(request.samples));
-            match test_samples(experiment, (&settings, filter), recording, &measures, count) {
+            match test_samples(experiment, (&settings, filter), recording, &measures, (count, parts)) {
                 // Nothing was asked for: there is no rehearsal, which the source says.
                 Err(_) if request.samples == 0 => Vec::new(),
                 samples => samples?,
@@ -118,19 +114,14 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         _ => Vec::new(),
     };
     if request.digits == Digits::AsNeeded && samples.is_empty() {
-        let why = if parts > 1 {
-            "How many digits it needs is not tried where a sample takes several predictions."
-        } else {
-            "There was no recording over which to see how many digits it needs."
-        };
-        heading.push(why.to_owned());
+        heading.push("There was no recording over which to see how many digits it needs.".to_owned());
     }
     let digits = match request.digits {
         Digits::Double => EmitDigits::Double,
         Digits::AsNeeded if !samples.is_empty() => EmitDigits::AsNeeded(samples.clone()),
         Digits::AsNeeded | Digits::Single => EmitDigits::Single,
     };
-    samples.truncate(request.samples);
+    samples.truncate(request.samples * parts);
     let emitted = EmitRequest {
         heading,
         interval_s: each_s,
@@ -304,7 +295,26 @@ fn events_ago(
     Ok(ago)
 }
 
+/// The inputs at the start, the middle and the end of one of so many parts of the interval before a sample.
+fn inputs_of_part(
+    data: &EquationSegment,
+    between: &[Interpolation],
+    (k, part, parts): (usize, usize, usize),
+) -> [Vec<f64>; 3] {
+    let of = |(input, between): (&Drive<'_>, &Interpolation)| {
+        Drive::nodes_of_part(&between.nodes(input, k), part, parts)
+    };
+    let nodes: Vec<_> = data.inputs.iter().zip(between).map(of).collect();
+    [
+        nodes.iter().map(|n| n.start).collect(),
+        nodes.iter().map(|n| n.middle).collect(),
+        nodes.iter().map(|n| n.end).collect(),
+    ]
+}
+
 /// The first samples of the recording, so many at least and at most, with the states that the library's filter has behind each.
+///
+/// Where the interval is predicted in parts, those before the last are samples of their own without what is measured.
 ///
 /// The source predicts before it corrects. The first row is therefore where the filter starts, without a correction, and the samples
 /// are those behind it.
@@ -313,7 +323,7 @@ fn test_samples(
     (settings, filter): (&Settings, &FilterSettings),
     recording: &Recording,
     measures: &[EmitMeasure],
-    (at_least, at_most): (usize, usize),
+    ((at_least, at_most), parts): ((usize, usize), usize),
 ) -> Result<Vec<TestSample>, ExportError> {
     let own = &settings.own;
     let file = || recording.source().file.clone();
@@ -368,6 +378,7 @@ fn test_samples(
     let place = file();
     let data = EquationSegment {
         place: &place,
+        start_s: time_s.first().copied().unwrap_or(0.0),
         time_s: &time_s[..=count],
         inputs: drives,
         events: settings.events.iter().zip(&ago).map(happened).collect(),
@@ -399,19 +410,17 @@ fn test_samples(
             });
         own_states.chain(values).collect()
     };
-    let sample = |k: usize| {
-        let nodes: Vec<_> =
-            data.inputs.iter().zip(&own.between).map(|(input, between)| between.nodes(input, k)).collect();
+    let sample = |(k, part): (usize, usize)| {
+        let inputs = inputs_of_part(&data, &own.between, (k, part, parts));
+        if part + 1 < parts {
+            return TestSample { inputs, measured: Vec::new(), events: Vec::new(), expected: Vec::new() };
+        }
         TestSample {
-            inputs: [
-                nodes.iter().map(|n| n.start).collect(),
-                nodes.iter().map(|n| n.middle).collect(),
-                nodes.iter().map(|n| n.end).collect(),
-            ],
+            inputs,
             measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
             events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
             expected: expected(k),
         }
     };
-    Ok((1..=count).map(sample).collect())
+    Ok((1..=count).flat_map(|k| (0..parts).map(move |part| (k, part))).map(sample).collect())
 }

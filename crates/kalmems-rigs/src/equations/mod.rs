@@ -7,12 +7,14 @@ mod event_sensor;
 mod event_times;
 mod events;
 mod export;
+mod feedback;
 mod interpolation;
 mod inversion;
 mod model;
 mod names;
 mod number;
 mod ordered;
+mod oscillation;
 mod outlook;
 mod segment;
 mod settings;
@@ -52,17 +54,10 @@ fn short(value: f64) -> String {
 }
 
 /// What equations of a motion and of its measurements do not tell.
-static NO_METHODS: [(Method, &str); 2] = [
-    (
-        Method::LockIn,
-        "its equations say what signal a state makes, and not which lines a swing makes in it; use `ekf`, or `direct_inversion` where the \
-         signal is that of one state",
-    ),
-    (
-        Method::KalmanBucy,
-        "its equations are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
-    ),
-];
+static NO_METHODS: [(Method, &str); 1] = [(
+    Method::KalmanBucy,
+    "its equations are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
+)];
 
 /// The columns of a recording.
 struct Columns<'a> {

@@ -28,7 +28,7 @@ pub fn entries(device: &Device, sign: Sign) -> Vec<Entry> {
         .collect()
 }
 
-/// The densities of the noises of their rates, likewise.
+/// The densities of the noises of the rates of all states, in the order of the table.
 pub fn densities(device: &Device) -> Vec<Entry> {
     let of = |named: &Named| Entry {
         name: name(&named.name),

@@ -119,6 +119,7 @@ impl Estimator for EquationEstimator<'_> {
         crossings.sort_by_key(|(row, _)| *row);
         let data = EquationSegment {
             place: &segment.place,
+            start_s: segment.start_s,
             time_s: &segment.time_s,
             inputs,
             channels,
@@ -174,6 +175,9 @@ impl OneFilter<'_> {
         let states = basics.states(&self.own.states());
         if let Some(inverse) = &self.filter.inverse {
             return Ok(self.inversion(inverse, &self.own.states()).into_iter().collect());
+        }
+        if basics.method == Method::LockIn {
+            return Ok(vec![self.lock_in(&self.filter.oscillations, past, &self.own.states())?]);
         }
         let channels = self.channels();
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };

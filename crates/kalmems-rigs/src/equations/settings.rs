@@ -5,6 +5,7 @@ use super::interpolation::Interpolation;
 use super::inversion::Inverse;
 use super::model::{EquationModel, Rule, noises, pace};
 use super::names;
+use super::oscillation::Oscillation;
 use super::table::{EquationsTable, refused};
 use crate::config::{
     AnyValue, ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Sign, Start, Values,
@@ -133,6 +134,8 @@ pub struct FilterSettings {
     pub events: Vec<EventUse>,
     /// The state that its measurement tells, where each sample is taken by itself.
     pub inverse: Option<Inverse>,
+    /// The oscillation that lines of its measurements tell, of each of them, where it is a lock-in.
+    pub oscillations: Vec<Oscillation>,
     start: StartOf,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
@@ -234,20 +237,23 @@ impl FilterSettings {
         let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
         let measures = measures(experiment, &at, filter, device)?;
         let events = events::uses(experiment, own, events, (&at, filter))?;
-        let inverse = if filter.method == Method::DirectInversion {
-            let all = 0..device.measures().len();
-            let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
+        let all = 0..device.measures().len();
+        let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
+        let refused = |why| experiment.error(at.clone().child("method"), Fault::Value { why });
+        let mut inverse = None;
+        if filter.method == Method::DirectInversion {
             let [measure] = chosen[..] else {
                 return refuse("channels", "an inversion is that of one measurement; name it".to_owned());
             };
-            Some(
-                Inverse::of(own, measure)
-                    .map_err(|why| experiment.error(at.child("method"), Fault::Value { why }))?,
-            )
-        } else {
-            None
-        };
-        Ok(Self { basics, measures, events, inverse, start, density })
+            inverse = Some(Inverse::of(own, measure).map_err(refused)?);
+        }
+        let mut oscillations = Vec::new();
+        if filter.method == Method::LockIn {
+            let table = experiment.device::<EquationsTable>()?;
+            let of = |measure: &usize| Oscillation::of(own, &table, *measure);
+            oscillations = chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?;
+        }
+        Ok(Self { basics, measures, events, inverse, oscillations, start, density })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.

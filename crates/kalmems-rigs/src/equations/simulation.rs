@@ -1,5 +1,6 @@
 //! A recording of a device of one's own that is computed.
 
+use super::feedback::{Loop, loops};
 use super::model::{noises, steps_over};
 use super::names;
 use super::settings::OwnDevice;
@@ -21,6 +22,8 @@ pub struct EquationSimulation {
     own: OwnDevice,
     /// The inputs, in the order of the device.
     drives: Vec<Drive>,
+    /// Those that follow a measurement.
+    loops: Vec<Loop>,
     /// For how long they move the device before the recording begins, in s.
     before_s: f64,
     sources: Vec<Source>,
@@ -182,6 +185,7 @@ impl EquationSimulation {
         let device = &own.device;
         let wrong = |error| SimulateError::from(refused(experiment, &error));
         let inputs = inputs(experiment, simulate, device)?;
+        let loops = loops(experiment, simulate, &own)?;
         let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
         let sampling = sampling(experiment, simulate, device)?;
         let entries = names::entries(device, Sign::Any);
@@ -220,6 +224,7 @@ impl EquationSimulation {
         Ok(Self {
             own,
             drives,
+            loops,
             before_s,
             sources,
             start,
@@ -244,11 +249,12 @@ impl EquationSimulation {
         });
         each.collect()
     }
+}
 
-    fn inputs_at(&self, time_s: f64, inputs: &mut [f64]) {
-        for (input, drive) in inputs.iter_mut().zip(&self.drives) {
-            *input = drive.at(time_s);
-        }
+/// The inputs at a time in s.
+fn inputs_at(drives: &[Drive], time_s: f64, inputs: &mut [f64]) {
+    for (input, drive) in inputs.iter_mut().zip(drives) {
+        *input = drive.at(time_s);
     }
 }
 
@@ -305,8 +311,9 @@ impl Simulation for EquationSimulation {
         let measured = self.recorded.len() - self.events.len();
         let mut truth = vec![0.0; self.truth.len()];
         let (mut nodes, mut inputs) = ([const { Vec::new() }; 3], vec![0.0; self.drives.len()]);
-        let mut advance = |state: &mut Vec<f64>, from_s: f64, to_s: f64| {
-            parts_of_all(&self.drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
+        let mut drives = self.drives.clone();
+        let mut advance = |drives: &[Drive], state: &mut Vec<f64>, from_s: f64, to_s: f64| {
+            parts_of_all(drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
                 motion.step(&mut work, state, nodes, to_s - from_s, &mut next);
                 std::mem::swap(state, &mut next);
             });
@@ -327,7 +334,7 @@ impl Simulation for EquationSimulation {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
         for left in (1..=steps_before).rev() {
-            advance(&mut state, -(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
+            advance(&drives, &mut state, -(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
             turn(&mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
@@ -336,9 +343,8 @@ impl Simulation for EquationSimulation {
         let mut step_count = 0_u64;
         for k in 0..self.samples() {
             let time_s = k as f64 * interval_s;
-            self.inputs_at(time_s, &mut inputs);
+            inputs_at(&drives, time_s, &mut inputs);
             let (of_inputs, of_measures) = recorded.split_at_mut(inputs.len());
-            of_inputs.copy_from_slice(&inputs);
             let mut finite = state.iter().chain(&inputs).all(|x| x.is_finite());
             for (place, readout) in readouts.iter().enumerate() {
                 // Each channel has random numbers of its own, whatever rows it is sampled at.
@@ -346,6 +352,11 @@ impl Simulation for EquationSimulation {
                 let analogue = || readout.read(&mut readings[place], &state, &inputs) + noise;
                 of_measures[place] = self.sampling[place].sample(k, &mut finite, analogue);
             }
+            for closed in &self.loops {
+                closed.answer(of_measures, &mut drives);
+            }
+            // A recording has what moves the device from its row on.
+            inputs_at(&drives, time_s, of_inputs);
             if !finite {
                 return Err(SimulateError::NotFinite { time_s });
             }
@@ -361,13 +372,13 @@ impl Simulation for EquationSimulation {
             for _ in 0..steps {
                 let (from_s, to_s) = (step_count as f64 / rate_hz, (step_count + 1) as f64 / rate_hz);
                 for event in &mut events {
-                    self.inputs_at(from_s, &mut inputs);
+                    inputs_at(&drives, from_s, &mut inputs);
                     event.begin((&motion, &mut rates), &state, (from_s, &inputs));
                 }
-                advance(&mut state, from_s, to_s);
+                advance(&drives, &mut state, from_s, to_s);
                 step_count += 1;
                 for event in &mut events {
-                    self.inputs_at(to_s, &mut inputs);
+                    inputs_at(&drives, to_s, &mut inputs);
                     event.end((&motion, &mut rates), &state, (to_s, &inputs));
                 }
             }

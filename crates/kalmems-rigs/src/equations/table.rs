@@ -4,6 +4,7 @@ use super::curve::CurveTable;
 use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::Ordered;
+use super::oscillation::OscillationTable;
 use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
 use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Place, Points};
 use schemars::JsonSchema;
@@ -59,6 +60,9 @@ pub struct EquationsTable {
     /// The energy of the device, by which `kalmems inspect` checks the equations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<String>,
+    /// Which state oscillates under a sinusoidal drive, and the line of the signal that shows it: for the method `lock_in`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub oscillation: Option<OscillationTable>,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }

@@ -21,6 +21,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     ];
     let (mut measure, mut noise) = (Vec::new(), Vec::new());
     for channel in &hardware.channels {
+        all.channels.push((channel.name.clone(), channel.meaning()));
         let (name, plate) = (&channel.name, &channel.current.plate);
         let along = plate.w4 - plate.w3;
         let own = [
@@ -68,5 +69,6 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
                 .to_owned(),
         );
     }
+    all.text.push_str("\n[device.equations.oscillation]\nof = \"angle\"\n");
     Ok(all)
 }

@@ -57,9 +57,18 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     }
     all.table("measure", &[("signal", seen)]);
     all.table("noise", &[("signal", "noise_variance")]);
+    all.text.push_str(OSCILLATION);
     all.notes.push(SIGN.to_owned());
     Ok(all)
 }
+
+/// The drive excites the motion parametrically, and the signal is the same for both signs of the angle.
+const OSCILLATION: &str = "
+[device.equations.oscillation]
+of = \"angle\"
+harmonic = 2
+drive_cycles = 2
+";
 
 const SIGN: &str = "The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the \
                     start.";

@@ -84,7 +84,7 @@ pub fn diagnose_recording(
     of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
-/// What of an experiment's device the signal cannot tell, and by how much it moves the answer of one of its filters, likewise; nothing
+/// What of an experiment's device the signal cannot tell, and by how much it changes the answer of one of its filters; nothing
 /// where the innovations say that something is wrong, as it is a question about a model that is right.
 pub fn scale_notes(
     workbench: &Workbench,

@@ -2,6 +2,7 @@
 
 use super::summary::shown;
 use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, FoundNoise, Proposal, ScaleNote};
+use crate::topics::{explained, link};
 use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
 use std::fmt::Write as _;
 
@@ -17,8 +18,7 @@ impl Diagnosis {
         );
         text += &match self.finding {
             Finding::NothingToChange => {
-                "nothing to change: the innovations pass all tests, so that the recording says nothing \
-                                         against the experiment\n"
+                "nothing to change: the innovations pass all tests, so that the recording does not contradict the experiment\n"
                     .to_owned()
             }
             Finding::Explained => self.explained(),
@@ -33,24 +33,23 @@ impl Diagnosis {
     fn explained(&self) -> String {
         let of = match self.causes.len() {
             1 => "one explains the recording".to_owned(),
-            several => format!("{several} explain the recording, and it cannot tell them apart"),
+            several => format!("{several} explain the recording, which does not distinguish them"),
         };
         let mut text = format!("of {} causes that were tried {of}:\n", self.tried);
         for (place, cause) in self.causes.iter().enumerate() {
             text += &format!("\n{}. {}\n", place + 1, cause.to_text());
         }
         if self.causes.iter().any(|cause| cause.numbers > 1) {
-            text += "\nNo single number explains it. Where several are wrong many pairs may explain it as well as these: identify them \
-                     together, with `kalmems identify`.\n";
+            text += "\nNo single number explains the recording. If several numbers are wrong, many pairs may explain it as well as these: identify \
+                     them together, with `kalmems identify`.\n";
         }
         if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
-            text +=
-                "\nWrite one of them, that which is known worst, or measure it; `--write` takes the first.\n";
+            text += "\nWrite one of them, the one that is known worst, or measure it; `--write` takes the first.\n";
         }
         match &self.proposal {
             Some(proposal) => text += &proposal.to_text(),
             None if self.causes.len() > 1 => {
-                text += "\nNo other amplitude, frequency or duration of the drive was found that would tell them apart.\n";
+                text += "\nNo other amplitude, frequency or duration of the drive was found that would distinguish them.\n";
             }
             None => {}
         }
@@ -58,14 +57,16 @@ impl Diagnosis {
     }
 
     fn unexplained(&self) -> String {
-        let mut text =
-            format!("none of these: {} causes were tried, and with none the innovations pass", self.tried);
-        text += ". They show:\n";
+        let mut text = format!(
+            "none of these: {} causes were tried, and with none of them the innovations pass all tests",
+            self.tried
+        );
+        text += ". The innovations show:\n";
         for test in &self.tests {
             let _ = writeln!(text, "  {test}");
         }
         if !self.closest.is_empty() {
-            text += "\nWhat explains most, and not all; the cause is likely something that the model does not have:\n";
+            text += "\nThese changes explain most of the deviations, and not all; the cause is likely an effect that the model does not have:\n";
         }
         for cause in &self.closest {
             text += &format!("\n- {}\n", cause.to_text());
@@ -76,8 +77,10 @@ impl Diagnosis {
 
 impl CauseReport {
     fn to_text(&self) -> String {
-        let mut text =
-            format!("{}: ln p of the blocks that were not fitted rises by {:.0}", self.name, self.gain);
+        let mut text = format!(
+            "{}: the log-likelihood of the blocks that were not fitted rises by {:.0}",
+            self.name, self.gain
+        );
         if !self.passes {
             text += "; the innovations then still fail a test";
         }
@@ -101,7 +104,7 @@ impl Proposal {
         let lines: Vec<String> = self.simulate.lines().map(|line| format!("     {line}")).collect();
         let lines = lines.join("\n");
         format!(
-            "\nA recording with {} would tell them apart: the true one would be ahead by {:.0} in ln p. As a simulation:\n\n{lines}\n",
+            "\nA recording with {} would distinguish them: the log-likelihood of the true cause would be larger by {:.0}. As a simulation:\n\n{lines}\n",
             self.what, self.ahead
         )
     }
@@ -120,8 +123,8 @@ impl std::fmt::Display for FoundNoise {
         if *of_neighbours > MISSES {
             write!(
                 f,
-                "; neighbouring samples differ by so much less ({of_neighbours:.3} times as large) that the filter's model misses something of \
-                 the signal, which counts as noise here"
+                "; it is {of_neighbours:.3} times the noise that the differences of neighbouring samples show, so that a part of the signal that \
+                 the model does not have is counted as noise here"
             )?;
         }
         Ok(())
@@ -138,7 +141,7 @@ impl std::fmt::Display for ScaleNote {
         if *hidden < 1.0 {
             write!(
                 f,
-                "`{parameter}` may be wrong by {} % before the signal shows it; ",
+                "`{parameter}` can be wrong by {} % before the innovations show it; ",
                 significant(100.0 * hidden)
             )?;
         } else {
@@ -190,7 +193,7 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
     let (severity, text) = match found.finding {
         Finding::NothingToChange => (
             Severity::Ok,
-            "The innovations pass all tests: the recording says nothing against the experiment.".to_owned(),
+            "The innovations pass all tests: the recording does not contradict the experiment.".to_owned(),
         ),
         Finding::Explained => (
             Severity::Warning,
@@ -200,15 +203,20 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
                     found.tried, one.name
                 ),
                 several => format!(
-                    "{} of the {} causes that were tried explain the recording, and it cannot tell them apart.",
+                    "{} of the {} causes that were tried explain the recording, which does not distinguish them{}.",
                     several.len(),
-                    found.tried
+                    found.tried,
+                    link("recordings")
                 ),
             },
         ),
         Finding::NoneOfThese => (
             Severity::Failure,
-            format!("None of the {} causes that were tried explains the recording.", found.tried),
+            format!(
+                "None of the {} causes that were tried explains the recording{}.",
+                found.tried,
+                link("overconfident")
+            ),
         ),
     };
     let verdict = Section::new("Verdict").part(Part::Verdict).notice(severity, text);
@@ -263,5 +271,5 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
         page =
             page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
     }
-    page.with(Section::made("diagnose", env!("CARGO_PKG_VERSION"), "")).to_html()
+    explained(page.with(Section::made("diagnose", env!("CARGO_PKG_VERSION"), ""))).to_html()
 }

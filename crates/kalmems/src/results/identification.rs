@@ -4,7 +4,9 @@ use super::RunInfo;
 use super::figure_files::write_figure;
 use super::{Output, RUN_FILE, WriteError, way_from};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
+use crate::inspect::{fitting_unit, quantity};
 use crate::recording::Source;
+use crate::topics::{explained, link, topic};
 use kalmems_core::Portable;
 use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
 use serde::Serialize;
@@ -46,19 +48,11 @@ impl<'a> IdentificationSummary<'a> {
 
     /// The parameters, each with its standard error.
     fn table(&self) -> Table {
-        let heads = ["parameter", "value", "standard error", "unit", "95 % interval", "from"];
+        let heads = ["parameter", "value", "standard error", "95 % interval", "from"];
         let mut table = Table::new("", heads.map(Column::text));
         for p in self.parameters {
-            let digits = decimals(p.value, p.standard_error);
-            let number = |value: f64| format!("{value:.digits$e}");
-            table.push([
-                p.name.clone(),
-                number(p.value),
-                format!("{:.1e}", p.standard_error),
-                p.unit.to_owned(),
-                format!("{} … {}", number(p.interval[0]), number(p.interval[1])),
-                p.recording.clone(),
-            ]);
+            let [value, error, low, high] = in_one_unit(p);
+            table.push([p.name.clone(), value, error, format!("{low} … {high}"), p.recording.clone()]);
         }
         table
     }
@@ -80,6 +74,11 @@ impl<'a> IdentificationSummary<'a> {
         for note in self.notes {
             text += &format!("\nnote: {note}\n");
         }
+        if let Some(topic) =
+            topic("identified").filter(|_| !(self.warnings.is_empty() && self.undetermined.is_empty()))
+        {
+            text += &format!("\nwhat these mean: {}\n", topic.command());
+        }
         text
     }
 }
@@ -89,10 +88,13 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
     let summary = IdentificationSummary::of(found);
     let mut verdict = Section::new("Verdict").part(Part::Verdict);
     for warning in summary.warnings {
-        verdict = verdict.notice(Severity::Warning, warning.as_str());
+        verdict = verdict.notice(Severity::Warning, format!("{warning}{}", link("identified")));
     }
     for one in summary.undetermined {
-        verdict = verdict.notice(Severity::Warning, format!("Not determined: {}: {}", one.what, one.why));
+        verdict = verdict.notice(
+            Severity::Warning,
+            format!("Not determined: {}: {}{}", one.what, one.why, link("identified")),
+        );
     }
     if summary.warnings.is_empty() && summary.undetermined.is_empty() {
         let text = format!(
@@ -123,13 +125,44 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
     );
     let made = made.preformatted("The experiment with the values that were found", toml);
     let subtitle = found.experiment.description.clone().unwrap_or_default();
-    Page::new(format!("{}: parameters from recordings", found.experiment.name), subtitle)
+    let page = Page::new(format!("{}: parameters from recordings", found.experiment.name), subtitle)
         .with(verdict.notes(summary.notes.to_vec()))
         .with(Section::new("Parameters").table(summary.table()))
         .with(evidence)
-        .with(made)
-        .to_html()
+        .with(made);
+    explained(page).to_html()
 }
+
+/// Value, standard error and both ends of the interval in the unit that fits the value, with the digits that the standard error leaves sense in.
+fn in_one_unit(p: &Identified) -> [String; 4] {
+    let largest = p.interval.iter().chain([&p.value]).map(|value| value.abs()).fold(0.0, f64::max);
+    let (unit, factor) = fitting_unit(largest, p.unit);
+    let behind = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let (scaled, error) = (largest * factor, p.standard_error * factor);
+    let digits = decimals(p.value, p.standard_error);
+    let number = |value: f64| {
+        // Two digits of the error, without an exponent where that can be read.
+        let exponent =
+            format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
+        let places = exponent.map(|exponent| 1 - exponent).filter(|places| (-3..=12).contains(places));
+        if let Some(places) = places.filter(|_| READABLE.contains(&scaled)) {
+            let places = usize::try_from(places).unwrap_or(0);
+            format!("{:.places$}", value * factor)
+        } else {
+            format!("{:.digits$e}", value * factor)
+        }
+    };
+    let short = format!("{:.1e}", p.standard_error).parse().unwrap_or(p.standard_error);
+    [
+        format!("{}{behind}", number(p.value)),
+        quantity(short, p.unit),
+        number(p.interval[0]),
+        format!("{}{behind}", number(p.interval[1])),
+    ]
+}
+
+/// Numbers between these are read without an exponent.
+const READABLE: std::ops::Range<f64> = 1e-3..1e6;
 
 /// Decimals behind the first digit of a value that its standard error leaves sense in: two digits of the error.
 fn decimals(value: f64, error: f64) -> usize {
@@ -234,7 +267,28 @@ struct Timing {
 
 #[cfg(test)]
 mod tests {
-    use super::decimals;
+    use super::{decimals, in_one_unit};
+    use crate::identify::Identified;
+
+    #[test]
+    fn a_number_is_written_in_the_unit_that_fits_it_with_two_digits_of_its_error() {
+        let found = |value: f64, error: f64, unit: &'static str| Identified {
+            name: String::new(),
+            value,
+            standard_error: error,
+            interval: [value - 2.0 * error, value + 2.0 * error],
+            unit,
+            recording: String::new(),
+        };
+        for (found, expected) in [
+            (found(1714.36991, 6.3e-4, "Hz"), ["1.71436991 kHz", "630 µHz", "1.71436865", "1.71437117 kHz"]),
+            (found(1.653e-11, 1.2e-12, "V^2"), ["1.65e-11 V^2", "1.2e-12 V^2", "1.41e-11", "1.89e-11 V^2"]),
+            (found(0.005_070_167, 2e-7, ""), ["0.00507017", "2e-7", "0.00506977", "0.00507057"]),
+            (found(-2.4279e7, 2.8e4, "V ohm"), ["-24.279 MV ohm", "28 kV ohm", "-24.335", "-24.223 MV ohm"]),
+        ] {
+            assert_eq!(in_one_unit(&found), expected);
+        }
+    }
 
     #[test]
     fn digits_follow_the_error() {

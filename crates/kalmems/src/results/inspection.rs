@@ -2,6 +2,7 @@
 
 use super::{OutputError, write_file};
 use crate::inspect::{self, Channel, Inspection};
+use crate::topics::{explained, link};
 use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Track};
 use std::path::Path;
 
@@ -63,8 +64,10 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
     let verdict = if inspection.is_usable() {
         verdict.notice(Severity::Ok, "The recording can be used as it is.")
     } else {
-        verdict
-            .notice(Severity::Failure, "It cannot be used as a recording as it is; the diagnosis says why.")
+        verdict.notice(
+            Severity::Failure,
+            format!("It cannot be used as a recording as it is; the diagnosis says why{}.", link("findings")),
+        )
     };
     let mut figure = Figure::new("channels", "Channels", "Every channel of the longest segment.");
     if let Some(segment) = inspection.longest_segment() {
@@ -82,11 +85,11 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
         }
     }
     let made = Section::made("inspect", env!("CARGO_PKG_VERSION"), "");
-    Page::new(format!("{}: what it holds", inspection.source.file), "")
+    let page = Page::new(format!("{}: what it holds", inspection.source.file), "")
         .with(verdict.preformatted("The diagnosis", inspection.to_text()))
         .with(Section::new("Channels").figure(figure))
-        .with(made)
-        .to_html()
+        .with(made);
+    explained(page).to_html()
 }
 
 /// Draws every channel of the longest segment to a PNG file; see [`write_file`].

@@ -200,7 +200,7 @@ pub struct EstimatorMetrics {
     pub uncertainty_budget: Vec<UncertaintyBudget>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
-    /// The errors of what is no angle, likewise, by the state.
+    /// The errors of states that are no angles, by the name of the state, against the reference after the settling time.
     #[serde(skip_serializing_if = "ErrorsByState::is_empty")]
     pub values: ErrorsByState,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.

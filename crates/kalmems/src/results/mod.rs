@@ -40,5 +40,7 @@ pub use metrics::{
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub(crate) use streamed::StreamTracks;
-pub use summary::{Notice, budget_table, notices, parameters_table, summary_table};
+pub use summary::{
+    Notice, budget_table, is_unexplained, notices, notices_in_short, parameters_table, summary_table,
+};
 pub use verdict::Verdict;

@@ -6,12 +6,13 @@ use super::names::prefix;
 use super::summary::{segment_name, shown, summary_grades};
 use super::tracks::Tracks;
 use super::{
-    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, notices,
-    parameters_table, summary_table,
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
+    notices, parameters_table, summary_table,
 };
 use crate::config::{Experiment, Peak};
 use crate::estimate::TrajectoryKind;
 use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
+use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
 use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
 
@@ -72,30 +73,36 @@ pub(super) fn page_with(
         .into_iter()
         .fold(page, |page, table| page.with(Section::new("Parameters").part(Part::Parameters).table(table)));
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
-    page.with(budget(metrics))
+    let page = page
+        .with(budget(metrics))
         .with(Section::new("What the numbers mean").part(Part::Made).paragraph(meaning(experiment, metrics)))
         .with(
             Section::new("How it was made")
                 .part(Part::Made)
                 .paragraph(format!(
-                    "`kalmems estimate` with the experiment below, by kalmems {}, rig {rig}. The same experiment and recording give                      the same page to the last byte; dates and durations are in `run.toml`, all numbers in `metrics.json`.",
+                    "`kalmems estimate` with the experiment below, by kalmems {}, rig {rig}. The same experiment and recording give the same page to the last byte; dates and durations are in `run.toml`, all numbers in `metrics.json`.",
                     env!("CARGO_PKG_VERSION"),
                 ))
                 .preformatted("The experiment as it was understood", toml),
-        )
-        .to_html()
+        );
+    explained(page).to_html()
 }
 
 /// Whether the filters are to be trusted, and why.
 fn verdict(metrics: &Metrics) -> Section {
     let (notes, reasons): (Vec<Notice>, Vec<Notice>) =
         notices(metrics).into_iter().partition(|notice| notice.severity == Severity::Note);
+    let mut notes: Vec<String> = notes.iter().map(Notice::sentence).collect();
+    if is_unexplained(metrics) {
+        notes.push("`kalmems diagnose` with the same experiment file looks for the cause".to_owned());
+    }
+    notes.push("What the verdicts mean: `kalmems help verdict`".to_owned());
     let mut section = Section::new("Verdict").part(Part::Verdict);
     for notice in reasons {
-        section = section.notice(notice.severity, notice.text);
+        section = section.notice(notice.severity, notice.sentence());
     }
     let table = summary_table(metrics, false).with_verdicts("verdict", summary_grades(metrics));
-    section.table(table).notes(notes.into_iter().map(|notice| notice.text).collect())
+    section.table(table).notes(notes)
 }
 
 /// What the claimed uncertainty is due to, and what the signal cannot tell.
@@ -117,9 +124,9 @@ fn budget(metrics: &Metrics) -> Section {
 /// What the numbers of the summary are.
 fn meaning(experiment: &Experiment, metrics: &Metrics) -> String {
     if !metrics.values.is_empty() {
-        return "Errors are estimate minus reference, after the settling time. The mean NIS of a filter that is right lies \
-             in its interval 95 times in 100. A filter passes where no test of its innovations, of its parameters and of its \
-             errors against the reference finds what a filter that is right shows less than once in a million times."
+        return "Errors are estimate minus reference, after the settling time. With the right model the mean NIS lies in its interval in 95 of 100 \
+             recordings. A filter passes if no test of its innovations, of its parameters and of its errors against the reference finds \
+             what a filter with the right model shows in less than one of a million recordings."
             .to_owned();
     }
     let sign = match experiment.estimate.as_ref().and_then(|e| e.first_peak) {

@@ -4,6 +4,7 @@ use super::tracks::{BAND, Tracks, VALUE, is_shown, of_innovation, of_state, sign
 use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::stream::StreamSummary;
+use crate::topics::{explained, link};
 use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity};
 
 /// What a page shows of a stream, in memory that does not grow with it.
@@ -88,12 +89,12 @@ impl StreamTracks {
             .preformatted("The experiment as it was understood", toml);
         let subtitle = experiment.description.clone().unwrap_or_default();
         let notes = summary.diagnosis.iter().map(ToString::to_string).collect();
-        Page::new(format!("{}: a stream", experiment.name), subtitle)
+        let page = Page::new(format!("{}: a stream", experiment.name), subtitle)
             .with(verdict.notes(notes))
             .with(Section::new("Motion").figure(motion))
             .with(Section::new("Innovations").part(Part::Evidence).figure(innovations))
-            .with(made)
-            .to_html()
+            .with(made);
+        explained(page).to_html()
     }
 }
 
@@ -112,7 +113,7 @@ fn reasons(summary: &StreamSummary) -> Vec<(Severity, String)> {
         (summary.noise_only, "times the signal was noise only"),
     ] {
         if count > 0 {
-            reasons.push((Severity::Warning, format!("{count} {what}.")));
+            reasons.push((Severity::Warning, format!("{count} {what}{}.", link("findings"))));
         }
     }
     let severity = if reasons.is_empty() { Severity::Ok } else { Severity::Note };

@@ -4,8 +4,10 @@ use super::verdict::angles_of;
 use super::{EstimatorMetrics, Likeliest, Metrics, SegmentMetrics, Verdict};
 use crate::estimate::{Consistency, ParameterCorrelation, TrajectoryKind};
 use crate::evaluate::{
-    Claim, DeviceUncertainty, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult,
+    Claim, DeviceUncertainty, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult, nis,
 };
+use crate::inspect::{fitting_unit, quantity};
+use crate::topics::link;
 use kalmems_figures::{Column, Severity, Table, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
@@ -15,8 +17,45 @@ use std::fmt;
 pub struct Notice {
     /// How serious it is.
     pub severity: Severity,
+    /// The recording, or the segment of it, that it is about; empty if it is about all.
+    pub place: String,
+    /// The filter that it is about; empty if it is about none.
+    pub filter: String,
     /// The sentence.
     pub text: String,
+    /// The topic of `kalmems help` that explains it; empty for none.
+    pub topic: &'static str,
+    /// How large what it says is, to find the worst of several; 0 where it is no number.
+    pub(super) size: f64,
+    /// What it says in a few words, beside another sentence about the same filter; empty for nothing.
+    pub(super) brief: String,
+}
+
+impl Notice {
+    /// A sentence about a whole result.
+    pub fn new(severity: Severity, text: impl Into<String>) -> Self {
+        let (place, filter, brief) = (String::new(), String::new(), String::new());
+        Self { severity, place, filter, text: text.into(), topic: "", size: 0.0, brief }
+    }
+
+    /// With the topic that explains it.
+    #[must_use]
+    pub fn explained_by(self, topic: &'static str) -> Self {
+        Self { topic, ..self }
+    }
+
+    /// With the recording or segment that it is about.
+    #[must_use]
+    pub fn at(self, place: impl Into<String>) -> Self {
+        Self { place: place.into(), ..self }
+    }
+
+    /// The sentence with what it is about and with the command that explains it.
+    pub fn sentence(&self) -> String {
+        let about = [&self.place, &self.filter].into_iter().filter(|about| !about.is_empty());
+        let about: String = about.map(|about| format!("{about}: ")).collect();
+        format!("{about}{}{}", self.text, link(self.topic))
+    }
 }
 
 impl fmt::Display for Notice {
@@ -27,7 +66,7 @@ impl fmt::Display for Notice {
             Severity::Warning => "WARNING",
             Severity::Failure => "FAILURE",
         };
-        write!(f, "{mark}: {}", self.text)
+        write!(f, "{mark}: {}", self.sentence())
     }
 }
 
@@ -42,7 +81,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     let value = value_column(metrics);
     match &value {
         Some(value) => {
-            let (unit, _) = shown(value.unit);
+            let unit = &value.unit;
             columns.extend([
                 Column::number(format!("{} RMSE", value.name), unit),
                 if value.is_rate() {
@@ -63,7 +102,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
     }
     columns.extend([Column::number("mean NIS", ""), Column::text("95 % interval"), Column::text("verdict")]);
     if with_durations {
-        columns.push(Column::number("per step", "ns"));
+        columns.push(Column { numeric: true, ..Column::text("per step") });
     }
     let mut table = Table::new("", columns);
     for recording in &metrics.recordings {
@@ -102,9 +141,9 @@ pub(super) fn summary_grades(metrics: &Metrics) -> Vec<Severity> {
     metrics.estimators().flat_map(of).collect()
 }
 
-/// In ns; nothing for what takes no steps.
+/// With a unit; nothing for what takes no steps.
 fn per_step(seconds: f64) -> String {
-    if seconds.is_finite() { format!("{:.0}", seconds * 1e9) } else { "–".to_owned() }
+    if seconds.is_finite() { quantity(significant_value(seconds), "s") } else { "–".to_owned() }
 }
 
 pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String {
@@ -121,15 +160,23 @@ pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String 
 /// A quantity that is no angle, of which the table has figures.
 struct ValueColumn {
     name: &'static str,
-    unit: &'static str,
+    /// Its SI unit as column names have it.
+    si: &'static str,
+    /// The unit of the figures.
+    unit: String,
+    /// How many of that one of the SI unit is.
+    factor: f64,
 }
 
 impl ValueColumn {
     /// Whether it is an angular rate, which is judged by its scale factor and bias.
     fn is_rate(&self) -> bool {
-        self.unit == "rad_per_s"
+        self.si == "rad_per_s"
     }
 }
+
+/// Figures between these read well in the unit that people use.
+const READABLE: std::ops::Range<f64> = 0.01..1000.0;
 
 /// What the device is for, where that is no angle; what comes next, where that is not compared. What the others are,
 /// the page and `metrics.json` tell.
@@ -137,8 +184,28 @@ fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
     let first = metrics.values.first()?;
     let compared = |name: &str| metrics.estimators().find_map(|e| e.values.get(name));
     let found = metrics.values.iter().find_map(|v| compared(v.name).map(|errors| (v.name, errors.unit)));
-    let (name, unit) = found.unwrap_or((first.name, "1"));
-    Some(ValueColumn { name, unit })
+    let (name, si) = found.unwrap_or((first.name, "1"));
+    let (unit, factor) = shown(si);
+    let sizes = metrics.estimators().filter_map(|e| e.values.get(name)).map(|errors| errors.rmse);
+    let ends =
+        sizes.filter(|size| size.is_finite() && *size > 0.0).fold(None, |ends: Option<[f64; 2]>, size| {
+            let [low, high] = ends.unwrap_or([size, size]);
+            Some([low.min(size), high.max(size)])
+        });
+    // In the middle of the largest and the smallest, as ratios.
+    let middle = ends.map_or(0.0, |[low, high]| low.sqrt() * high.sqrt());
+    let reads_well = middle == 0.0 || READABLE.contains(&(middle * factor));
+    let (unit, factor) = if reads_well || si == "m_per_s2" {
+        (unit.to_owned(), factor)
+    } else {
+        fitting_unit(middle, &unit_of(si))
+    };
+    Some(ValueColumn { name, si, unit, factor })
+}
+
+/// The unit of a column's name as people write it: `rad/s` of `rad_per_s`.
+fn unit_of(si: &str) -> String {
+    si.replace("_per_", "/").replace('_', " ")
 }
 
 /// The unit in which people read a quantity of this SI unit, and how many of it one of that is.
@@ -147,7 +214,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
         "F" => ("fF", 1e15),
         "m_per_s2" => ("mg", 1e3 / STANDARD_GRAVITY),
         "m" => ("nm", 1e9),
-        "m_per_s" => ("um/s", 1e6),
+        "m_per_s" => ("µm/s", 1e6),
         "rad_per_s" => ("rad/s", 1.0),
         other => (other, 1.0),
     }
@@ -166,7 +233,7 @@ fn row(estimator: &EstimatorMetrics, value: Option<&ValueColumn>) -> Vec<String>
         None => cells.extend(figures(errors)),
     }
     cells.extend([
-        consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3}", c.mean_nis)),
+        consistency.map_or_else(|| "–".to_owned(), |c| nis(c.mean_nis)),
         consistency.map_or_else(|| "–".to_owned(), |c| format!("{:.3} … {:.3}", c.lower, c.upper)),
         estimator.verdict_words(),
     ]);
@@ -202,7 +269,7 @@ fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
 
 fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 4] {
     let errors = estimator.values.get(value.name);
-    let (_, factor) = shown(value.unit);
+    let factor = value.factor;
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
     let [second, third] = if value.is_rate() {
         let scale = errors.and_then(|e| e.scale_factor);
@@ -228,62 +295,55 @@ const INSEPARABLE: f64 = 0.99;
 /// What a reader must know before trusting a figure, the worst first.
 pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     let mut notices = Vec::new();
-    let mut say = |severity, text| notices.push(Notice { severity, text });
+    let note = |text: String| Notice::new(Severity::Note, text);
     for recording in &metrics.recordings {
-        if let Some(origin) = &recording.origin {
-            say(Severity::Note, format!("{}: {}", recording.file, origin.sentence()));
-        }
-        for finding in &recording.diagnosis {
-            say(Severity::Note, format!("{}: {}", recording.file, finding.message));
-        }
+        let file = &recording.file;
+        notices.extend(recording.origin.iter().map(|origin| note(origin.sentence()).at(file)));
+        let found = recording.diagnosis.iter().map(|finding| note(finding.message.clone()).at(file));
+        notices.extend(found.map(|found| found.explained_by("findings")));
         let reference = recording.reference.as_deref();
-        for finding in &recording.reference_diagnosis {
-            say(Severity::Note, format!("{}: {}", reference.unwrap_or("the reference"), finding.message));
-        }
+        let of = reference.unwrap_or("the reference");
+        let found = recording.reference_diagnosis.iter().map(|finding| note(finding.message.clone()).at(of));
+        notices.extend(found.map(|found| found.explained_by("findings")));
         for left_out in &recording.stretches.first_left_out {
-            say(Severity::Note, format!("stretch {} is not estimated: {}", left_out.stretch, left_out.why));
+            let text = format!("stretch {} is not estimated: {}", left_out.stretch, left_out.why);
+            notices.push(note(text).explained_by("findings"));
         }
         let named = recording.stretches.first_left_out.len();
         if let Some(more) = recording.stretches.left_out.checked_sub(named).filter(|more| *more > 0) {
-            say(Severity::Note, format!("{}: {more} more stretches are not estimated", recording.file));
+            notices.push(note(format!("{more} more stretches are not estimated")).at(file));
         }
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);
             if let Some(reference) = reference
                 && segment.estimators.iter().all(|e| e.errors.is_none() && e.values.is_empty())
             {
-                let text = "has no sample of this segment to compare with after the settling time";
-                say(Severity::Note, format!("{place}: the reference {reference} {text}"));
+                let text = format!(
+                    "the reference {reference} has no sample of this segment to compare with after the settling time"
+                );
+                notices.push(note(text).at(&place));
             }
-            if let Some(likeliest) = &segment.likeliest {
-                say(Severity::Note, format!("{place}: {}", of_the_choice(likeliest)));
-            }
-            for remark in &segment.remarks {
-                say(Severity::Note, format!("{place}: {remark}"));
-            }
+            notices
+                .extend(segment.likeliest.iter().map(|likeliest| note(of_the_choice(likeliest)).at(&place)));
+            notices.extend(segment.remarks.iter().map(|remark| note(remark.to_string()).at(&place)));
             for estimator in &segment.estimators {
-                for (severity, text) in sentences(estimator, segment.sign_is_hidden) {
-                    say(severity, format!("{place}: {}: {text}", estimator.name));
-                }
+                let own = sentences(estimator, segment.sign_is_hidden).into_iter();
+                notices.extend(own.map(|notice| Notice {
+                    place: place.clone(),
+                    filter: estimator.name.clone(),
+                    ..notice
+                }));
             }
         }
     }
-    for noise in &metrics.noise_from_recording {
-        say(Severity::Note, noise.to_string());
-    }
-    for note in metrics.scale_notes.iter().take(SCALE_NOTES) {
-        say(Severity::Note, note.to_string());
-    }
+    notices.extend(
+        metrics.noise_from_recording.iter().map(|noise| note(noise.to_string()).explained_by("noise")),
+    );
+    let hidden = metrics.scale_notes.iter().take(SCALE_NOTES).map(|hidden| note(hidden.to_string()));
+    notices.extend(hidden.map(|hidden| hidden.explained_by("hidden")));
     if let Some(more) = metrics.scale_notes.len().checked_sub(SCALE_NOTES).filter(|more| *more > 0) {
-        say(
-            Severity::Note,
-            format!("`metrics.json` lists {more} more numbers that the signal does not determine"),
-        );
-    }
-    let is_unexplained = |e: &EstimatorMetrics| !e.passes() && e.failing().next().is_some();
-    if metrics.estimators().any(is_unexplained) {
-        let text = "`kalmems diagnose` with the same experiment file looks for the cause";
-        say(Severity::Note, text.to_owned());
+        let text = format!("`metrics.json` lists {more} more numbers that the signal does not determine");
+        notices.push(note(text).explained_by("hidden"));
     }
     for estimator in metrics.estimators() {
         let firm = |of: &&ParameterCorrelation| of.correlation.abs() > INSEPARABLE;
@@ -291,101 +351,185 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             estimator.parameter_correlations.iter().filter(firm)
         {
             let text = format!(
-                "{}: `{first}` and `{second}` have a correlation of {correlation:.4}: the recording determines a combination of both, \
-                 and neither separately",
-                estimator.name
+                "`{first}` and `{second}` have a correlation of {correlation:.4}: the recording determines a combination of both, and \
+                 neither separately"
             );
-            say(Severity::Note, text);
+            notices.push(Notice { filter: estimator.name.clone(), ..note(text).explained_by("hidden") });
         }
     }
-    notices.sort_by_key(|notice| match notice.severity {
-        Severity::Failure => 0,
-        Severity::Warning => 1,
-        Severity::Note => 2,
-        Severity::Ok => 3,
-    });
+    notices.sort_by_key(|notice| std::cmp::Reverse(order(notice.severity)));
     notices
 }
 
-fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<(Severity, String)> {
+/// The place of a notice among others: the worst has the largest.
+fn order(severity: Severity) -> u8 {
+    match severity {
+        Severity::Failure => 3,
+        Severity::Warning => 2,
+        Severity::Note => 1,
+        Severity::Ok => 0,
+    }
+}
+
+/// Whether a filter fails a test of its innovations, so that `kalmems diagnose` may find the cause.
+pub fn is_unexplained(metrics: &Metrics) -> bool {
+    metrics.estimators().any(|estimator| !estimator.passes() && estimator.failing().next().is_some())
+}
+
+/// The same for a terminal: of each filter the worst sentence about its verdict, with the number of those that the report has beside it;
+/// what is the same of several filters once; each explanation named once.
+pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
+    let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
+    let mut short = worst_of_each_filter(told_once(notices(metrics)));
+    let mut explained = Vec::new();
+    for notice in &mut short {
+        if is_alone && !notice.filter.is_empty() {
+            notice.place.clear();
+        }
+        if explained.contains(&notice.topic) {
+            notice.topic = "";
+        } else {
+            explained.push(notice.topic);
+        }
+    }
+    short
+}
+
+/// One sentence for all filters of which the same is said of the same segment.
+fn told_once(notices: Vec<Notice>) -> Vec<Notice> {
+    let mut once: Vec<Notice> = Vec::new();
+    for notice in notices {
+        let same = once.iter_mut().find(|known| {
+            !notice.filter.is_empty()
+                && (known.severity, &known.place, &known.text)
+                    == (notice.severity, &notice.place, &notice.text)
+        });
+        match same {
+            Some(known) => known.filter += &format!("; {}", notice.filter),
+            None => once.push(notice),
+        }
+    }
+    once
+}
+
+/// Of what speaks against a filter the worst, with a word on the rest.
+fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
+    let mut short: Vec<(Notice, Vec<Notice>)> = Vec::new();
+    for notice in notices {
+        let is_against = order(notice.severity) >= order(Severity::Warning) && !notice.filter.is_empty();
+        let known = short.iter_mut().find(|(known, _)| {
+            is_against && (known.severity, &known.filter) == (notice.severity, &notice.filter)
+        });
+        match known {
+            Some((worst, others)) if notice.size > worst.size => {
+                others.push(std::mem::replace(worst, notice))
+            }
+            Some((_, others)) => others.push(notice),
+            None => short.push((notice, Vec::new())),
+        }
+    }
+    let of = |(worst, others): (Notice, Vec<Notice>)| {
+        let beside = others.iter().find(|other| other.place == worst.place && !other.brief.is_empty());
+        let beside =
+            beside.map_or_else(String::new, |other| format!("; its innovations show {}", other.brief));
+        let more = match others.len() {
+            0 => String::new(),
+            1 => "; the report has one more sentence on this filter".to_owned(),
+            more => format!("; the report has {more} more sentences on this filter"),
+        };
+        Notice { text: format!("{}{beside}{more}", worst.text), ..worst }
+    };
+    short.into_iter().map(of).collect()
+}
+
+fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> {
     let mut said = Vec::new();
     if let Some(failure) = &estimator.failure {
-        said.push((Severity::Failure, failure.clone()));
+        said.push(Notice::new(Severity::Failure, failure.clone()).explained_by("lock"));
     }
     if let Some(first) = estimator.lock.events.first() {
         let more = match estimator.lock.events.len() - 1 {
             0 => String::new(),
-            more => format!(", and {more} times more"),
+            more => format!(", and {more} more times"),
         };
-        if estimator.verdict == Verdict::Astray {
-            said.push((
-                Severity::Note,
-                format!("does not follow the signal, as no measurement corrects it: {first}{more}"),
-            ));
+        said.push(if estimator.verdict == Verdict::Astray {
+            let text = format!("does not follow the signal, as no measurement corrects it: {first}{more}");
+            Notice::new(Severity::Note, text)
         } else {
-            said.push((Severity::Failure, format!("{first}{more}; this is no estimate of the motion")));
-        }
+            let text = format!("{first}{more}; this is no estimate of the motion");
+            Notice::new(Severity::Failure, text).explained_by("lock")
+        });
     }
     if let Some(lag) = estimator.errors.as_ref().and_then(|errors| errors.reference_lag) {
-        said.push((
-            Severity::Warning,
-            format!(
-                "the reference shows the motion {:.1} us later than the experiment states; with that its error would be \
-                 {} deg: correct `delay` in `[recording.reference]`",
-                lag.lag_s * 1e6,
-                significant(lag.rmse_deg)
-            ),
-        ));
+        let text = format!(
+            "the reference shows the motion {} later than the experiment states; with that its error would be {} deg: correct \
+             `delay` in `[recording.reference]`",
+            quantity(significant_value(lag.lag_s), "s"),
+            significant(lag.rmse_deg)
+        );
+        said.push(Notice::new(Severity::Warning, text).explained_by("sign"));
     }
     if estimator.verdict == Verdict::WrongSign {
         let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
         let of = if angles.is_empty() { String::new() } else { format!(" in {}", angles.join(" and ")) };
         let mend = match (sign_is_hidden, of.is_empty()) {
             (true, true) => {
-                "the sign of the motion cannot be seen in the signal, so correct `estimate.first_peak`"
+                "the signal does not show the sign of the motion, so correct `estimate.first_peak`"
             }
             (true, false) => {
-                "the sign of the motion cannot be seen in the signal, so correct `estimate.first_peak` of that axis"
+                "the signal does not show the sign of the motion, so correct `estimate.first_peak` of that axis"
             }
             (false, _) => {
-                "the signal of this device tells the sign, so that the signal or the reference is recorded with the wrong one: \
+                "the signal of this device shows the sign, so that the signal or the reference is recorded with the opposite one: \
                  `scale = -1` of its channel turns it"
             }
         };
-        said.push((
-            Severity::Failure,
-            format!("the estimate has the opposite sign of the reference{of}; {mend}"),
-        ));
+        let text = format!("the estimate has the opposite sign of the reference{of}; {mend}");
+        said.push(Notice::new(Severity::Failure, text).explained_by("sign"));
     }
     said.extend(of_the_grade(estimator));
-    said.extend(of_what_could_be_learnt(estimator).map(|text| (Severity::Note, text)));
+    let learnt = of_what_could_be_learnt(estimator);
+    said.extend(learnt.map(|text| Notice::new(Severity::Note, text).explained_by("uncertainty")));
     if estimator.rejections.count > 0 {
-        said.push((Severity::Note, estimator.rejections.sentence()));
+        let text = estimator.rejections.sentence();
+        said.push(Notice::new(Severity::Note, text).explained_by("outliers"));
     }
     let counts = &estimator.counts;
     let counted = [
-        (counts.without_signal, "samples without a signal, predicted and not corrected"),
-        (counts.bridged, "samples that the recording leaves out, predicted over"),
+        (counts.without_signal, "samples without a signal, predicted and not corrected", "findings"),
+        (counts.bridged, "samples that the recording leaves out, predicted over", "findings"),
         (
             counts.drive_from_sine,
-            "samples without a drive, which was taken from the sine that the rest of it follows",
+            "samples without a drive, for which the sine that the rest of it follows was used",
+            "findings",
         ),
         (
             counts.drive_bends,
-            "samples at which the drive bends too sharply for its feedthrough to be known, which did not correct",
+            "samples at which the drive bends too sharply for its feedthrough to be known, which did not correct the filter",
+            "",
         ),
         (
             counts.for_start,
             "samples of the beginning from which the start was found, and which were not used again",
+            "",
         ),
-        (counts.crossings_refused, "crossings that the gate rejected, which did not correct the filter"),
+        (
+            counts.crossings_refused,
+            "crossings that the gate rejected, which did not correct the filter",
+            "outliers",
+        ),
     ];
-    for (count, what) in counted {
+    for (count, what, topic) in counted {
         if count > 0 {
-            said.push((Severity::Note, format!("{what}: {count}")));
+            said.push(Notice::new(Severity::Note, format!("{what}: {count}")).explained_by(topic));
         }
     }
     said
+}
+
+/// A value with three digits, for a sentence.
+fn significant_value(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Which uncertain number of the device, if any, dominates what a filter claims although the recording tells it far better than what is stated.
@@ -406,15 +550,15 @@ fn of_what_could_be_learnt(estimator: &EstimatorMetrics) -> Option<String> {
 fn of_the_choice(likeliest: &Likeliest) -> String {
     let Likeliest { name, log_likelihood, .. } = likeliest;
     match likeliest.ahead {
-        None => format!("of these filters `{name}` is the only one whose answer passes"),
+        None => format!("`{name}` is the only one of these filters that passes"),
         Some(ahead) if likeliest.is_tied() => format!(
-            "of the filters that pass `{name}` and the next predict the signal equally well: their log-likelihoods are \
+            "of the filters that pass, `{name}` and the next one predict the signal equally well: their log-likelihoods are \
              {log_likelihood:.1} and {:.1}",
             log_likelihood - ahead
         ),
         Some(ahead) => format!(
-            "of the filters that pass `{name}` predicts the signal best: its log-likelihood is {log_likelihood:.1}, {ahead:.1} above \
-             the next"
+            "of the filters that pass, `{name}` predicts the signal best: its log-likelihood is {log_likelihood:.1}, {ahead:.1} above \
+             that of the next one"
         ),
     }
 }
@@ -429,8 +573,10 @@ pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
             for estimator in segment.estimators.iter().filter(|e| e.kind != TrajectoryKind::Smoothed) {
                 for parameter in &estimator.parameters {
                     let ParameterAnswer { name, unit, start_sd, end, end_sd, .. } = parameter;
-                    let (unit, factor) = if *unit == "1" { ("%", 100.0) } else { shown(unit) };
-                    let number = |value: f64| format!("{} {unit}", significant(value * factor));
+                    let number = |value: f64| match *unit {
+                        "1" => format!("{} %", significant(100.0 * value)),
+                        unit => quantity(significant_value(value), &unit_of(unit)),
+                    };
                     let numbers =
                         [number(*start_sd), number(*end), number(*end_sd), significant(end / start_sd)];
                     table.push([estimator.name.clone(), (*name).to_owned()].into_iter().chain(numbers));
@@ -489,43 +635,51 @@ fn severity_of(grade: Grade) -> Severity {
 }
 
 /// What its grade is for: what a reference shows, what its parameters and its innovations tell.
-fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<(Severity, String)> {
+fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
     let severity = severity_of(grade);
+    let topic = if order(severity) >= order(Severity::Warning) { "overconfident" } else { "verdict" };
+    let because = |why: String| Notice::new(severity, format!("{grade}: {why}")).explained_by(topic);
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
     let claims = estimator.broken_claims().filter(|_| !goes_the_other_way);
-    let mut why: Vec<String> = claims.map(|(name, claim)| of_the_claim(name, &claim)).collect();
+    let mut why: Vec<Notice> = claims
+        .map(|(name, claim)| Notice { size: claim.mean_square.sqrt(), ..because(of_the_claim(name, &claim)) })
+        .collect();
     why.extend(estimator.parameters.iter().filter_map(|parameter| {
         let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
-        fault.map(|fault| format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {fault}"))
+        let text = format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {}", (*fault)?);
+        Some(because(text).explained_by("uncertainty"))
     }));
     why.extend(estimator.of_the_device().filter_map(|number| {
         let off = number.contradicted()?;
-        Some(format!(
-            "by the recording `{}` is {:.1} stated standard deviations {} the value in the device's table; correct the value, or state a larger \
-             uncertainty",
+        let text = format!(
+            "by the recording `{}` is {:.1} stated standard deviations {} the value in the device's table; correct the value, or state a \
+             larger uncertainty",
             number.name,
             off.abs(),
             if off > 0.0 { "above" } else { "below" }
-        ))
+        );
+        Some(because(text).explained_by("uncertainty"))
     }));
-    why.extend(estimator.rejections.faults().map(|fault| fault.to_string()));
-    why.extend(of_the_innovations(estimator));
+    let faults = estimator.rejections.faults();
+    why.extend(faults.map(|fault| because(fault.to_string()).explained_by("outliers")));
+    why.extend(of_the_innovations(estimator).map(|(text, brief)| Notice { brief, ..because(text) }));
     if why.is_empty() && !goes_the_other_way {
-        why.extend(estimator.consistency.as_ref().map(|consistency| of_the_mean_nis(estimator, consistency)));
+        let found = estimator.consistency.as_ref();
+        why.extend(found.map(|consistency| because(of_the_mean_nis(estimator, consistency))));
     }
-    why.into_iter().map(|why| (severity, format!("{grade}: {why}"))).collect()
+    why
 }
 
-/// What the innovations show, in one sentence: what tells most of a cause, and what else.
-fn of_the_innovations(estimator: &EstimatorMetrics) -> Option<String> {
+/// What the innovations show, in one sentence, what tells most of a cause first; and the first in a few words.
+fn of_the_innovations(estimator: &EstimatorMetrics) -> Option<(String, String)> {
     let mut failing = estimator.failing();
     let first = failing.next()?;
     let others: Vec<String> = failing.map(TestResult::in_short).collect();
     let also =
         if others.is_empty() { String::new() } else { format!(". Found as well: {}", others.join(", ")) };
-    Some(format!("{first}{also}"))
+    Some((format!("{first}{also}"), first.in_short()))
 }
 
 /// A state in a sentence: a word with its article, a symbol as it is.
@@ -538,19 +692,19 @@ pub(super) fn named(state: &str) -> String {
 fn of_the_claim(name: &str, claim: &Claim) -> String {
     let larger = claim.mean_square.sqrt();
     let mut text = format!(
-        "the errors of {} against the reference are {larger:.1} times as large as claimed, {:.0} % of them within three \
-         standard deviations",
+        "the errors of {} against the reference are {} times as large as claimed, {:.0} % of them within three standard deviations",
         named(name),
+        if larger < 100.0 { format!("{larger:.1}") } else { significant(larger) },
         100.0 * claim.within
     );
     if let Some(Explained { scale, early_s, share, .. }) = claim.explained.filter(|found| found.share > 0.5) {
         let size = if scale < 0.0 { "small" } else { "large" };
         let late = if early_s < 0.0 { "late" } else { "early" };
         text += &format!(
-            "; {:.0} % of them is explained by an estimate that is {:.2} % too {size} and {:.2} us {late}, beside an offset",
-            100.0 * share,
+            "; an estimate that is {:.2} % too {size} and {} too {late}, and an offset, explain {:.0} % of their mean square",
             100.0 * scale.abs(),
-            1e6 * early_s.abs()
+            quantity(significant_value(early_s.abs()), "s"),
+            100.0 * share
         );
     }
     text
@@ -562,7 +716,7 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> S
     match (estimator.grade, estimator.verdict) {
         (Some(Grade::Passes), _) => {
             let tests = estimator.tests.len();
-            format!("{tests} tests of the innovations find nothing; the mean NIS is {mean_nis:.3}")
+            format!("{tests} tests of the innovations find no contradiction; the mean NIS is {mean_nis:.3}")
         }
         (_, Verdict::Consistent) => format!(
             "the innovations of the accepted samples agree with the model, with a mean NIS of {mean_nis:.3}"
@@ -571,7 +725,7 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> S
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
         ),
         _ => format!(
-            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, which happens in 25 of 1000 recordings with a right model"
+            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as it does in 25 of 1000 recordings with the right model"
         ),
     }
 }

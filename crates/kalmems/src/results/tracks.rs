@@ -175,7 +175,7 @@ pub(super) fn state_unit(trajectory: &Trajectory, state: &StateSeries) -> (&'sta
     }
 }
 
-/// The unit in which people read the signal, likewise.
+/// The unit in which people read the signal, and how many of it one of its SI unit is.
 pub(super) fn signal_unit(estimate: &SegmentEstimate) -> (&'static str, f64) {
     shown(if estimate.signal_kind.name == kind::CAPACITANCE.name { "F" } else { "V" })
 }

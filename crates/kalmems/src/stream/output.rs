@@ -142,7 +142,7 @@ impl Writer {
         self.outputs.lines.as_mut().map_or(Ok(()), |lines| write_events(lines, key, events))
     }
 
-    /// Writes what is told of the stream itself, likewise, and where there are no lines beside the frames.
+    /// Writes an event of the stream itself, in the same way and where there are no lines beside the frames.
     pub(super) fn notice(&mut self, notice: &impl Serialize) -> io::Result<()> {
         let Outputs { lines, notices, .. } = &mut self.outputs;
         let Some(output) = lines.as_mut().or(notices.as_mut()) else { return Ok(()) };

@@ -49,11 +49,9 @@ impl Summary {
     pub fn notices(&self) -> Vec<Notice> {
         let failures = self.failures.iter().map(|(why, failures)| {
             let text = format!("{} runs failed, the first is run {}: {why}", failures.runs, failures.first);
-            Notice { severity: Severity::Warning, text }
+            Notice::new(Severity::Warning, text)
         });
-        failures
-            .chain(self.notes.iter().map(|note| Notice { severity: Severity::Note, text: note.clone() }))
-            .collect()
+        failures.chain(self.notes.iter().map(|note| Notice::new(Severity::Note, note.clone()))).collect()
     }
 
     /// How many runs there were.

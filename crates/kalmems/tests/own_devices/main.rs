@@ -5,9 +5,12 @@ mod events;
 mod example_devices;
 mod export;
 mod measured_devices;
+mod own_circuit;
 mod own_commands;
 mod own_device;
 mod own_inputs;
+mod own_lock_in;
+mod own_loops;
 mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;

@@ -34,7 +34,7 @@ fn with_times(file: &str, name: &str, time: impl Fn(i64) -> String) -> String {
     rows_with_times(file, name, time, ROWS)
 }
 
-/// So many of its rows, likewise.
+/// So many of its rows.
 fn rows_with_times(file: &str, name: &str, time: impl Fn(i64) -> String, rows: usize) -> String {
     let text = std::fs::read_to_string(example(file)).unwrap();
     let mut lines = text.lines();

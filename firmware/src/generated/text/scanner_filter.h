@@ -1,7 +1,7 @@
 /*
  * An extended Kalman filter, made by kalmems-equations 0.1.0 from a device's equations; not to be edited.
  * Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
- * Experiment `scanner_filter`, sha256 59c37094fb42bd1fb97225d74bf4cf7ebe71790cd92bde731c29aff4feedc523, filter `Euler EKF`.
+ * Experiment `scanner_filter`, sha256 22827e5ef19e697e0aca21105e2fe23d62450b77fca820ffdd0bc24770b39a0a, filter `Euler EKF`.
  * Sampling interval 1.0000000000001327e-6 s, corrected by every sample.
  * Sampling interval 1.0000000000001327e-6 s, steps by Euler's method.
  * Numbers have 32 bits.

@@ -4,6 +4,7 @@ use crate::config::Quantity;
 use crate::spectrum::{
     CoaddedNoise, Contribution, MeasuredLine, PhaseCorrection, Recalibration, ScanCounts, SpectrumOutcome,
 };
+use kalmems_engines::topics::link;
 use kalmems_figures::significant;
 use serde::Serialize;
 
@@ -234,7 +235,7 @@ impl LineMetrics {
         };
         let mut text = format!("line {found:.4}");
         if let Some(sd) = self.found_sd_per_cm {
-            text += &format!(" ± {sd:.1e}");
+            text += &format!(" ± {}", significant(sd));
         }
         text += " 1/cm";
         if let Some(height) = self.height {
@@ -250,16 +251,16 @@ impl LineMetrics {
             text += &format!("; {off:+.4} from where it is known to be");
         }
         if let (Some(shift), Some(height)) = (self.shift_per_cm, self.relative_height) {
-            text += &format!("; {shift:+.1e} and {height:.5} of the height along the true positions");
+            text += &format!("; {shift:+.4} 1/cm and {height:.5} of the height along the true positions");
         }
         text += "\n";
         for entry in &self.budget {
             text += &format!("  {:<28}", entry.of);
             if entry.shift_per_cm != 0.0 {
-                text += &format!(" shift {:+.1e} 1/cm", entry.shift_per_cm);
+                text += &format!(" shift {:+.4} 1/cm", entry.shift_per_cm);
             }
             if entry.sd_per_cm != 0.0 {
-                text += &format!(" ± {:.1e} 1/cm", entry.sd_per_cm);
+                text += &format!(" ± {} 1/cm", significant(entry.sd_per_cm));
             }
             if entry.height != 1.0 {
                 text += &format!(" leaves {:.4} of the height", entry.height);
@@ -293,14 +294,15 @@ impl SpectrumMetrics {
         );
         if self.band_beyond_limit {
             text += &format!(
-                "warning: the samples are too far apart for wavenumbers above {:.1} 1/cm; lower ones show there\n",
-                self.limit_per_cm
+                "WARNING: the samples are too far apart for wavenumbers above {:.1} 1/cm, which appear at lower ones{}\n",
+                self.limit_per_cm,
+                link("applications")
             );
         }
         if let Some(zero) = self.zero_path_mm {
             text += &format!("zero path at {zero:.6} mm");
             if let Some(error) = self.interpolation_error_nm {
-                text += &format!("; the trajectory is interpolated within {error:.1e} nm");
+                text += &format!("; the trajectory is interpolated within {error:.4} nm");
             }
             text += "\n";
         }
@@ -326,7 +328,7 @@ impl SpectrumMetrics {
         if let Some(recalibration) = &self.recalibration {
             text += &format!("true distances are {:.8}", recalibration.scale);
             if let Some(sd) = recalibration.scale_sd {
-                text += &format!(" ± {sd:.1e}");
+                text += &format!(" ± {}", significant(sd));
             }
             text += &format!(" times the used ones, by {} known line", recalibration.lines);
             text += if recalibration.lines == 1 { "\n" } else { "s\n" };
@@ -349,10 +351,10 @@ impl SpectrumMetrics {
         }
         if let Some(reference) = &self.reference {
             text += &format!(
-                "against the reference at {} wavenumbers: {:.3e} rms of its peak, {:+.3e} where it is worst, at {:.3} 1/cm\n",
+                "against the reference at {} wavenumbers: {:.3} % of its peak, rms; {:+.3} % where it is worst, at {:.3} 1/cm\n",
                 reference.points,
-                reference.rms_over_peak,
-                reference.worst_over_peak,
+                100.0 * reference.rms_over_peak,
+                100.0 * reference.worst_over_peak,
                 reference.worst_at_per_cm
             );
         }

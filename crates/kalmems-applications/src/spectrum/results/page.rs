@@ -2,6 +2,7 @@
 
 use super::{LineMetrics, SpectrumMetrics};
 use crate::spectrum::SpectrumOutcome;
+use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
 
 /// The page's text, which needs nothing else.
@@ -13,8 +14,9 @@ pub fn spectrum_page(
     let mut verdict = Section::new("Verdict").part(Part::Verdict);
     if metrics.band_beyond_limit {
         let text = format!(
-            "The samples are too far apart for wavenumbers above {:.1} 1/cm; lower ones show there.",
-            metrics.limit_per_cm
+            "The samples are too far apart for wavenumbers above {:.1} 1/cm, which appear at lower ones{}.",
+            metrics.limit_per_cm,
+            link("applications")
         );
         verdict = verdict.notice(Severity::Warning, text);
     }
@@ -50,7 +52,7 @@ pub fn spectrum_page(
     let made = made
         .preformatted("All figures", metrics.to_text())
         .preformatted("The file as it was understood", file);
-    page.with(made).to_html()
+    explained(page.with(made)).to_html()
 }
 
 /// A line that is not there is no result, and one within its noise is none either.
@@ -64,9 +66,9 @@ fn severity(line: &LineMetrics) -> Severity {
 
 fn sentence(line: &LineMetrics) -> String {
     let Some(found) = line.found_per_cm else {
-        return format!("Near {} 1/cm there is no line.", line.asked_per_cm);
+        return format!("Near {} 1/cm there is no line{}.", line.asked_per_cm, link("applications"));
     };
-    let sd = line.found_sd_per_cm.map_or_else(String::new, |sd| format!(" ± {sd:.1e}"));
+    let sd = line.found_sd_per_cm.map_or_else(String::new, |sd| format!(" ± {sd:.4}"));
     let known = line
         .from_known_per_cm
         .map_or_else(String::new, |off| format!(", {off:+.4} 1/cm from where it is known to be"));

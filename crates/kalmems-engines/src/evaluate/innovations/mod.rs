@@ -12,7 +12,7 @@ mod spectrum;
 mod windows;
 
 pub use evidence::{CycleEvidence, Histogram, InnovationEvidence, SpectrumGroup};
-pub use result::{InnovationTest, Place, TestResult, WRONG};
+pub use result::{InnovationTest, Place, TestResult, WRONG, nis};
 
 use cycle::Cycle;
 use moments::Moments;

@@ -1,6 +1,6 @@
 //! What a test of innovations finds.
 
-use kalmems_core::Portable;
+use crate::inspect::quantity;
 use serde::Serialize;
 
 /// The probability below which a finding is not by chance: a filter that is right fails a test once in a million times.
@@ -114,7 +114,7 @@ impl TestResult {
         let at = self.place.map_or_else(String::new, |place| format!(" {place}"));
         let of = self.signal.as_ref().map_or_else(String::new, |of| format!(" of {of}"));
         let found = match self.test {
-            InnovationTest::MeanNis => format!("a mean NIS of {:.3}", self.size),
+            InnovationTest::MeanNis => format!("a mean NIS of {}", nis(self.size)),
             InnovationTest::Level => format!("a mean{at}"),
             InnovationTest::Bands => format!("too much power{at}"),
             InnovationTest::Line => format!("a line{at}"),
@@ -140,8 +140,9 @@ impl std::fmt::Display for TestResult {
         match test {
             InnovationTest::MeanNis => write!(
                 f,
-                "the innovations are {:.2} times as large as the filter claims (mean NIS {size:.3})",
-                size.sqrt()
+                "the innovations are {:.2} times as large as the filter claims (mean NIS {})",
+                size.sqrt(),
+                nis(*size)
             ),
             InnovationTest::Level => {
                 write!(f, "the mean of the innovations is {size:.2} standard deviations {at}")
@@ -179,7 +180,7 @@ impl std::fmt::Display for TestResult {
         let about = if self.p_value < 1e-300 { "below 1e-300".to_owned() } else { format!("{chance:.0e}") };
         write!(
             f,
-            "; a filter that is right shows that with a probability of {about}. Usually {}",
+            "; with the right model the probability of this is {about}. The usual cause: {}",
             test.usual_cause()
         )
     }
@@ -226,16 +227,20 @@ impl InnovationTest {
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
-            Self::Time { at_s } => write!(f, "at {} s", digits(at_s)),
-            Self::Span { from_s, to_s } => write!(f, "from {} to {} s", digits(from_s), digits(to_s)),
-            Self::Frequency { hz } => write!(f, "at {} Hz", digits(hz)),
-            Self::Band { from_hz, to_hz } => write!(f, "from {} to {} Hz", digits(from_hz), digits(to_hz)),
-            Self::Harmonic { number: 1, of_hz } => write!(f, "at its frequency, {} Hz", digits(of_hz)),
+            Self::Time { at_s } => write!(f, "at {}", quantity(at_s, "s")),
+            Self::Span { from_s, to_s } => {
+                write!(f, "from {} to {}", quantity(from_s, "s"), quantity(to_s, "s"))
+            }
+            Self::Frequency { hz } => write!(f, "at {}", quantity(hz, "Hz")),
+            Self::Band { from_hz, to_hz } => {
+                write!(f, "from {} to {}", quantity(from_hz, "Hz"), quantity(to_hz, "Hz"))
+            }
+            Self::Harmonic { number: 1, of_hz } => write!(f, "at its frequency, {}", quantity(of_hz, "Hz")),
             Self::Harmonic { number, of_hz } => {
-                write!(f, "at harmonic {number} of {} Hz", digits(of_hz))
+                write!(f, "at harmonic {number} of {}", quantity(of_hz, "Hz"))
             }
             Self::Phase { degrees, of_hz } => {
-                write!(f, "around {degrees:.0}° of its cycle at {} Hz", digits(of_hz))
+                write!(f, "around {degrees:.0}° of its cycle at {}", quantity(of_hz, "Hz"))
             }
             Self::Lag { updates: 1 } => write!(f, "that follow each other"),
             Self::Lag { updates } => write!(f, "{updates} updates apart"),
@@ -243,11 +248,7 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// A number with five digits.
-fn digits(value: f64) -> String {
-    let exponent = if value == 0.0 { 0.0 } else { value.abs().portable_log10().floor() };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 12
-    let decimals = (4.0 - exponent).clamp(0.0, 12.0) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+/// A mean NIS with three decimals, or with none where it is large.
+pub fn nis(mean: f64) -> String {
+    if mean < 100.0 { format!("{mean:.3}") } else { format!("{mean:.0}") }
 }

@@ -3,7 +3,7 @@
 mod scanner;
 mod threshold;
 
-pub use scanner::files as scanner;
+pub use scanner::{files as scanner, use_of_samples};
 pub use threshold::files as threshold;
 
 /// A number in f32 as C reads it.

@@ -3,6 +3,25 @@
 use super::super::scanner::{Integration, Scaled};
 use super::{PRELUDE, comment, constants, float};
 
+/// How a program takes the tables of samples, and how it sees that it takes them rightly.
+pub fn use_of_samples(name: &str, integration: Integration) -> Vec<String> {
+    let drive = match integration {
+        Integration::Euler => "DRIVE_V[k - 1]",
+        Integration::RungeKutta => "DRIVE_V[k - 1], MIDDLE_V[k], DRIVE_V[k]",
+    };
+    vec![
+        String::new(),
+        format!("{name}_start(&filter); {name}_begin(&filter, SIGNAL_V[0]); and for each k from 1 on:"),
+        format!("{name}_step(&filter, {drive}, SIGNAL_V[k]);"),
+        format!(
+            "Then filter.angle * {}_ANGLE_UNIT_RAD is ANGLE_RAD[k] to 1e-5 of the largest angle.",
+            name.to_uppercase()
+        ),
+        "With a table that is taken one sample off the difference is more than ten times as large."
+            .to_owned(),
+    ]
+}
+
 /// Header and source; `name` begins the names of types and functions and is a C name.
 pub fn files(
     (scaled, integration): (&Scaled, Integration),

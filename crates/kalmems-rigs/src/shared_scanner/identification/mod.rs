@@ -30,6 +30,7 @@ use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
 use entered::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
 use kalmems_core::{Covariance, Mat};
+use kalmems_figures::number;
 
 /// Identifies what the recordings' roles allow.
 #[allow(clippy::too_many_lines)] // one role of recordings after the other
@@ -192,8 +193,23 @@ fn ring_down_of<'a>(
     }
 }
 
+/// A fit is clearly better than another whose residuals are so many times as large.
+const CLEARLY: f64 = 1.5;
+
+/// The fit of a ring-down. Where it leaves residuals that are not white, a signal of the other sign is tried as well.
 fn decay_of(record: &RingDown, material: &Material) -> Result<RingDownFit, IdentifyError> {
-    fit_ring_down(record).map_err(|error| match error {
+    let found = fit_ring_down(record);
+    if !found.as_ref().is_ok_and(|fit| fit.whiteness[0].is_white())
+        && let Ok(turned) = fit_ring_down(&RingDown { gain: -record.gain, ..*record })
+        && found.as_ref().map_or(f64::INFINITY, |fit| fit.deviations[0]) > CLEARLY * turned.deviations[0]
+    {
+        return Err(material.unfit(format!(
+            "its signal has the opposite sign of V_o1 = R_f·V·dC/dt with the stated resistance and bias: an amplifier that inverts has a \
+             negative resistance; write `feedback_resistance = \"{} ohm\"`",
+            number(-record.gain / record.bias)
+        )));
+    }
+    found.map_err(|error| match error {
         RingDownError::Fit(source) => IdentifyError::Fit { recording: material.name.clone(), source },
         RingDownError::Shooting(error) => error.into(),
         error => material.unfit(error.to_string()),

@@ -36,7 +36,7 @@ pub struct SteadyStateFit {
     pub affine: AffineFit,
     /// a in V/F, the errors of C₀ and θ₀ included.
     pub gain: Derived,
-    /// b in V, likewise; for the C_b that was given.
+    /// b in V, for the C_b that was given, the errors of C₀ and θ₀ included.
     pub offset: Derived,
     /// a·C₀ in V: what is observable of the gain.
     pub swing: Derived,
@@ -74,7 +74,7 @@ impl SteadyStateFit {
         self.affine.residual_deviation / spread(signal)
     }
 
-    /// What the model with poles leaves, likewise.
+    /// The residuals of the model with poles.
     pub fn poles_residual(&self, signal: &[f64]) -> Option<f64> {
         self.poles.as_ref().map(|poles| poles.fit.residual_deviation() / spread(signal))
     }

@@ -56,7 +56,7 @@ fn the_c_source_compiles_without_a_warning_and_agrees() {
         let exported = export(&experiment, &Request { samples: 1000, ..request(Target::C, filter) }).unwrap();
         let main = format!(
             "#include \"samples.h\"\nint main(void)\n{{\n    scanner_filter_t filter;\n    unsigned k;\n    \
-             float used = MIDDLE_V[0];\n    scanner_filter_start(&filter);\n    \
+             float used = MIDDLE_V[0] + 1e-9F * ANGLE_RAD[0];\n    scanner_filter_start(&filter);\n    \
              if (!scanner_filter_begin(&filter, SIGNAL_V[0])) return 1;\n    \
              for (k = 1; k < 1000; k++) {{\n        if (!scanner_filter_step(&filter, {arguments}, SIGNAL_V[k])) \
              return 1;\n        printf(\"%.9g %.9g %.9g %.9g\\n\", (double)filter.angle, (double)filter.rate, \
@@ -75,6 +75,29 @@ fn the_c_source_compiles_without_a_warning_and_agrees() {
             }
         }
     }
+}
+
+/// The table of expected angles shows where a program takes the tables of the drive wrongly, which the filter itself does not show.
+#[test]
+fn a_table_that_is_taken_one_sample_off_differs_from_the_expected_angles() {
+    let Some(folder) = compiler_and_folder() else { return };
+    let exported =
+        export(&example(SCANNER), &Request { samples: 1000, ..request(Target::C, "EKF") }).unwrap();
+    let worst = |middle: &str| {
+        let main = format!(
+            "#include \"samples.h\"\nint main(void)\n{{\n    scanner_filter_t filter;\n    unsigned k;\n    \
+             float worst = 0.0F, size = 0.0F;\n    scanner_filter_start(&filter);\n    \
+             if (!scanner_filter_begin(&filter, SIGNAL_V[0])) return 1;\n    \
+             for (k = 1; k < 1000; k++) {{\n        float off;\n        if (!scanner_filter_step(&filter, DRIVE_V[k - 1], {middle}, DRIVE_V[k], \
+             SIGNAL_V[k])) return 1;\n        off = filter.angle * SCANNER_FILTER_ANGLE_UNIT_RAD - ANGLE_RAD[k];\n        \
+             if (off < 0.0F) off = -off;\n        if (off > worst) worst = off;\n        \
+             if (ANGLE_RAD[k] > size) size = ANGLE_RAD[k];\n    }}\n    printf(\"%.9g\\n\", (double)(worst / size));\n    return 0;\n}}\n"
+        );
+        said(&folder.path().join(middle), &exported, &main, "")[0][0]
+    };
+    let (right, off) = (worst("MIDDLE_V[k]"), worst("MIDDLE_V[k - 1]"));
+    println!("{right:e} of the largest angle, and one sample off {off:e}");
+    assert!(right < 1e-5 && off > 1e-4, "{right:e}, {off:e}");
 }
 
 /// The library over the samples of the firmware: mean and variances after each step.

@@ -1,0 +1,52 @@
+function [recordings, references, options] = given(varargin)
+% The recordings and references that arguments hand over, as the gateway takes them, and the other options.
+options = struct('Units', struct(), 'Rate', NaN, 'Clock', '', 'Segments', '', 'Reference', [], 'Recording', '', 'Folder', '', 'Force', false);
+recordings = [];
+references = [];
+recording = [];
+if ~isempty(varargin) && ~ischar(varargin{1}) && ~(exist('isstring', 'builtin') && isstring(varargin{1}))
+    recording = varargin{1};
+    varargin(1) = [];
+end
+if mod(numel(varargin), 2) ~= 0
+    error('kalmems:argument', 'options come as names and values');
+end
+for k = 1:2:numel(varargin)
+    name = char(varargin{k});
+    if ~isfield(options, name)
+        error('kalmems:argument', 'unknown option ''%s''; known options: %s', name, strjoin(fieldnames(options)', ', '));
+    end
+    options.(name) = varargin{k + 1};
+end
+if ~isempty(recording)
+    recordings = handed_over(recording, options);
+end
+if ~isempty(options.Reference)
+    references = handed_over(options.Reference, setfield(setfield(options, 'Rate', NaN), 'Clock', ''));
+end
+end
+
+function recording = handed_over(columns, options)
+if ~isstruct(columns) && ~isobject(columns)
+    error('kalmems:argument', 'a recording is a structure or a table of vectors');
+end
+if ~isstruct(columns)
+    columns = table2struct(columns, 'ToScalar', true);
+end
+names = fieldnames(columns)';
+numbers = cell(size(names));
+for k = 1:numel(names)
+    value = columns.(names{k});
+    if ~(isnumeric(value) || islogical(value)) || ~(isvector(value) || isempty(value))
+        error('kalmems:argument', '%s: a vector of numbers is expected', names{k});
+    end
+    numbers{k} = double(full(value(:)));
+end
+units = {};
+columns_with_units = fieldnames(options.Units)';
+for k = 1:numel(columns_with_units)
+    units(end + (1:2)) = {columns_with_units{k}, char(options.Units.(columns_with_units{k}))}; %#ok<AGROW>
+end
+recording = struct('of', char(options.Recording), 'names', {names}, 'columns', {numbers}, 'units', {units}, ...
+    'segments', char(options.Segments), 'clock', char(options.Clock), 'rate', double(options.Rate));
+end

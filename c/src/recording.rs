@@ -1,0 +1,143 @@
+//! Recordings that are handed over as arrays.
+
+use crate::error::{Failure, KalmemsError, guarded, or};
+use crate::text::at;
+use kalmems::given::{GivenClock, GivenRecording};
+use kalmems::recording::{Array, Arrays};
+use std::collections::BTreeMap;
+use std::ffi::c_char;
+
+/// Columns of one length, to be given to an experiment.
+#[derive(Default)]
+pub struct KalmemsRecording {
+    columns: Vec<Array>,
+    units: BTreeMap<String, String>,
+    segments: Option<String>,
+    clock: Option<GivenClock>,
+}
+
+impl KalmemsRecording {
+    /// As what an experiment takes.
+    pub fn given(&self) -> Result<GivenRecording, Failure> {
+        let arrays =
+            Arrays::new(self.columns.clone()).map_err(|error| Failure::argument(&error.to_string()))?;
+        Ok(GivenRecording {
+            arrays,
+            units: self.units.clone(),
+            segments: self.segments.clone(),
+            clock: self.clock.clone(),
+        })
+    }
+}
+
+/// A recording without columns. They are read as those of a file would be: their units are what their names end with (`cap_V`, `time_us`), what
+/// is not a number is missing, and nothing is repaired.
+#[unsafe(no_mangle)]
+pub extern "C" fn kalmems_recording_new() -> *mut KalmemsRecording {
+    Box::into_raw(Box::default())
+}
+
+/// Adds a column; its numbers are copied.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_add(
+    recording: *mut KalmemsRecording,
+    name: *const c_char,
+    numbers: *const f64,
+    count: usize,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let added = guarded(|| {
+        // SAFETY: as the crate says of all functions.
+        let (recording, name) = unsafe { (recording.as_mut(), at(name, "the name of a column")?) };
+        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
+        let numbers = if count == 0 {
+            &[]
+        } else if numbers.is_null() {
+            return Err(Failure::null(&format!("the array of `{name}`")));
+        } else {
+            // SAFETY: there are as many as `count` says.
+            unsafe { std::slice::from_raw_parts(numbers, count) }
+        };
+        recording.columns.push(Array::of_numbers(name, numbers));
+        Ok(true)
+    });
+    or(added, false, error)
+}
+
+/// Says what the numbers of a column are in, where its name does not, or says it wrongly.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_unit(
+    recording: *mut KalmemsRecording,
+    column: *const c_char,
+    unit: *const c_char,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let told = guarded(|| {
+        // SAFETY: as the crate says of all functions.
+        let (recording, column, unit) =
+            unsafe { (recording.as_mut(), at(column, "the name of a column")?, at(unit, "a unit")?) };
+        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
+        recording.units.insert(column.to_owned(), unit.to_owned());
+        Ok(true)
+    });
+    or(told, false, error)
+}
+
+/// Says at which rate in Hz the samples were taken, where that is not for the experiment to say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_rate(
+    recording: *mut KalmemsRecording,
+    rate_hz: f64,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let told = guarded(|| {
+        // SAFETY: as the crate says of all functions.
+        let recording = unsafe { recording.as_mut() }.ok_or_else(|| Failure::null("the recording"))?;
+        recording.clock = Some(GivenClock::Rate(rate_hz));
+        Ok(true)
+    });
+    or(told, false, error)
+}
+
+/// Says which column has the times of the samples, where that is not for the experiment to say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_clock(
+    recording: *mut KalmemsRecording,
+    column: *const c_char,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let told = guarded(|| {
+        // SAFETY: as the crate says of all functions.
+        let (recording, column) = unsafe { (recording.as_mut(), at(column, "the name of a column")?) };
+        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
+        recording.clock = Some(GivenClock::Column(column.to_owned()));
+        Ok(true)
+    });
+    or(told, false, error)
+}
+
+/// Says which column tells several records apart, where that is not for the experiment to say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_segments(
+    recording: *mut KalmemsRecording,
+    column: *const c_char,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let told = guarded(|| {
+        // SAFETY: as the crate says of all functions.
+        let (recording, column) = unsafe { (recording.as_mut(), at(column, "the name of a column")?) };
+        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
+        recording.segments = Some(column.to_owned());
+        Ok(true)
+    });
+    or(told, false, error)
+}
+
+/// Frees a recording, which an experiment that it was given to does not need any more; null is nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_recording_free(recording: *mut KalmemsRecording) {
+    if !recording.is_null() {
+        // SAFETY: it came from `Box::into_raw`.
+        drop(unsafe { Box::from_raw(recording) });
+    }
+}

@@ -1,0 +1,171 @@
+//! What a command tells on a terminal: as much as a reader takes in, each verdict and warning with the way to its explanation, and
+//! what to run next.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_kalmems")).current_dir(root()).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// What stands behind `kalmems help ` in a text, up to the end of its code.
+fn topics(text: &str) -> BTreeSet<String> {
+    let behind = text.match_indices("`kalmems help ").map(|(at, found)| &text[at + found.len()..]);
+    behind.filter_map(|rest| rest.split_once('`').map(|(topic, _)| topic.to_owned())).collect()
+}
+
+fn estimated(experiment: &str, out: &Path) -> (String, String) {
+    let output = run(&["estimate", experiment, "--out", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    (text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let (said, hints) = estimated("examples/micro_stage/experiment.toml", folder.path());
+    let failures: Vec<&str> = said.lines().filter(|line| line.starts_with("FAILURE: ")).collect();
+    // Three filters over four segments.
+    assert_eq!(failures.len(), 3, "{said}");
+    for failure in &failures {
+        assert!(
+            failure.contains("the report has ") && failure.contains(" more sentences on this filter"),
+            "{failure}"
+        );
+    }
+    // The worst of the four: the largest error relative to the claim.
+    let worst = "bias-on, test1: EKF, trusting the drive: failed: the errors of the rate against the reference are 60.2 times";
+    assert!(failures[2].contains(worst), "{failures:#?}");
+    // With units that fit.
+    assert!(
+        failures[2].contains("and 887 ns too late") && failures[2].contains("a line at 1.6276 kHz"),
+        "{failures:#?}"
+    );
+    assert!(hints.contains("kalmems diagnose examples/micro_stage/experiment.toml"), "{hints}");
+    let report = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(report.matches("<b>Failure</b>").count() >= 20);
+}
+
+#[test]
+fn every_verdict_and_warning_leads_to_an_explanation_on_the_terminal_and_in_the_report() {
+    let folder = tempfile::tempdir().unwrap();
+    for (place, experiment) in [
+        "shared_scanner/experiment",
+        "shared_scanner/true_stiffness",
+        "accelerometer/experiment",
+        "threshold_scanner/experiment",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let out = folder.path().join(place.to_string());
+        let (said, hints) = estimated(&format!("examples/{experiment}.toml"), &out);
+        assert!(hints.contains("what the verdicts mean: kalmems help verdict"), "{hints}");
+        let named = topics(&said);
+        assert!(!named.is_empty(), "{said}");
+        for topic in &named {
+            let help = run(&["help", topic]);
+            assert!(help.status.success() && text(&help.stdout).contains("Book: "), "{experiment}: {topic}");
+        }
+        let report = std::fs::read_to_string(out.join("report.html")).unwrap();
+        for notice in report.split("<div class=\"notice ").skip(1) {
+            let notice = notice.split("</div>").next().unwrap();
+            if notice.starts_with("failure") || notice.starts_with("warning") {
+                let target = notice.split("href=\"#").nth(1).and_then(|rest| rest.split('"').next());
+                let target = target.unwrap_or_else(|| panic!("{experiment}: no link: {notice}"));
+                assert!(report.contains(&format!("id=\"{target}\"")), "{experiment}: {target}");
+            }
+        }
+        assert!(report.contains("What a verdict means</h3>"), "{experiment}");
+    }
+}
+
+#[test]
+fn an_experiment_that_only_simulates_is_refused_by_estimate_with_the_command_that_makes_its_recording() {
+    let output = run(&["estimate", "examples/shared_scanner/simulation.toml"]);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        said.contains("the file has a table `[simulate]`: `kalmems simulate` with it makes a recording"),
+        "{said}"
+    );
+}
+
+#[test]
+fn the_filter_that_is_exported_without_a_choice_is_not_the_least_accurate_and_the_others_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let output = run(&[
+        "export",
+        "examples/shared_scanner/microcontroller.toml",
+        "--target",
+        "c",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    let said = text(&output.stderr);
+    assert!(said.contains("the filter `EKF`, one step each 1 µs"), "{said}");
+    assert!(said.contains("other filters of the file, for `--filter`: `Euler EKF`"), "{said}");
+}
+
+#[test]
+fn every_topic_in_the_list_has_a_text_that_names_chapters_and_topics_that_are_there() {
+    let list = text(&run(&["help", "topics"]).stdout);
+    let names: Vec<&str> = list
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("kalmems help ")?.split_whitespace().next())
+        .collect();
+    assert!(names.len() >= 16, "{list}");
+    for name in
+        names.iter().filter(|name| name.starts_with(|c: char| c.is_ascii_lowercase()) && **name != "device")
+    {
+        let said = text(&run(&["help", name]).stdout);
+        assert!(said.contains("Book: "), "{name}");
+        for topic in topics(&said) {
+            assert!(names.contains(&topic.as_str()), "{name} names {topic}");
+        }
+    }
+}
+
+#[test]
+fn a_ring_down_of_an_amplifier_that_inverts_is_refused_with_the_resistance_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = |name: &str| root().join("examples/shared_scanner").join(name);
+    let rows = std::fs::read_to_string(example("ring_down_recording.csv")).unwrap();
+    let mut turned = String::new();
+    // Enough cycles, and as few as a test needs.
+    for line in rows.lines().take(6000) {
+        turned += &match line
+            .rsplit_once(',')
+            .and_then(|(before, volts)| Some((before, volts.parse::<f64>().ok()?)))
+        {
+            Some((before, volts)) => format!("{before},{}\n", -volts),
+            None => format!("{line}\n"),
+        };
+    }
+    std::fs::write(folder.path().join("turned.csv"), turned).unwrap();
+    let text = std::fs::read_to_string(example("ring_down.toml")).unwrap();
+    let (device, _) = text.split_once("# Simulated by").unwrap();
+    let recording = "[[recording]]\nrole = \"ring_down\"\nfile = \"turned.csv\"\nclock = { column = \"time_s\" }\nchannels = { current_signal = \"vo1_V\" }\n\
+         [identify.ring_down]\nbias = \"23.76 V\"\nfeedback_resistance = \"17.86 kohm\"\n";
+    let experiment = folder.path().join("turned.toml");
+    std::fs::write(&experiment, format!("{device}{recording}")).unwrap();
+    let out = folder.path().join("out");
+    let output = run(&["identify", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let said = text_of(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("write `feedback_resistance = \"-17860 ohm\"`"), "{said}");
+}
+
+fn text_of(output: &Output) -> String {
+    text(&output.stderr) + &text(&output.stdout)
+}

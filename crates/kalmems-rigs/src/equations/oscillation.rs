@@ -1,0 +1,429 @@
+//! The line that an oscillation of a state makes in a measurement, by which a lock-in reads the oscillation.
+
+use super::course::Channel;
+use super::segment::OneFilter;
+use super::settings::OwnDevice;
+use super::table::EquationsTable;
+use crate::estimate::{
+    EstimateError, FilterPast, StateName, Swing, Trajectory, Windows, amplitude_of_line, lock_in,
+};
+use crate::signal::{Sine, fit_sine_at};
+use kalmems_equations::{Motion, Readout, Work};
+use num_complex::Complex64;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
+use std::f64::consts::{PI, TAU};
+use std::num::NonZeroU8;
+
+/// An oscillation under a sinusoidal drive: what a lock-in has to know of a device beside its equations.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OscillationTable {
+    /// The state that oscillates; another state is its rate.
+    pub of: String,
+    /// The harmonic of the oscillation at which the signal is read, 1 or 2; 1 if left out. A signal that is the same for both signs
+    /// of the state has the second and not the first.
+    #[serde(default = "once")]
+    #[schemars(range(min = 1, max = 2))]
+    pub harmonic: NonZeroU8,
+    /// The cycles of the drive in one of the oscillation, 1 if left out: 2 under parametric excitation.
+    #[serde(default = "once")]
+    pub drive_cycles: NonZeroU8,
+}
+
+fn once() -> NonZeroU8 {
+    NonZeroU8::MIN
+}
+
+/// Points of a cycle at which a measurement is read. What a sum of trapezoids leaves of a smooth periodic function falls
+/// exponentially with them.
+const POINTS: usize = 256;
+/// The harmonics of lags and delays that are followed.
+const HARMONICS: usize = 33;
+/// Looks for the level about which a signal swings, at most.
+const LEVELS: usize = 30;
+/// How near the level is, relative to the line.
+const NEAR: f64 = 1e-12;
+/// The size of a line, relative to that of the signal, at which the search for its amplitude begins.
+const SMALL: f64 = 1e-2;
+/// Doublings from the smallest amplitude in SI that is tried, and that amplitude.
+const DOUBLINGS: usize = 130;
+const SMALLEST: f64 = 1e-24;
+
+/// What a measurement shows of an oscillation x(t) = x₀ + A·sin φ of one state: its mean, and the complex amplitudes of the first
+/// harmonic and of that which is read, Re(c·e^{inφ}).
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    mean: f64,
+    first: Complex64,
+    harmonic: Complex64,
+}
+
+/// A measurement of one oscillating state.
+pub struct Oscillation {
+    measure: usize,
+    motion: Motion,
+    readout: Readout,
+    /// The state that oscillates, and its rate.
+    pub states: [usize; 2],
+    /// The states of lags and delays on which the measurement depends, and how their rates depend on each other.
+    followers: Vec<usize>,
+    coupling: Vec<f64>,
+    rest: Vec<f64>,
+    inputs: usize,
+    harmonic: usize,
+    drive_cycles: f64,
+    /// e^{iφ} over a cycle.
+    cycle: Vec<Complex64>,
+}
+
+impl Oscillation {
+    /// Of a measurement, by its place, of a device that states one; why there is none.
+    pub fn of(own: &OwnDevice, table: &EquationsTable, measure: usize) -> Result<Self, String> {
+        let device = &own.device;
+        let Some(stated) = &table.oscillation else {
+            return Err("its equations say what signal a state makes, and not which state oscillates with the drive; write \
+                        `[device.equations.oscillation]` with `of = \"…\"`, or use `ekf`"
+                .to_owned());
+        };
+        let named = |state: usize| device.states().get(state).map(|n| n.name.to_string()).unwrap_or_default();
+        let own_states = device.own_states();
+        let place = |name: &str| device.state(name).filter(|state| *state < own_states);
+        let Some(state) = place(&stated.of) else {
+            return Err(format!("`oscillation.of` is `{}`, which is not a state of the device", stated.of));
+        };
+        let Some(rate) = table.derivative.get(&stated.of).and_then(|text| place(text.trim())) else {
+            return Err(format!(
+                "`{}` has no state for its rate: write a state `v` and `{} = \"v\"` in `[device.equations.derivative]`",
+                stated.of, stated.of
+            ));
+        };
+        if stated.harmonic.get() > 2 {
+            return Err(format!("`oscillation.harmonic` is {}; 1 and 2 can be read", stated.harmonic));
+        }
+        let wrong = |error: kalmems_equations::EquationError| error.to_string();
+        let (motion, readout) =
+            (device.motion(&[]).map_err(wrong)?, device.readout(measure, &[]).map_err(wrong)?);
+        let mut followers = Vec::new();
+        let mut found: Vec<usize> = readout.sparsity().collect();
+        while let Some(next) = found.pop() {
+            if next == state || next == rate || followers.contains(&next) {
+                continue;
+            }
+            if next < own_states {
+                return Err(format!(
+                    "its measurement depends on `{}` as well, which an oscillation of `{}` does not determine",
+                    named(next),
+                    stated.of
+                ));
+            }
+            followers.push(next);
+            found.extend(motion.sparsity().filter(|(row, _)| *row == next).map(|(_, column)| column));
+        }
+        followers.sort_unstable();
+        let states = device.states().len();
+        let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
+        let inputs = vec![0.0; device.inputs().len()];
+        let mut coupled = |followed: Option<f64>| -> Vec<f64> {
+            let mut x = own.rest.clone();
+            for state in &followers {
+                x[*state] = followed.unwrap_or(x[*state]);
+            }
+            motion.linearize(&mut motion.work(&own.values), &x, &inputs, &mut rates, &mut jacobian);
+            let of_row = |row: usize| followers.iter().map(move |column| row * states + column);
+            followers.iter().flat_map(|row| of_row(*row)).map(|place| jacobian[place]).collect()
+        };
+        let coupling = coupled(None);
+        // Slopes of what is linear are numbers, whatever the states are.
+        if let Some(first) = followers.first().filter(|_| coupling != coupled(Some(0.7))) {
+            return Err(format!(
+                "what `{}` and the other lags and delays follow is not linear in them; a lock-in needs linear ones",
+                named(*first)
+            ));
+        }
+        let cycle = (0..POINTS).map(|k| Complex64::cis(TAU * k as f64 / POINTS as f64));
+        let all = Self {
+            measure,
+            states: [state, rate],
+            coupling,
+            rest: own.rest.clone(),
+            inputs: inputs.len(),
+            harmonic: stated.harmonic.get().into(),
+            drive_cycles: stated.drive_cycles.get().into(),
+            cycle: cycle.collect(),
+            motion,
+            readout,
+            followers,
+        };
+        if all.depends_on_an_input(&own.values) {
+            return Err("its measurement depends on an input itself, whose line would be taken for that of the motion; use `ekf`"
+                .to_owned());
+        }
+        Ok(all)
+    }
+
+    /// What is worked on, for the values of all parameters.
+    fn work(&self, values: &[f64]) -> [Work; 2] {
+        [self.motion.work(values), self.readout.work(values)]
+    }
+
+    /// Whether the measurement, or what a lag of it follows, is another one under another input.
+    fn depends_on_an_input(&self, values: &[f64]) -> bool {
+        let mut work = self.work(values);
+        let mut rates = vec![0.0; self.rest.len()];
+        let mut read = |size: f64, place: usize| -> Vec<u64> {
+            let inputs: Vec<f64> = (0..self.inputs).map(|k| if k == place { size } else { 0.0 }).collect();
+            self.motion.rates(&mut work[0], &self.rest, &inputs, &mut rates);
+            let value = self.readout.read(&mut work[1], &self.rest, &inputs);
+            let followed = self.followers.iter().map(|state| rates[*state]);
+            followed.chain([value]).map(f64::to_bits).collect()
+        };
+        (0..self.inputs)
+            .any(|place| [1.0, -0.7].into_iter().any(|size| read(size, place) != read(0.0, place)))
+    }
+
+    /// What the measurement shows of an oscillation about `level` with an amplitude, at a rate in rad/s.
+    fn line(&self, work: &mut [Work; 2], level: f64, amplitude: f64, rate: f64) -> Line {
+        let inputs = vec![0.0; self.inputs];
+        let mut x = self.rest.clone();
+        let place = |x: &mut [f64], at: Complex64| {
+            x[self.states[0]] = level + amplitude * at.im;
+            x[self.states[1]] = amplitude * rate * at.re;
+        };
+        let followed = self.followed(&mut work[0], &place, &inputs, rate);
+        let count = self.followers.len();
+        let values: Vec<f64> = (0..POINTS)
+            .map(|k| {
+                place(&mut x, self.cycle[k]);
+                for (state, value) in self.followers.iter().zip(followed.iter().skip(k * count)) {
+                    x[*state] = *value;
+                }
+                self.readout.read(&mut work[1], &x, &inputs)
+            })
+            .collect();
+        let of = |harmonic| self.component(values.iter().copied(), harmonic);
+        Line { mean: 0.5 * of(0).re, first: of(1), harmonic: of(self.harmonic) }
+    }
+
+    /// The complex amplitude of a harmonic of a function over a cycle; twice its mean for the harmonic 0.
+    fn component(&self, values: impl Iterator<Item = f64>, harmonic: usize) -> Complex64 {
+        let turned = |(k, value): (usize, f64)| self.cycle[(k * harmonic) % POINTS].conj() * value;
+        values.enumerate().map(turned).sum::<Complex64>() * (2.0 / POINTS as f64)
+    }
+
+    /// The states of lags and delays over a cycle, point by point, when all has settled: they are linear, so that each harmonic of what
+    /// they follow makes its own.
+    fn followed(
+        &self,
+        work: &mut Work,
+        place: &impl Fn(&mut [f64], Complex64),
+        inputs: &[f64],
+        rate: f64,
+    ) -> Vec<f64> {
+        let count = self.followers.len();
+        if count == 0 {
+            return Vec::new();
+        }
+        let (mut x, mut rates) = (self.rest.clone(), vec![0.0; self.rest.len()]);
+        for state in &self.followers {
+            x[*state] = 0.0;
+        }
+        let mut forced = Vec::with_capacity(POINTS * count);
+        for at in &self.cycle {
+            place(&mut x, *at);
+            self.motion.rates(work, &x, inputs, &mut rates);
+            forced.extend(self.followers.iter().map(|state| rates[*state]));
+        }
+        let mut followed = vec![0.0; POINTS * count];
+        for harmonic in 0..HARMONICS {
+            let of = |place: usize| forced.iter().skip(place).step_by(count).copied();
+            let forcing: Vec<Complex64> =
+                (0..count).map(|place| self.component(of(place), harmonic)).collect();
+            let Some(made) = self.settled(harmonic as f64 * rate, forcing) else { continue };
+            let share = if harmonic == 0 { 0.5 } else { 1.0 };
+            for (k, to) in followed.chunks_exact_mut(count).enumerate() {
+                let turned = self.cycle[(k * harmonic) % POINTS] * share;
+                for (to, made) in to.iter_mut().zip(&made) {
+                    *to += (made * turned).re;
+                }
+            }
+        }
+        followed
+    }
+
+    /// U of (i·ω − D)·U = F, by Gauss's elimination; `None` where there is none.
+    fn settled(&self, rate: f64, mut forcing: Vec<Complex64>) -> Option<Vec<Complex64>> {
+        let n = forcing.len();
+        let mut matrix: Vec<Complex64> = self.coupling.iter().map(|slope| Complex64::from(-slope)).collect();
+        (0..n).for_each(|i| matrix[i * n + i].im += rate);
+        for column in 0..n {
+            let size = |row: &usize| matrix[row * n + column].norm();
+            let pivot = (column..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
+            (0..n).for_each(|k| matrix.swap(column * n + k, pivot * n + k));
+            forcing.swap(column, pivot);
+            for row in (0..n).filter(|row| *row != column) {
+                let factor = matrix[row * n + column] / matrix[column * n + column];
+                for k in column..n {
+                    let taken = factor * matrix[column * n + k];
+                    matrix[row * n + k] -= taken;
+                }
+                let taken = factor * forcing[column];
+                forcing[row] -= taken;
+            }
+        }
+        let settled: Vec<Complex64> = (0..n).map(|i| forcing[i] / matrix[i * n + i]).collect();
+        settled.iter().all(|u| u.is_finite()).then_some(settled)
+    }
+
+    /// The oscillation in some samples, and how the line grows with the amplitude. An even harmonic is the same for both signs of the
+    /// state: then the sign is that which lies nearer to the oscillation before, and of the first one that of the first harmonic, where
+    /// there is any. `None` where there are too few samples, or more signal than an oscillation makes.
+    fn swing(
+        &self,
+        work: &mut [Work; 2],
+        (time_s, signal): (&[f64], &[f64]),
+        motion_hz: f64,
+        before: Option<&Swing>,
+    ) -> Option<(Swing, f64)> {
+        let rate = TAU * motion_hz;
+        let seen = fit_sine_at(time_s, signal, self.harmonic as f64 * motion_hz)?;
+        let mut level = before.map_or(self.rest[self.states[0]], |before| before.rest);
+        let mut amplitude = self.amplitude(work, level, rate, (&seen, before))?;
+        let mut line = self.line(work, level, amplitude, rate);
+        // The mean of the signal tells the level, where the signal grows with the state.
+        if self.harmonic == 1 {
+            for _ in 0..LEVELS {
+                let off = seen.offset - line.mean;
+                let slope = self.slope(work, level, amplitude, rate)?;
+                if slope == 0.0 || off.abs() <= NEAR * line.harmonic.norm() {
+                    break;
+                }
+                level += off / slope;
+                amplitude = self.amplitude(work, level, rate, (&seen, before))?;
+                line = self.line(work, level, amplitude, rate);
+            }
+        }
+        let mut phase = (seen.phase_rad - line.harmonic.arg()) / self.harmonic as f64;
+        if self.harmonic == 2 && before.is_none() && line.first.norm() > NEAR * line.harmonic.norm() {
+            let first = fit_sine_at(time_s, signal, motion_hz)?;
+            if (first.phase_rad - phase - line.first.arg()).cos() < 0.0 {
+                phase += PI;
+            }
+        }
+        let swing = Swing { rest: level, amplitude, rate, phase };
+        let swing = if self.harmonic == 2 { swing.nearest_to(before) } else { swing };
+        let grows = line.harmonic.norm() / amplitude;
+        (level.is_finite() && phase.is_finite() && grows.is_finite()).then_some((swing, grows))
+    }
+
+    /// The amplitude that makes a line of this size.
+    fn amplitude(
+        &self,
+        work: &mut [Work; 2],
+        level: f64,
+        rate: f64,
+        (seen, before): (&Sine, Option<&Swing>),
+    ) -> Option<f64> {
+        let size = seen.amplitude;
+        let work = RefCell::new(work);
+        let line = |amplitude: f64| self.line(&mut work.borrow_mut(), level, amplitude, rate).harmonic.norm();
+        let small = |amplitude: f64| line(amplitude) < SMALL * size;
+        let near =
+            before.map(|before| 0.5 * before.amplitude).filter(|near| *near > 0.0 && line(*near) < size);
+        let unit = near.or_else(|| {
+            let mut amplitude = SMALLEST;
+            for _ in 0..DOUBLINGS {
+                if !small(2.0 * amplitude) {
+                    return Some(amplitude);
+                }
+                amplitude *= 2.0;
+            }
+            None
+        })?;
+        amplitude_of_line(size, [unit, f64::MAX], line)
+    }
+
+    /// How fast the mean grows with the level.
+    fn slope(&self, work: &mut [Work; 2], level: f64, amplitude: f64, rate: f64) -> Option<f64> {
+        let step = 1e-4 * amplitude;
+        let [above, below] =
+            [level + step, level - step].map(|level| self.line(work, level, amplitude, rate).mean);
+        let slope = (above - below) / (2.0 * step);
+        let size = self.line(work, level, amplitude, rate).harmonic.norm() / amplitude;
+        slope.is_finite().then_some(if slope.abs() < 1e-3 * size { 0.0 } else { slope })
+    }
+}
+
+/// The mean of what several measurements show, each with a weight.
+#[derive(Debug, Default)]
+struct Mean {
+    weight: f64,
+    level: f64,
+    phasor: Complex64,
+}
+
+impl Mean {
+    fn add(&mut self, swing: &Swing, weight: f64) {
+        self.weight += weight;
+        self.level += weight * swing.rest;
+        self.phasor += Complex64::from_polar(weight * swing.amplitude, swing.phase);
+    }
+
+    fn swing(&self, rate: f64) -> Option<Swing> {
+        let phasor = self.phasor / self.weight;
+        let swing =
+            Swing { rest: self.level / self.weight, amplitude: phasor.norm(), rate, phase: phasor.arg() };
+        (self.weight > 0.0 && swing.amplitude.is_finite()).then_some(swing)
+    }
+}
+
+impl OneFilter<'_> {
+    /// Cycle by cycle, the oscillation that the lines of the signals show: the mean of all channels, by what the noise of their samples
+    /// leaves of each.
+    pub fn lock_in(
+        &self,
+        oscillations: &[Oscillation],
+        past: &mut FilterPast,
+        states: &[StateName],
+    ) -> Result<Trajectory, EstimateError> {
+        let (basics, data) = (&self.filter.basics, self.data);
+        let drive = data.inputs.iter().find_map(|input| input.first_sine());
+        let (Some(first), Some(drive)) = (oscillations.first(), drive) else {
+            let (place, filter) = (data.place.to_owned(), basics.name.clone());
+            return Err(EstimateError::NoSteadyDrive { place, filter });
+        };
+        let motion_hz = drive.frequency_hz / first.drive_cycles;
+        let channels: Vec<&Channel> =
+            self.channels().into_iter().filter_map(|place| data.channels.get(place)).collect();
+        let signals: Vec<&[f64]> = channels.iter().map(|channel| channel.signal).collect();
+        let windows = Windows {
+            time_s: data.time_s,
+            signals: &signals,
+            samples: &data.samples,
+            start_s: data.start_s,
+            length_s: motion_hz.recip(),
+        };
+        let own = first.states.iter().filter_map(|state| states.get(*state).copied());
+        let own: Vec<StateName> = own.collect();
+        let read: Vec<_> = channels
+            .iter()
+            .filter_map(|channel| {
+                let of = oscillations.iter().find(|of| of.measure == channel.measure)?;
+                Some((of, RefCell::new(of.work(&self.own.values)), channel.variance))
+            })
+            .collect();
+        let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
+            let mut before = before.first().copied();
+            let mut mean = Mean::default();
+            for ((of, work, variance), signal) in read.iter().zip(signals) {
+                let found = of.swing(&mut work.borrow_mut(), (time_s, signal), motion_hz, before.as_ref());
+                let Some((swing, grows)) = found else { continue };
+                mean.add(&swing, grows * grows / variance);
+                before = before.or(Some(swing));
+            }
+            Some(vec![mean.swing(TAU * motion_hz)?])
+        };
+        Ok(lock_in((basics, past), &windows, &own, detect))
+    }
+}
