@@ -58,7 +58,10 @@ async function show() {
     ),
   );
   const recordings = own.map(([path]) => path).filter((path) => !isText(path));
-  $("#new [name=recording]").replaceChildren(option("", "none: simulate the device"), ...recordings.map((path) => option(path)));
+  const asked = $("#new [name=recording]");
+  const before = asked.value;
+  asked.replaceChildren(option("", "none: simulate the device"), ...recordings.map((path) => option(path)));
+  if (recordings.includes(before)) asked.value = before;
   offer();
 }
 

@@ -31,6 +31,7 @@ const browser = await chromium.launch({
 async function open(address, { width = 1200, height = 900, scheme = "light" } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: scheme, acceptDownloads: true });
   const page = await context.newPage();
+  page.setDefaultTimeout(120_000);
   page.asked = [];
   context.on("request", (request) => /^(data|blob|about):/.test(request.url()) || page.asked.push(request.url()));
   page.on("pageerror", (error) => check("the script runs", false, error.message));
