@@ -100,11 +100,12 @@ int main(int argc, char **argv) {
     error = NULL;
 
     /* Errors say where. */
-    KalmemsExperiment *wrong = kalmems_experiment_parse("name = \"x\"\n[device.shared_scaner]\n", "wrong.toml", &error);
+    KalmemsExperiment *wrong = kalmems_experiment_parse("name = \"x\"\ndecription = \"y\"\n", "wrong.toml", &error);
     if (wrong) REQUIRE(!kalmems_estimate(wrong, NULL, NULL, &error));
     REQUIRE(kalmems_error_kind(error) == KALMEMS_ERROR_KIND_EXPERIMENT);
-    REQUIRE(strstr(kalmems_error_message(error), "shared_scanner"));
-    REQUIRE(!strcmp(kalmems_error_file(error), "wrong.toml") && kalmems_error_line(error) > 0);
+    REQUIRE(strstr(kalmems_error_message(error), "did you mean `description`"));
+    REQUIRE(!strcmp(kalmems_error_file(error), "wrong.toml") && kalmems_error_line(error) == 2);
+    REQUIRE(!strcmp(kalmems_error_key(error), "decription"));
     kalmems_error_free(error);
     kalmems_experiment_free(wrong);
     error = NULL;
