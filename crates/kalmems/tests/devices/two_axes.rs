@@ -596,7 +596,11 @@ fn a_lost_axis_is_named() {
     let table = summary_table(&metrics, false).to_text();
     assert!(table.contains("LOST LOCK of angle_y") && !table.contains("angle_x and"), "{table}");
     let said = notices(&metrics);
-    assert!(said.iter().any(|n| n.text.contains("the phase of the motion of angle_y to the drive has changed by")), "{said:?}");
+    assert!(
+        said.iter()
+            .any(|n| n.text.contains("the phase of the motion of angle_y to the drive has changed by")),
+        "{said:?}"
+    );
     let drawn = estimate_figures(&outcome.recordings[0], &outcome.recordings[0].segments[0], "", None);
     let labels = |name: &str, series: usize| {
         let figure = drawn.iter().find(|figure| figure.id == name).unwrap();
