@@ -139,12 +139,14 @@ fn in_one_unit(p: &Identified) -> [String; 4] {
     let (unit, factor) = fitting_unit(largest, p.unit);
     let behind = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let (scaled, error) = (largest * factor, p.standard_error * factor);
-    let digits = decimals(p.value, p.standard_error);
+    let exponent = |number: f64| {
+        format!("{number:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok())
+    };
+    let digits = exponent(p.value).zip(exponent(p.standard_error)).map(|(value, error)| value - error + 1);
+    let digits = digits.and_then(|digits| usize::try_from(digits.clamp(1, 12)).ok()).unwrap_or(3);
     let number = |value: f64| {
         // Two digits of the error, without an exponent where that can be read.
-        let exponent =
-            format!("{error:e}").split_once('e').and_then(|(_, exponent)| exponent.parse::<i32>().ok());
-        let places = exponent.map(|exponent| 1 - exponent).filter(|places| (-3..=12).contains(places));
+        let places = exponent(error).map(|exponent| 1 - exponent).filter(|places| (-3..=12).contains(places));
         if let Some(places) = places.filter(|_| READABLE.contains(&scaled)) {
             let places = usize::try_from(places).unwrap_or(0);
             format!("{:.places$}", value * factor)
