@@ -145,7 +145,9 @@ fn open_questions_are_json_for_a_program_that_asks_and_an_answer_closes_one() {
     std::fs::write(folder.join("scope.csv"), "time_s,CH1_V,CH2_V\n0,1,2\n1e-6,2,1\n2e-6,1,2\n").unwrap();
     let asked = |channels: &[&str]| {
         let mut arguments = vec!["new", "scope.csv", "--device", "shared_scanner", "--json"];
-        channels.iter().for_each(|channel| arguments.extend(["--channel", channel]));
+        for channel in channels {
+            arguments.extend(["--channel", channel]);
+        }
         let output = run(&arguments, folder);
         let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         (output.status.code(), told)

@@ -53,7 +53,7 @@ impl Notice {
     /// The sentence with what it is about and with the command that explains it.
     pub fn sentence(&self) -> String {
         let about = [&self.place, &self.filter].into_iter().filter(|about| !about.is_empty());
-        let about: String = about.map(|about| format!("{about}: ")).collect();
+        let about: String = about.flat_map(|about| [about.as_str(), ": "]).collect();
         format!("{about}{}{}", self.text, link(self.topic))
     }
 }
@@ -325,7 +325,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             }
             notices
                 .extend(segment.likeliest.iter().map(|likeliest| note(of_the_choice(likeliest)).at(&place)));
-            notices.extend(segment.remarks.iter().map(|remark| note(remark.to_string()).at(&place)));
+            notices.extend(segment.remarks.iter().map(|remark| note(remark.clone()).at(&place)));
             for estimator in &segment.estimators {
                 let own = sentences(estimator, segment.sign_is_hidden).into_iter();
                 notices.extend(own.map(|notice| Notice {
@@ -422,7 +422,7 @@ fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
         });
         match known {
             Some((worst, others)) if notice.size > worst.size => {
-                others.push(std::mem::replace(worst, notice))
+                others.push(std::mem::replace(worst, notice));
             }
             Some((_, others)) => others.push(notice),
             None => short.push((notice, Vec::new())),
