@@ -96,7 +96,7 @@ fn a_line_is_found_with_its_frequency_and_amplitude() {
     let found = at(&z, InnovationTest::Line);
     let Some(Place::Frequency { hz }) = found.place else { panic!("{found:?}") };
     assert!((hz - 50_000.0).abs() < 50.0 && (found.size - 0.1).abs() < 0.03, "{found:?}");
-    assert!(found.to_string().contains("50000 Hz"), "{found}");
+    assert!(found.to_string().contains("50 kHz"), "{found}");
     // The same over several blocks.
     let z = with(200_000, 2, |_, t, z| z + 0.04 * (TAU * 50_003.0 * t).sin());
     let Some(Place::Frequency { hz }) = at(&z, InnovationTest::Line).place else { panic!() };
