@@ -30,6 +30,23 @@ impl KalmemsRecording {
     }
 }
 
+/// Changes a recording; `false` with the error where that cannot be.
+///
+/// # Safety
+/// As the crate says of all functions.
+unsafe fn changed(
+    recording: *mut KalmemsRecording,
+    change: impl FnOnce(&mut KalmemsRecording) -> Result<(), Failure>,
+    error: *mut *mut KalmemsError,
+) -> bool {
+    let changed = guarded(|| {
+        // SAFETY: null or a recording of this library.
+        let recording = unsafe { recording.as_mut() }.ok_or_else(|| Failure::null("the recording"))?;
+        change(recording).map(|()| true)
+    });
+    or(changed, false, error)
+}
+
 /// A recording without columns. They are read as those of a file would be: their units are what their names end with (`cap_V`, `time_us`), what
 /// is not a number is missing, and nothing is repaired.
 #[unsafe(no_mangle)]
@@ -72,15 +89,14 @@ pub unsafe extern "C" fn kalmems_recording_unit(
     unit: *const c_char,
     error: *mut *mut KalmemsError,
 ) -> bool {
-    let told = guarded(|| {
-        // SAFETY: as the crate says of all functions.
-        let (recording, column, unit) =
-            unsafe { (recording.as_mut(), at(column, "the name of a column")?, at(unit, "a unit")?) };
-        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
-        recording.units.insert(column.to_owned(), unit.to_owned());
-        Ok(true)
-    });
-    or(told, false, error)
+    // SAFETY: as the crate says of all functions.
+    let told = |recording: &mut KalmemsRecording| unsafe {
+        recording
+            .units
+            .insert(at(column, "the name of a column")?.to_owned(), at(unit, "a unit")?.to_owned());
+        Ok(())
+    };
+    unsafe { changed(recording, told, error) }
 }
 
 /// Says at which rate in Hz the samples were taken, where that is not for the experiment to say.
@@ -90,13 +106,12 @@ pub unsafe extern "C" fn kalmems_recording_rate(
     rate_hz: f64,
     error: *mut *mut KalmemsError,
 ) -> bool {
-    let told = guarded(|| {
-        // SAFETY: as the crate says of all functions.
-        let recording = unsafe { recording.as_mut() }.ok_or_else(|| Failure::null("the recording"))?;
+    let told = |recording: &mut KalmemsRecording| {
         recording.clock = Some(GivenClock::Rate(rate_hz));
-        Ok(true)
-    });
-    or(told, false, error)
+        Ok(())
+    };
+    // SAFETY: as the crate says of all functions.
+    unsafe { changed(recording, told, error) }
 }
 
 /// Says which column has the times of the samples, where that is not for the experiment to say.
@@ -106,14 +121,12 @@ pub unsafe extern "C" fn kalmems_recording_clock(
     column: *const c_char,
     error: *mut *mut KalmemsError,
 ) -> bool {
-    let told = guarded(|| {
-        // SAFETY: as the crate says of all functions.
-        let (recording, column) = unsafe { (recording.as_mut(), at(column, "the name of a column")?) };
-        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
-        recording.clock = Some(GivenClock::Column(column.to_owned()));
-        Ok(true)
-    });
-    or(told, false, error)
+    // SAFETY: as the crate says of all functions.
+    let told = |recording: &mut KalmemsRecording| unsafe {
+        recording.clock = Some(GivenClock::Column(at(column, "the name of a column")?.to_owned()));
+        Ok(())
+    };
+    unsafe { changed(recording, told, error) }
 }
 
 /// Says which column tells several records apart, where that is not for the experiment to say.
@@ -123,14 +136,12 @@ pub unsafe extern "C" fn kalmems_recording_segments(
     column: *const c_char,
     error: *mut *mut KalmemsError,
 ) -> bool {
-    let told = guarded(|| {
-        // SAFETY: as the crate says of all functions.
-        let (recording, column) = unsafe { (recording.as_mut(), at(column, "the name of a column")?) };
-        let recording = recording.ok_or_else(|| Failure::null("the recording"))?;
-        recording.segments = Some(column.to_owned());
-        Ok(true)
-    });
-    or(told, false, error)
+    // SAFETY: as the crate says of all functions.
+    let told = |recording: &mut KalmemsRecording| unsafe {
+        recording.segments = Some(at(column, "the name of a column")?.to_owned());
+        Ok(())
+    };
+    unsafe { changed(recording, told, error) }
 }
 
 /// Frees a recording, which an experiment that it was given to does not need any more; null is nothing.
