@@ -79,7 +79,10 @@ fn a_told_frequency_is_found(place: &Path) {
     assert!(fs::read_to_string(place.join("estimate/report.html")).unwrap().contains("deflection"));
     // Nobody has told the diagnosis of this device.
     let diagnosis = run(place, &["diagnose", "simulated/experiment.toml"], None);
-    assert!(diagnosis.contains("natural_frequency: ln p") && diagnosis.contains("explain"), "{diagnosis}");
+    assert!(
+        diagnosis.contains("natural_frequency: the log-likelihood") && diagnosis.contains("explain"),
+        "{diagnosis}"
+    );
 }
 
 /// The samples one after the other say what the recording as a whole said.
